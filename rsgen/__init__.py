@@ -1,0 +1,1 @@
+"""Identify nonlinear springs and dampers from the response surface of a vibration test."""

@@ -1,0 +1,33 @@
+"""What rsgen says when it cannot go on: where, what is wrong, what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+__all__ = ["CaseError", "ExpressionError", "MeasurementError", "RsgenError"]
+
+
+class RsgenError(Exception):
+    """A fault of the input, in a sentence that names place, fault and what is allowed."""
+
+
+class ExpressionError(RsgenError):
+    """A formula is not in the expression language, or a force law cannot be used as asked."""
+
+
+class MeasurementError(RsgenError):
+    """A measured file cannot be read as the case describes it."""
+
+
+class CaseError(RsgenError):
+    """A case file is faulty; all its faults are reported at once.
+
+    Attributes
+    ----------
+    faults
+        One line a fault, each ``file: path.to.key: what is wrong; what is allowed``.
+    """
+
+    def __init__(self, faults: Iterable[str]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(self.faults))
