@@ -1,1 +1,115 @@
-"""Identify nonlinear springs and dampers from the response surface of a vibration test."""
+"""Identify nonlinear springs and dampers from the response surface of a vibration test.
+
+The whole program in five lines::
+
+    case           = rsgen.load_case("cases/cubic.toml")
+    surface        = rsgen.simulate(case.oscillator, case.test)      # or rsgen.read_measurement(case.test)
+    identification = rsgen.identify(surface, case.model)             # laws without values: truth cannot leak
+    comparison     = rsgen.compare(identification, case.truth, case.accept)
+    rsgen.write_report("reports/cubic", case, surface, identification, comparison)
+
+Names are imported when they are first used, so that ``import rsgen`` and ``rsgen --help`` stay quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsgen import figures, laws
+    from rsgen.case import Case, load_case
+    from rsgen.comparison import Comparison, compare
+    from rsgen.describing import DescribingFunction, derive
+    from rsgen.element import Element, make_element
+    from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
+    from rsgen.identification import Identification, identify
+    from rsgen.measurement import MeasuredTest, read_measurement
+    from rsgen.oscillator import Model, Oscillator
+    from rsgen.prediction import Prediction, predict
+    from rsgen.report import write_report
+    from rsgen.simulation import SimulatedTest, simulate
+    from rsgen.steady_state import SteadyStates, solve_steady_states
+    from rsgen.surface import ResponseSurface, load_surface, save_surface
+
+__version__ = "0.1.0"
+
+# name -> the room it lives in; a module itself where the two are equal
+_ROOMS = {
+    "Case": "case",
+    "CaseError": "errors",
+    "Comparison": "comparison",
+    "DescribingFunction": "describing",
+    "Element": "element",
+    "ExpressionError": "errors",
+    "Identification": "identification",
+    "MeasuredTest": "measurement",
+    "MeasurementError": "errors",
+    "Model": "oscillator",
+    "Oscillator": "oscillator",
+    "Prediction": "prediction",
+    "ResponseSurface": "surface",
+    "RsgenError": "errors",
+    "SimulatedTest": "simulation",
+    "SteadyStates": "steady_state",
+    "compare": "comparison",
+    "derive": "describing",
+    "figures": "figures",
+    "identify": "identification",
+    "laws": "laws",
+    "load_case": "case",
+    "load_surface": "surface",
+    "make_element": "element",
+    "predict": "prediction",
+    "read_measurement": "measurement",
+    "save_surface": "surface",
+    "simulate": "simulation",
+    "solve_steady_states": "steady_state",
+    "write_report": "report",
+}
+
+__all__ = [
+    "Case",
+    "CaseError",
+    "Comparison",
+    "DescribingFunction",
+    "Element",
+    "ExpressionError",
+    "Identification",
+    "MeasuredTest",
+    "MeasurementError",
+    "Model",
+    "Oscillator",
+    "Prediction",
+    "ResponseSurface",
+    "RsgenError",
+    "SimulatedTest",
+    "SteadyStates",
+    "compare",
+    "derive",
+    "figures",
+    "identify",
+    "laws",
+    "load_case",
+    "load_surface",
+    "make_element",
+    "predict",
+    "read_measurement",
+    "save_surface",
+    "simulate",
+    "solve_steady_states",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ROOMS:
+        raise AttributeError(f"module 'rsgen' has no attribute {name!r}")
+    room = import_module(f"rsgen.{_ROOMS[name]}")
+    value = room if _ROOMS[name] == name else getattr(room, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_ROOMS])

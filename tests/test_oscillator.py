@@ -1,0 +1,75 @@
+"""Laws of the structure: values belong to parameters one to one, models carry no values."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import fields
+
+import pytest
+import sympy
+
+from rsgen.element import Element
+from rsgen.errors import RsgenError
+from rsgen.oscillator import Model, Oscillator
+
+x, v, k, c = sympy.symbols("x v k c", real=True)
+SPRING = Element("spring", k * x, ("k",))
+DAMPER = Element("damper", c * v, ("c",))
+
+
+def test_forces_add_up_and_parameters_are_sorted():
+    oscillator = Oscillator(1.5, (SPRING, DAMPER), {"k": 3.0, "c": 2.0})
+    assert oscillator.force == k * x + c * v
+    assert oscillator.parameters == ("c", "k")
+    assert list(oscillator.values) == ["c", "k"]
+
+
+def test_values_cannot_be_changed():
+    given = {"k": 3.0, "c": 2.0}
+    oscillator = Oscillator(1.5, (SPRING, DAMPER), given)
+    given["k"] = 99.0
+    assert oscillator.values["k"] == 3.0
+    with pytest.raises(TypeError):
+        oscillator.values["k"] = 1.0  # type: ignore[index]  # the attempt is the test
+
+
+def test_an_oscillator_survives_the_way_to_another_process():
+    oscillator = Oscillator(1.5, (SPRING, DAMPER), {"k": 3.0, "c": 2.0})
+    back = pickle.loads(pickle.dumps(oscillator))
+    assert back.mass == oscillator.mass
+    assert back.force == oscillator.force
+    assert dict(back.values) == dict(oscillator.values)
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, math.nan, math.inf])
+def test_an_impossible_mass_is_refused(mass):
+    with pytest.raises(RsgenError, match="mass"):
+        Oscillator(mass, (SPRING,), {"k": 1.0})
+    with pytest.raises(RsgenError, match="mass"):
+        Model((SPRING,), mass=mass)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({}, "missing k"),
+        ({"k": 1.0, "q": 2.0}, "unknown q"),
+        ({"k": math.nan}, r"values\.k"),
+    ],
+)
+def test_faulty_values_are_named(values, said):
+    with pytest.raises(RsgenError, match=said):
+        Oscillator(1.0, (SPRING,), values)
+
+
+def test_elements_need_names_of_their_own():
+    with pytest.raises(RsgenError, match="spring"):
+        Model((SPRING, SPRING))
+    with pytest.raises(RsgenError, match="none given"):
+        Model(())
+
+
+def test_a_model_has_no_place_for_values():
+    assert {f.name for f in fields(Model)} == {"elements", "mass", "hold_out"}
+    assert Model((SPRING, DAMPER)).parameters == ("c", "k")
