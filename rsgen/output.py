@@ -1,0 +1,80 @@
+"""Files that are either whole or not there: every file that a run leaves is written here."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+from rsgen.errors import RsgenError
+
+__all__ = ["write_atomic"]
+
+
+def _permissions() -> int:
+    # the mode a plain open() would give; mkstemp's 0600 would hide reports from a web server or a group
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def _sync_folder(folder: Path) -> None:
+    # a rename is durable only when the folder is; Windows cannot open folders and needs no such step
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
+    """Write a file so that a reader, or a crash, finds the old file or the new one, never a part.
+
+    The data go to a temporary file in the same folder, are flushed to the disk and renamed onto ``path``.
+    A symbolic link at ``path`` is replaced, never followed.
+
+    Parameters
+    ----------
+    path
+        The file to write; its folder must exist.
+    data
+        The whole content; text is written as UTF-8 with line ends as they are.
+
+    Raises
+    ------
+    RsgenError
+        The folder is missing, ``path`` is a folder, the disk is full, or writing is not permitted; what was
+        at ``path`` before is still there.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_atomic(pathlib.Path(folder) / "note.txt", "k1 = 5920 N/m")
+    ...     pathlib.Path(folder, "note.txt").read_text()
+    'k1 = 5920 N/m'
+    """
+    target = Path(path)
+    content = data.encode("utf-8") if isinstance(data, str) else data
+    temporary: Path | None = None
+    try:
+        if target.exists() and not target.is_symlink() and not stat.S_ISREG(target.stat().st_mode):
+            raise RsgenError(f"{target}: is no regular file; only files are written")
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:64]}.", suffix=".part")
+        temporary = Path(name)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.chmod(_permissions())
+        temporary.replace(target)
+        temporary = None
+        _sync_folder(target.parent)
+    except OSError as fault:
+        raise RsgenError(f"{target}: cannot be written: {fault.strerror or fault}") from fault
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)

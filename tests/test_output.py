@@ -1,0 +1,102 @@
+"""A file is whole or not there: the law of rsgen.output."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rsgen.errors import RsgenError
+from rsgen.output import write_atomic
+
+KILLS = 6
+
+
+def test_text_and_bytes_come_back(tmp_path: Path) -> None:
+    write_atomic(tmp_path / "a.txt", "Müller & Söhne\n")
+    write_atomic(tmp_path / "a.bin", b"\x00\xff")
+    assert (tmp_path / "a.txt").read_bytes() == "Müller & Söhne\n".encode()
+    assert (tmp_path / "a.bin").read_bytes() == b"\x00\xff"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bin", "a.txt"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX")
+def test_mode_is_that_of_a_plain_file(tmp_path: Path) -> None:
+    (tmp_path / "plain").write_text("x")
+    write_atomic(tmp_path / "atomic", "x")
+    assert (tmp_path / "plain").stat().st_mode == (tmp_path / "atomic").stat().st_mode
+
+
+@pytest.mark.skipif(os.name != "posix", reason="symbolic links need rights elsewhere")
+def test_a_link_is_replaced_and_its_target_untouched(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("precious")
+    (tmp_path / "report.html").symlink_to(tmp_path / "precious")
+    write_atomic(tmp_path / "report.html", "report")
+    assert (tmp_path / "precious").read_text() == "precious"
+    assert not (tmp_path / "report.html").is_symlink()
+    assert (tmp_path / "report.html").read_text() == "report"
+
+
+def test_missing_folder_and_folder_in_the_way_are_sentences(tmp_path: Path) -> None:
+    with pytest.raises(RsgenError, match="cannot be written"):
+        write_atomic(tmp_path / "none" / "a", "x")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(RsgenError, match="no regular file"):
+        write_atomic(tmp_path / "folder", "x")
+    assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+_FULL = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+from rsgen.errors import RsgenError
+from rsgen.output import write_atomic
+try:
+    write_atomic(sys.argv[1], "n" * 100000)
+except RsgenError as fault:
+    print(fault); sys.exit(7)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the limit stands for a full disk and is POSIX")
+def test_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "report.html"
+    target.write_text("old")
+    run = subprocess.run(
+        [sys.executable, "-c", _FULL, str(target)], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 7, run.stderr
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def _write_for_ever(path: str) -> None:
+    number = 0
+    while True:
+        number += 1
+        write_atomic(path, f"{number % 10}" * 300_000)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
+@pytest.mark.slow
+def test_kill_in_the_middle_leaves_a_whole_file(tmp_path: Path) -> None:
+    target = tmp_path / "result.json"
+    context = multiprocessing.get_context("spawn")
+    for kill in range(KILLS):
+        process = context.Process(target=_write_for_ever, args=(str(target),))
+        process.start()
+        while not target.exists():
+            time.sleep(0.005)
+        time.sleep(0.003 * kill)
+        process.kill()
+        process.join()
+        content = target.read_text()
+        assert len(content) == 300_000
+        assert len(set(content)) == 1
