@@ -6,10 +6,9 @@ long form; force and response are complex and as measured, never the nominal lev
 
 from __future__ import annotations
 
+import io
 import os
-import tempfile
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import MeasurementError, RsgenError
+from rsgen.output import write_atomic
 
 __all__ = ["OUTCOMES", "ResponseSurface", "load_surface", "save_surface"]
 
@@ -165,31 +165,26 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
 
     Complex arrays are HDF5 compounds (r, i), as h5py, MATLAB and Julia read them. ``settled`` is written
     besides ``outcome`` for readers that only want yes or no.
+
+    Raises
+    ------
+    RsgenError
+        The file cannot be written; what was there before is still there.
     """
-    target = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(handle)
-    try:
-        # timestamps off: the same surface gives the same bytes
-        with h5py.File(temporary, "w", track_order=False) as file:
-            file.attrs["format"] = "rsgen response surface"
-            file.attrs["schema"] = _SCHEMA
-            file.attrs["origin"] = surface.origin
-            file.attrs["outcomes"] = list(OUTCOMES)
-            for name, unit in _UNITS.items():
-                values = getattr(surface, name)
-                if name == "sweep":
-                    values = values.astype("S4")
-                data = file.create_dataset(name, data=values, track_times=False)
-                data.attrs["units"] = unit
-            settled = file.create_dataset("settled", data=surface.settled.astype(np.uint8), track_times=False)
-            settled.attrs["units"] = ""
-        with Path(temporary).open("rb+") as file_handle:
-            os.fsync(file_handle.fileno())
-        Path(temporary).replace(target)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.attrs["format"] = "rsgen response surface"
+        file.attrs["schema"] = _SCHEMA
+        file.attrs["origin"] = surface.origin
+        file.attrs["outcomes"] = list(OUTCOMES)
+        columns = {name: getattr(surface, name) for name in _UNITS}
+        columns["sweep"] = columns["sweep"].astype("S4")
+        columns["settled"] = surface.settled.astype(np.uint8)
+        for name, values in columns.items():
+            # no time stamps: the same surface gives the same bytes
+            data = file.create_dataset(name, data=values, track_times=False)
+            data.attrs["units"] = _UNITS.get(name, "")
+    write_atomic(path, buffer.getvalue())
 
 
 def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
