@@ -1,0 +1,261 @@
+"""What identification hands on: estimates with intervals, resonances, the equivalent curve, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.oscillator import Model
+
+__all__ = [
+    "Candidate",
+    "EquivalentCurve",
+    "Estimate",
+    "Identification",
+    "Resonance",
+    "RestoringForce",
+    "frozen_array",
+]
+
+
+def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
+    """Copy into an array that nobody can change."""
+    array = np.array(values, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
+def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
+    lengths = set()
+    for name in names:
+        array = frozen_array(getattr(record, name), dtype)
+        object.__setattr__(record, name, array)
+        lengths.add(array.shape)
+    if len(lengths) > 1:
+        raise RsgenError(f"{type(record).__name__}: {', '.join(names)} must have one shape, have {lengths}")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One identified parameter.
+
+    Parameters
+    ----------
+    name
+        The parameter of the law, or "m" for the mass.
+    value
+        In SI units; NaN where the test does not tell the parameter.
+    standard_error
+        One standard deviation, same unit; infinite where the test does not tell the parameter.
+    interval
+        The 95 % interval (lower, upper), Student t.
+    unit
+        SI unit, "" where it is dimensionless or unknown.
+    remark
+        Why the test does not tell the parameter, in a sentence; "" where it does.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    unit: str = ""
+    remark: str = ""
+
+    @property
+    def told(self) -> bool:
+        """True where the test tells the parameter."""
+        return isfinite(self.value) and not self.remark
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """The resonance of one level and sweep, the paper's point on k(X) and c(X) (Liu et al., Sec. 1.2).
+
+    Parameters
+    ----------
+    level
+        Nominal force amplitude [N].
+    sweep
+        "rest", "up" or "down".
+    frequency
+        Where the displacement lags the force by a quarter period [Hz].
+    damping_ratio
+        zeta = c/(2 m omega_n) [1].
+    amplitude
+        X of the fundamental there [m].
+    stiffness
+        k(X) = m omega_n^2 [N/m].
+    damping
+        c(X) = 2 zeta m omega_n [N s/m].
+    jump
+        True where the response jumps across the resonance, so that the point is extrapolated from one side.
+    """
+
+    level: float
+    sweep: str
+    frequency: float
+    damping_ratio: float
+    amplitude: float
+    stiffness: float
+    damping: float
+    jump: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EquivalentCurve:
+    """k and c of every settled point from F/X = k - m omega^2 + i omega c: all points collapse if the law holds.
+
+    Parameters
+    ----------
+    amplitude
+        (n,) X [m].
+    frequency
+        (n,) [Hz].
+    level
+        (n,) nominal force amplitude [N].
+    stiffness
+        (n,) equivalent stiffness [N/m], with the refined mass.
+    damping
+        (n,) equivalent damping [N s/m].
+    used
+        (n,) True where the point took part in the fits (not held out, not an outlier).
+    """
+
+    amplitude: NDArray[np.float64]
+    frequency: NDArray[np.float64]
+    level: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    used: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
+        _freeze(self, ("used",), np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RestoringForce:
+    """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (METHOD.md 4).
+
+    Parameters
+    ----------
+    displacement
+        (a,) x [m], ascending from 0.
+    stiffness_force
+        (a,) odd part of the stiffness force at x [N].
+    stiffness_band
+        (a,) half width of its 95 % band [N].
+    velocity
+        (b,) v [m/s], ascending from 0.
+    damping_force
+        (b,) odd part of the damping force at v [N].
+    damping_band
+        (b,) half width of its 95 % band [N].
+    """
+
+    displacement: NDArray[np.float64]
+    stiffness_force: NDArray[np.float64]
+    stiffness_band: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    damping_force: NDArray[np.float64]
+    damping_band: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("displacement", "stiffness_force", "stiffness_band"))
+        _freeze(self, ("velocity", "damping_force", "damping_band"))
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One law of a ranking: its text, held-out error (relative), BIC, and whether it ties with the best."""
+
+    name: str
+    force: str
+    held_out_error: float
+    bic: float
+    tied: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """All that a response surface tells about a model.
+
+    Parameters
+    ----------
+    model
+        The laws that were fitted, without values.
+    paper
+        Resonance per level, then fit of k(X) and c(X) (Liu et al., Sec. 1.2), one Estimate a parameter.
+    first_order
+        First-order harmonic balance over all points at once.
+    refined
+        All harmonics: the maximum-likelihood estimate.
+    first_order_bias
+        What the one-harmonic approximation adds to each first-order estimate, predicted with the refined
+        parameters; same order and units as ``first_order``. NaN where it is not known.
+    covariance
+        (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that the test does
+        not tell are NaN, those of a given mass are absent.
+    resonances
+        One a level and sweep, ascending in level.
+    curve
+        Equivalent stiffness and damping of every settled point.
+    residual
+        Root mean square of the refined misfit, relative to force and response [1].
+    noise
+        Estimated relative noise of force and response [1].
+    levels
+        The nominal levels [N] that took part, ascending; held-out levels are absent.
+    amplitude_range, frequency_range
+        Tested range of X [m] and of the frequency [Hz] over the points that took part.
+    outcome
+        One sentence: what was identified from how many points and how well.
+    warnings
+        Sentences about what may be wrong or is not told by the test.
+    restoring
+        Forces without a law; None where the points do not suffice.
+    ranking
+        Candidate laws, best first; empty where none were compared.
+    """
+
+    model: Model
+    paper: tuple[Estimate, ...]
+    first_order: tuple[Estimate, ...]
+    refined: tuple[Estimate, ...]
+    first_order_bias: tuple[float, ...]
+    covariance: NDArray[np.float64]
+    resonances: tuple[Resonance, ...]
+    curve: EquivalentCurve
+    residual: float
+    noise: float
+    levels: NDArray[np.float64]
+    amplitude_range: tuple[float, float]
+    frequency_range: tuple[float, float]
+    outcome: str
+    warnings: tuple[str, ...] = ()
+    restoring: RestoringForce | None = None
+    ranking: tuple[Candidate, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("covariance", "levels"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    @property
+    def mass(self) -> float:
+        """The given mass, or the refined one [kg]."""
+        if self.model.mass is not None:
+            return self.model.mass
+        return next(estimate.value for estimate in self.refined if estimate.name == "m")
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Refined value of every parameter of the laws (not of the mass)."""
+        names = set(self.model.parameters)
+        return {estimate.name: estimate.value for estimate in self.refined if estimate.name in names}
