@@ -1,0 +1,227 @@
+"""The algebra of forms: sums of terms, each behind the unit steps of at most three kinds.
+
+A form is a mapping from a key to a term. The key names the steps that the term is multiplied with: one in x
+(a threshold b: H(x - b)), one in v (a threshold w: H(v - w)) and any number of others. Since
+H(x - a) H(x - b) = H(x - max(a, b)) and H(-s) = 1 - H(s), sums and products of forms are forms again.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import sympy
+
+from rsgen.errors import ExpressionError
+from rsgen.expression import symbol
+
+__all__ = [
+    "ALWAYS",
+    "STATES",
+    "STATE_V",
+    "STATE_X",
+    "Form",
+    "Key",
+    "add",
+    "complement",
+    "constant",
+    "expanded",
+    "moves",
+    "multiply",
+    "scale",
+    "sign_of_parameter",
+    "step",
+    "step_of_parameter",
+    "without_signs",
+]
+
+STATE_X = symbol("x")
+STATE_V = symbol("v")
+STATES = frozenset((STATE_X, STATE_V))
+
+LARGEST_FORM = 256
+"""More pieces than any law a person writes has; a form that grows beyond is refused instead of hanging."""
+
+LARGEST_EXPANSION = 2000
+"""Addends beyond which a power of a sum stays as it is written."""
+
+
+class Key(NamedTuple):
+    """The steps of a term: threshold in x or None, threshold in v or None, functions of other steps.
+
+    ``signs`` are steps H(p) of parameters only. They live while a law is taken apart, so that cases that
+    exclude each other (k > 0 and k < 0) never meet, and end as factors (1 + sign(p))/2.
+    """
+
+    x: sympy.Expr | None = None
+    v: sympy.Expr | None = None
+    others: frozenset[sympy.Expr] = frozenset()
+    signs: frozenset[sympy.Expr] = frozenset()
+
+
+ALWAYS = Key()
+Form = dict[Key, sympy.Expr]
+
+
+def moves(expression: sympy.Basic) -> bool:
+    """Tell whether an expression depends on x or v."""
+    return bool(expression.free_symbols & STATES)
+
+
+def constant(value: sympy.Expr | int) -> Form:
+    """Give the form of a term that acts everywhere."""
+    term = sympy.sympify(value)
+    return {} if term.is_zero else {ALWAYS: term}
+
+
+def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.Expr | None = None) -> Form:
+    """Give the form of one unit step: H(x - threshold), H(v - threshold) or H(other)."""
+    threshold = x if x is not None else v
+    if threshold is sympy.oo:
+        return {}
+    if threshold is sympy.S.NegativeInfinity:
+        return constant(1)
+    return {Key(x, v, frozenset() if other is None else frozenset((other,))): sympy.S.One}
+
+
+def sign_of_parameter(value: sympy.Expr) -> Form:
+    """Give sign(value) of something that does not move, by the signs of its factors."""
+    form = constant(1)
+    for factor in sympy.Mul.make_args(sympy.factor_terms(sympy.together(value))):
+        base, exponent = factor.as_base_exp()
+        factor = base if exponent.is_integer and exponent.is_number and exponent % 2 else factor
+        known = sympy.sign(factor)
+        if known.is_number:
+            form = scale(form, known)
+            continue
+        if factor.could_extract_minus_sign():
+            factor, form = -factor, scale(form, -1)
+        positive = Key(signs=frozenset((sympy.expand_mul(factor),)))
+        form = multiply(form, {ALWAYS: sympy.Integer(-1), positive: sympy.Integer(2)})
+    return form
+
+
+def step_of_parameter(value: sympy.Expr) -> Form:
+    """Give H(value) of something that does not move."""
+    return scale(add(constant(1), sign_of_parameter(value)), sympy.Rational(1, 2))
+
+
+def without_signs(form: Form) -> Form:
+    """Write the steps of parameters as factors (1 + sign(p))/2."""
+    return add(
+        *(
+            {
+                key._replace(signs=frozenset()): expanded(
+                    term * sympy.Mul(*((1 + sympy.sign(p)) / 2 for p in key.signs))
+                )
+            }
+            for key, term in form.items()
+        )
+    )
+
+
+def _addends(expression: sympy.Expr) -> int:
+    """Bound the number of addends that expanding gives, without expanding."""
+    if expression.is_Add:
+        return sum(map(_addends, expression.args))
+    if expression.is_Mul:
+        count = 1
+        for factor in expression.args:
+            count *= _addends(factor)
+        return count
+    if expression.is_Pow and expression.exp.is_Integer and expression.exp > 1:
+        inner = _addends(expression.base)
+        if inner == 1:
+            return 1
+        return int(min(sympy.binomial(inner + min(int(expression.exp), 500) - 1, inner - 1), 10**9))
+    return 1
+
+
+def _tidy(addend: sympy.Expr) -> sympy.Expr:
+    """Write c sign(c) as abs(c) and drop sign(c)**2: coefficients of laws are not zero."""
+    signs = [s for s in addend.atoms(sympy.sign) if not moves(s)]
+    for sign in signs:
+        coefficient, power = addend.as_coeff_exponent(sign)
+        if not power.is_Integer or power < 1 or coefficient.has(sign):
+            continue
+        inner = sign.args[0]
+        if power % 2 == 0:
+            addend = coefficient
+            continue
+        without = coefficient / inner
+        whole, exponent = coefficient.as_coeff_exponent(inner)
+        if inner.is_Symbol and exponent == 1:
+            addend = without * sympy.Abs(inner)
+            continue
+        whole, exponent = coefficient.as_coeff_exponent(sympy.Abs(inner))
+        addend = whole * inner if exponent == 1 else coefficient * sign
+    return addend
+
+
+def expanded(term: sympy.Expr) -> sympy.Expr:
+    """Multiply a term out, so that equal terms cancel; leave it where that would explode."""
+    if _addends(term) > LARGEST_EXPANSION:
+        return term
+    term = sympy.expand_mul(sympy.expand_multinomial(term))
+    if term.has(sympy.sign):
+        term = sympy.Add(*(_tidy(addend) for addend in sympy.Add.make_args(term)))
+    return term
+
+
+def _larger(a: sympy.Expr | None, b: sympy.Expr | None) -> sympy.Expr | None:
+    if a is None or a == b:
+        return b
+    if b is None:
+        return a
+    difference = sympy.expand_mul(a - b)
+    if difference.is_nonnegative:
+        return a
+    if difference.is_nonpositive:
+        return b
+    return sympy.Max(a, b)
+
+
+def add(*forms: Form) -> Form:
+    """Add forms; equal steps share one term, terms that cancel disappear."""
+    parts: dict[Key, list[sympy.Expr]] = {}
+    for form in forms:
+        for key, term in form.items():
+            parts.setdefault(key, []).append(term)
+    total = {
+        key: terms[0] if len(terms) == 1 else expanded(sympy.Add(*terms)) for key, terms in parts.items()
+    }
+    return {key: term for key, term in total.items() if not term.is_zero}
+
+
+def scale(form: Form, factor: sympy.Expr | int) -> Form:
+    """Multiply every term with a factor."""
+    return {key: expanded(term * factor) for key, term in form.items()} if factor != 0 else {}
+
+
+def complement(form: Form) -> Form:
+    """Give 1 - form; for a step this is the step the other way."""
+    return add(constant(1), scale(form, -1))
+
+
+def multiply(left: Form, right: Form) -> Form:
+    """Multiply forms, merging steps in the same variable.
+
+    Raises
+    ------
+    ExpressionError
+        The product has more pieces than any sensible law.
+    """
+    if len(left) * len(right) > LARGEST_FORM**2:
+        raise ExpressionError(
+            f"law: more than {LARGEST_FORM} pieces behind switches; write it with fewer abs, sign, Min, Max"
+        )
+    products = [
+        {Key(_larger(a.x, b.x), _larger(a.v, b.v), a.others | b.others, a.signs | b.signs): expanded(f * g)}
+        for a, f in left.items()
+        for b, g in right.items()
+    ]
+    product = add(*products)
+    if len(product) > LARGEST_FORM:
+        raise ExpressionError(
+            f"law: more than {LARGEST_FORM} pieces behind switches; write it with fewer abs, sign, Min, Max"
+        )
+    return product
