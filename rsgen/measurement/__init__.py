@@ -1,0 +1,8 @@
+"""Measured files to response surfaces: one reader a format, one plan for where what is found."""
+
+from __future__ import annotations
+
+from rsgen.measurement.mapping import Layout, LevelRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.reading import read_measurement
+
+__all__ = ["Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]
