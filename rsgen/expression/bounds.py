@@ -1,0 +1,169 @@
+"""Limits after every step: what has been read stays finite, real, and small enough for all later algebra."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import sympy
+
+__all__ = [
+    "EXPONENT",
+    "TERMS",
+    "Value",
+    "check_finished",
+    "check_power",
+    "check_value",
+    "constant_value",
+    "number_value",
+    "power_terms",
+    "sum_of",
+]
+
+EXPONENT = 64
+TERMS = 2000
+_BITS = 2048  # of numerator and denominator: above the range of floats, below anything slow
+_RADICAND_BITS = 110  # SymPy factorises what stands under a root; 30 digits are quick
+_LARGEST = 1e300
+
+_ALLOWED = (
+    sympy.Symbol, sympy.Rational, sympy.core.numbers.Pi, sympy.core.numbers.Exp1, sympy.Add, sympy.Mul,
+    sympy.Pow, sympy.Abs, sympy.sign, sympy.Min, sympy.Max, sympy.Heaviside, sympy.exp, sympy.log, sympy.sin,
+    sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
+    sympy.besselj, sympy.besseli, sympy.gamma, sympy.Piecewise,
+    sympy.functions.elementary.piecewise.ExprCondPair,
+    sympy.StrictLessThan, sympy.LessThan, sympy.StrictGreaterThan, sympy.GreaterThan, sympy.And, sympy.Or,
+    sympy.logic.boolalg.BooleanTrue,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A part of a formula as it has been read.
+
+    ``number`` is the value of a constant as a float (inf where it exceeds the range of floats), None where
+    states or parameters occur. ``terms`` bounds the number of terms after expansion and after splitting
+    at every switch: products multiply it, so that nothing accepted can explode later.
+    """
+
+    expr: sympy.Expr
+    number: float | None
+    terms: int
+
+
+def number_value(text: str) -> Value:
+    """The exact value of a decimal number."""
+    mantissa, _, exponent = text.lower().partition("e")
+    whole, _, fraction = mantissa.partition(".")
+    power = int(exponent or 0) - len(fraction)
+    digits = int(whole + fraction)
+    expr = sympy.Rational(digits * 10 ** max(power, 0), 10 ** max(-power, 0))
+    return Value(expr, _as_float(expr), 1)
+
+
+def _as_float(number: sympy.Rational) -> float:
+    try:
+        return int(number.p) / int(number.q)
+    except OverflowError:
+        return math.inf
+
+
+def constant_value(function: Callable[..., float] | None, numbers: tuple[float | None, ...]) -> float | None:
+    """A function of constants as a float, inf where it overflows, None where an argument is not constant.
+
+    Raises
+    ------
+    ArithmeticError
+        The function is not real or not defined there.
+    """
+    if function is None or any(number is None for number in numbers):
+        return None
+    if any(math.isinf(number) for number in numbers if number is not None):
+        return math.inf
+    try:
+        result = float(function(*numbers))
+    except OverflowError:
+        return math.inf
+    except ValueError as error:
+        raise ArithmeticError from error
+    return math.inf if math.isnan(result) else result
+
+
+def sum_of(numbers: Iterable[float | None]) -> float | None:
+    """The sum of constants, None where one of them is not constant, inf where one is out of range."""
+    total = 0.0
+    for number in numbers:
+        if number is None:
+            return None
+        total += number
+    return total if math.isfinite(total) else math.inf
+
+
+def power_terms(base: Value, exponent: Value) -> int:
+    """How many terms the expanded power has at most."""
+    if exponent.number is None:
+        return base.terms * exponent.terms
+    whole = math.ceil(abs(exponent.number))
+    return math.comb(base.terms + whole - 1, whole) if whole and base.terms > 1 else 1
+
+
+def check_power(base: Value, exponent: Value) -> str | None:
+    """What is wrong with a power before it is worked out; None where nothing is."""
+    if base.expr == 0 and not (exponent.number is not None and exponent.number > 0):
+        return "is a power of zero that is not defined"
+    if base.expr.is_Rational and exponent.number is not None:
+        bits = max(int(base.expr.p).bit_length(), int(base.expr.q).bit_length())
+        whole = exponent.expr.is_Integer
+        if bits * abs(exponent.number) > _BITS or (not whole and bits > _RADICAND_BITS):
+            return f"is a number with too many digits; keep it below {_LARGEST:g}"
+    return None
+
+
+def _top(expr: sympy.Basic, levels: int) -> Iterator[sympy.Basic]:
+    yield expr
+    if levels:
+        for arg in expr.args:
+            yield from _top(arg, levels - 1)
+
+
+def _fault_of(part: sympy.Basic) -> str | None:
+    if part.is_Rational:
+        p, q = int(part.p), int(part.q)
+        if max(p.bit_length(), q.bit_length()) > _BITS or (p and not 1 / _LARGEST <= abs(p / q) <= _LARGEST):
+            return f"has a number out of range; numbers lie between {1 / _LARGEST:g} and {_LARGEST:g}"
+    elif part.is_Number or part is sympy.zoo:
+        return "is not finite"
+    elif part is sympy.I:
+        return "is not real"
+    elif part.is_Pow and part.exp.is_Rational and abs(part.exp) > EXPONENT:
+        return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
+    return None
+
+
+def check_value(value: Value) -> str | None:
+    """What is wrong with a part just built; None where it is finite, real and small enough.
+
+    Only the top levels are looked at: what lies deeper was checked when it was built.
+    """
+    if value.terms > TERMS:
+        return (
+            f"would have up to {value.terms if value.terms < 10**9 else 'over 10^9'} terms when expanded; "
+            + (f"at most {TERMS} are allowed")
+        )
+    for part in _top(value.expr, 3):
+        fault = _fault_of(part)
+        if fault:
+            return fault
+    return None
+
+
+def check_finished(expr: sympy.Expr) -> str | None:
+    """What is wrong with a whole formula; None where every part of it belongs to the language."""
+    for part in sympy.preorder_traversal(expr):
+        fault = _fault_of(part)
+        if fault:
+            return fault
+        if not isinstance(part, _ALLOWED):
+            return "is not real for every value of its names; take abs() of what stands under a root"
+    return None
