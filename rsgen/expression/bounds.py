@@ -129,8 +129,8 @@ def _top(expr: sympy.Basic, levels: int) -> Iterator[sympy.Basic]:
 
 def _fault_of(part: sympy.Basic) -> str | None:
     if part.is_Rational:
-        p, q = int(part.p), int(part.q)
-        if max(p.bit_length(), q.bit_length()) > _BITS or (p and not 1 / _LARGEST <= abs(p / q) <= _LARGEST):
+        bits = max(int(part.p).bit_length(), int(part.q).bit_length())
+        if bits > _BITS or (part.p and not 1 / _LARGEST <= abs(_as_float(part)) <= _LARGEST):
             return f"has a number out of range; numbers lie between {1 / _LARGEST:g} and {_LARGEST:g}"
     elif part.is_Number or part is sympy.zoo:
         return "is not finite"

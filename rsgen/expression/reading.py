@@ -23,7 +23,8 @@ from rsgen.expression.bounds import (
     sum_of,
 )
 from rsgen.expression.functions import FUNCTION_TABLE, check_arguments
-from rsgen.expression.names import CONSTANTS, FUNCTIONS, closest, shown, symbol
+from rsgen.expression.hints import unknown_function, unknown_name
+from rsgen.expression.names import CONSTANTS, FUNCTIONS, shown, symbol
 from rsgen.expression.scanning import DEPTH, refusal, scan
 
 __all__ = ["parse"]
@@ -38,26 +39,6 @@ _COMPARE: dict[type[ast.cmpop], Callable[..., Any]] = {
     ast.GtE: sympy.Ge,
 }
 _SYMPY_FAULTS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError)
-_SPELLING = {
-    "sgn": "sign", "signum": "sign", "fabs": "abs", "step": "Heaviside", "heaviside": "Heaviside",
-    "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "tg": "tan", "sh": "sinh",
-    "ch": "cosh", "th": "tanh", "piecewise": "Piecewise", "where": "Piecewise", "max": "Max", "min": "Min",
-    "jv": "besselj", "iv": "besseli", "Gamma": "gamma",
-}  # fmt: skip
-_REPLACED = {
-    "pow": "write a**b",
-    "power": "write a**b",
-    "log10": "write log(a)/log(10)",
-    "log2": "write log(a)/log(2)",
-    "cbrt": "write sign(a)*abs(a)**(1/3)",
-    "square": "write a**2",
-    "factorial": "write gamma(n + 1)",
-    "cot": "write 1/tan(a)",
-    "sec": "write 1/cos(a)",
-    "clip": "write Min(Max(a, lower), upper)",
-    "float": "write the number itself",
-    "int": "write the number itself",
-}
 
 
 def parse(text: str, names: Collection[str] | None = None) -> sympy.Expr:
@@ -168,7 +149,13 @@ class _Reader:
                 return self.power(node, depth)
             case ast.Call():
                 return self.call(node, depth)
-            case ast.Compare() | ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+            case ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                raise self.fault(
+                    node,
+                    f"{self.snippet(node)} joins no conditions; & and | stand in conditions only, between "
+                    "comparisons in parentheses: (x < b) & (v > 0)",
+                )
+            case ast.Compare() | ast.BoolOp():
                 raise self.fault(
                     node,
                     f"the condition {self.snippet(node)} stands outside Piecewise; "
@@ -177,8 +164,8 @@ class _Reader:
             case _:
                 raise self.fault(
                     node,
-                    f"{self.snippet(node)} has no meaning in formulas; allowed are numbers, names, + - * / **, ( ) "
-                    f"and calls of {', '.join(FUNCTIONS)}",
+                    f"{self.snippet(node)} has no meaning in formulas; allowed are numbers, names, "
+                    f"+ - * / **, ( ) and calls of {', '.join(FUNCTIONS)}",
                 )
 
     def number(self, node: ast.Constant) -> Value:
@@ -192,24 +179,12 @@ class _Reader:
         if name in CONSTANTS:
             return Value(sympy.pi, math.pi, 1)
         if self.names is not None and name not in self.names:
-            raise self.fault(node, self.unknown(name))
+            raise self.fault(node, unknown_name(name, self.names or ()))
         try:
             return Value(symbol(name), None, 1)
         except ExpressionError as error:
             wanted = f"; write {name}(...)" if name in FUNCTION_TABLE else ""
             raise self.fault(node, f"{error}{wanted}") from None
-
-    def unknown(self, name: str) -> str:
-        if name in FUNCTION_TABLE or name == "Piecewise":
-            return f"{name} is a function; write {name}(...)"
-        known = sorted(self.names or ())
-        meant = closest(name, known)
-        listed = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
-        return (
-            f"the name {shown(name)} is not known here"
-            + (f", did you mean '{meant}'?" if meant else "")
-            + (f"; known: {listed}" if known else "; no names are known")
-        )
 
     def chain(
         self, node: ast.BinOp, kinds: tuple[type[ast.operator], ...], depth: int
@@ -270,7 +245,7 @@ class _Reader:
             raise self.fault(node, f"{self.snippet(node.func)} cannot be called; write * for a product")
         name = node.func.id
         if name != "Piecewise" and name not in FUNCTION_TABLE:
-            raise self.fault(node, self.unknown_function(name))
+            raise self.fault(node, unknown_function(name, self.names or ()))
         if node.keywords or any(isinstance(arg, ast.Starred) for arg in node.args):
             raise self.fault(node, f"{name} takes plain arguments only; write {name}(a)")
         if name == "Piecewise":
@@ -288,16 +263,6 @@ class _Reader:
             raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
         expr = self.built(node, function.make, *(value.expr for value in values))
         return self.checked(node, Value(expr, number, function.terms([value.terms for value in values])))
-
-    def unknown_function(self, name: str) -> str:
-        if self.names is not None and name in self.names:
-            return f"{shown(name)} is a name, not a function; write {name[:40]}*(...) for a product"
-        if name in CONSTANTS:
-            return f"{name} is a number, not a function; write {name}*(...) for a product"
-        meant = _SPELLING.get(name) or closest(name, FUNCTIONS)
-        hint = f", did you mean '{meant}'?" if meant else ""
-        hint = f"; {_REPLACED[name]}" if name in _REPLACED else hint
-        return f"{shown(name)} is not a function of formulas{hint}; allowed are {', '.join(FUNCTIONS)}"
 
     def piecewise(self, node: ast.Call, depth: int) -> Value:
         usage = "write Piecewise((value, condition), ..., (value, True))"

@@ -23,8 +23,19 @@ _EXPONENT_DIGITS = 3
 _ALLOWED = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_ .+-*/(),<>=&|!")
 _TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<tail>[A-Za-z0-9_.]*)"
-    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<other>[^ ])"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<other>\*\*|//|<<|>>|[<>=!]=|[^ ])"
 )
+_NO_OPERATOR = {
+    "//": "write / for a quotient",
+    "<<": "conditions compare with < <= > >=",
+    ">>": "conditions compare with < <= > >=",
+    "==": "conditions compare with < <= > >=",
+    "!=": "conditions compare with < <= > >=",
+    "=": "a formula is only what stands on the right of the equals sign",
+    "!": "write gamma(n + 1) for a factorial",
+    ".": "nothing can be looked up in a formula",
+}
+_SIGNS = ("+", "-")
 _INSTEAD = {
     "^": "write ** for a power",
     "[": "write ( )",
@@ -78,6 +89,8 @@ def _check_number(number: str, tail: str, column: int) -> None:
             )
         raise refusal(column, f"{written} is no number; allowed are decimals such as 12, 0.75 or 5.92e3")
     mantissa, _, exponent = number.lower().partition("e")
+    if mantissa.isdigit() and mantissa.startswith("0") and len(mantissa) > 1:
+        raise refusal(column, f"the number {shown(number)} begins with a superfluous 0")
     digits = mantissa.replace(".", "").lstrip("0")
     if len(digits) > DIGITS:
         raise refusal(column, f"a number with {len(digits)} digits; at most {DIGITS} are allowed")
@@ -91,11 +104,10 @@ def _check_word(word: str, column: int) -> None:
     if word.startswith("_"):
         raise refusal(column, f"{shown(word)} begins with _; a name begins with a letter")
     if keyword.iskeyword(word) and word not in ("and", "or", "True"):
-        raise refusal(
-            column,
-            f"'{word}' is a word of the Python language with no meaning in formulas; "
-            f"as a name write '{word}_', for conditions Piecewise((value, condition), ..., (value, True))",
-        )
+        instead = f"as a name write '{word}_'"
+        if word in ("if", "else", "elif", "not"):
+            instead = _INSTEAD[":"]
+        raise refusal(column, f"'{word}' is a word of the Python language, without meaning here; {instead}")
 
 
 def scan(text: object) -> str:
@@ -124,7 +136,7 @@ def scan(text: object) -> str:
         raise ExpressionError("the formula is empty; write a law such as k1*x + kn1*x**3")
     _check_characters(text)
     depth = 0
-    before = ""  # what the token to the left ends: "name", "value" or nothing
+    before = "("  # what stands to the left: "name", "value", or an operator
     for match in _TOKEN.finditer(text):
         column = match.start() + 1
         number, name, other = match["number"], match["name"], match["other"]
@@ -132,13 +144,14 @@ def scan(text: object) -> str:
             _check_number(number, match["tail"], column)
         elif name is not None:
             _check_word(name, column)
-        elif other == ".":
-            raise refusal(column, "a '.' that belongs to no number; nothing can be looked up in a formula")
-        elif other == "!":
-            raise refusal(column, "'!' has no meaning in formulas; write gamma(n + 1) for a factorial")
+        elif other in _NO_OPERATOR:
+            raise refusal(column, f"'{other}' has no meaning in formulas; {_NO_OPERATOR[other]}")
         operand = number is not None or (name is not None and name not in ("and", "or"))
-        if before and (operand or (other == "(" and before == "value")):
+        ended = before in ("name", "value")
+        if ended and (operand or (other == "(" and before == "value")):
             raise refusal(column, "an operator is missing before this; write * for a product")
+        if not ended and not operand and other not in ("(", *_SIGNS) and (before, other) != ("(", ")"):
+            raise refusal(column, f"a number or name is missing before '{match[0]}'")
         if other == "(":
             depth += 1
             if depth > DEPTH:
@@ -147,7 +160,9 @@ def scan(text: object) -> str:
             depth -= 1
             if depth < 0:
                 raise refusal(column, "a ')' without its '('")
-        before = "value" if number is not None or other == ")" else "name" if operand else ""
+        before = "value" if number is not None or other == ")" else "name" if operand else match[0]
+    if before not in ("name", "value"):
+        raise refusal(len(text), f"the formula ends in '{before}'; a number or name is missing after it")
     if depth:
         raise refusal(len(text), f"{depth} parenthes{'i' if depth == 1 else 'e'}s not closed; add ')'")
     return text

@@ -2,11 +2,96 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy
 
-__all__ = ["write"]
+from rsgen.expression.printing import Level, Printer, decimal_text
+
+__all__ = ["TextPrinter", "write"]
+
+
+class TextPrinter(Printer):
+    """Formulas on one line of plain text; ``times`` and ``raised`` stand between factors and for powers."""
+
+    times = "*"
+    raised = "**"
+    separable_number = True
+
+    def name(self, name: str) -> str:
+        """As it is."""
+        return name
+
+    def number(self, number: sympy.Rational) -> str:
+        """12, 0.75, 5.92e3."""
+        scientific = decimal_text(number)
+        if scientific is None:
+            return str(number)
+        mantissa, exponent = scientific
+        return f"{mantissa}e{exponent}" if exponent else mantissa
+
+    def _factor(self, factor: sympy.Expr) -> str:
+        return self.number(factor) if factor.is_Rational else self.write(factor, Level.POWER)
+
+    def juxtaposed(self, pieces: Sequence[str]) -> str:
+        """a*b."""
+        return self.times.join(pieces)
+
+    def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
+        """a*b/(c*d)."""
+        top = self.times.join(self._factor(factor) for factor in above) or "1"
+        if not below:
+            return top
+        bottom = self.times.join(self._factor(factor) for factor in below)
+        return f"{top}/{bottom}" if len(below) == 1 else f"{top}/({bottom})"
+
+    def negated(self, text: str, factors: Sequence[sympy.Expr]) -> str:
+        """-a*b; a sum in front keeps its sign to itself when it is read."""
+        return ("-1*" if factors and factors[0].is_Add else "-") + text
+
+    def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:
+        """sqrt(a), a**3, a**(1/3)."""
+        if exponent == sympy.Rational(1, 2):
+            return f"sqrt({self.write(base)})", Level.ATOM
+        return self.write(base, Level.ATOM) + self.raised + self.write(exponent, Level.ATOM), Level.POWER
+
+    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> str:
+        """sin(a)."""
+        return f"{name}({', '.join(self.write(argument) for argument in arguments)})"
+
+    def cases(self, branches: Sequence[tuple[sympy.Expr, sympy.Basic]]) -> tuple[str, Level]:
+        """Piecewise((a, x < b), (c, True))."""
+        *conditional, (otherwise, _) = branches
+        pairs = [f"({self.write(value)}, {self.condition(when)})" for value, when in conditional]
+        return f"Piecewise({', '.join([*pairs, f'({self.write(otherwise)}, True)'])})", Level.ATOM
+
+
+_PRINTER = TextPrinter()
 
 
 def write(expr: sympy.Expr) -> str:
-    """Write an expression in the language that ``parse`` reads."""
-    return str(expr)
+    """Write an expression in the language that ``parse`` reads.
+
+    Parameters
+    ----------
+    expr
+        An expression of states, parameters, exact or floating-point numbers and functions of the language.
+
+    Returns
+    -------
+    str
+        Text from which ``parse`` makes an equal expression: coefficients in front, low degrees first.
+
+    Raises
+    ------
+    ExpressionError
+        A part of the expression is not in the language (a derivative, an integral, infinity), or a Piecewise
+        has no last branch for all other cases.
+
+    Examples
+    --------
+    >>> from rsgen.expression import parse
+    >>> write(parse("X**2*kn1*3/4 + k1"))
+    'k1 + 3/4*kn1*X**2'
+    """
+    return _PRINTER.write(sympy.sympify(expr, strict=True))
