@@ -1,0 +1,31 @@
+"""Figures: data in, matplotlib figures out, nothing written.
+
+Every function gives a `Drawing`: the figure, its caption, and what it shows in words and numbers.
+"""
+
+from __future__ import annotations
+
+from rsgen.figures.curves import draw_collapse, draw_damping, draw_resonance, draw_stiffness
+from rsgen.figures.drawing import STYLE, Drawing
+from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
+from rsgen.figures.responses import draw_held_out, draw_responses, draw_time_history
+from rsgen.figures.scale import choose_scale, number_text, quantity_text, unit_text
+
+__all__ = [
+    "STYLE",
+    "Drawing",
+    "choose_scale",
+    "draw_collapse",
+    "draw_damping",
+    "draw_held_out",
+    "draw_map",
+    "draw_resonance",
+    "draw_responses",
+    "draw_stiffness",
+    "draw_surface",
+    "draw_thumbnail",
+    "draw_time_history",
+    "number_text",
+    "quantity_text",
+    "unit_text",
+]

@@ -1,0 +1,250 @@
+"""Resonance, equivalent stiffness and damping over amplitude, and the collapse of all points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+
+from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.equivalent import (
+    Backbone,
+    amplitudes_tested,
+    backbone,
+    calm_limits,
+    refined_band,
+    values_of,
+)
+from rsgen.figures.overview import level_colours
+from rsgen.figures.scale import Scale, choose_scale, number_text, quantity_text
+from rsgen.identification import Identification
+
+__all__ = [
+    "FIRST_ORDER",
+    "POINT",
+    "REFINED",
+    "TRUTH",
+    "draw_collapse",
+    "draw_damping",
+    "draw_resonance",
+    "draw_stiffness",
+]
+
+# Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
+POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
+REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
+FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
+TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
+
+Floats = NDArray[np.float64]
+
+
+def _span(values: Floats, unit: str) -> str:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "not known"
+    scale = choose_scale(finite, unit)
+    return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
+
+
+def _plot(axes: Axes, x: Floats, y: Floats, style: Mapping[str, Any], label: str) -> None:
+    axes.plot(x, y, label=label, **style)
+
+
+@in_style
+def draw_resonance(identification: Identification) -> Drawing:
+    """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
+
+    Parameters
+    ----------
+    identification
+        Its resonances are the points, its refined estimates the line.
+    """
+    points = sorted(identification.resonances, key=lambda point: point.amplitude)
+    amplitude = np.array([point.amplitude for point in points])
+    frequency = np.array([point.frequency for point in points])
+    ratio = np.array([point.damping_ratio for point in points])
+    figure = new_figure(4.4, 3.9)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    scale = choose_scale(amplitude, "m")
+    grid = amplitudes_tested(identification)
+    model = backbone(identification, values_of(identification.refined), grid)
+    _plot(upper, amplitude / scale.factor, frequency, POINT, "one level each")
+    _plot(upper, grid / scale.factor, model.frequency, REFINED, "refined model")
+    _plot(lower, amplitude / scale.factor, 100 * ratio, POINT, "one level each")
+    _plot(lower, grid / scale.factor, 100 * model.damping_ratio, REFINED, "refined model")
+    calm_limits(upper, [frequency, model.frequency], least=0.01)
+    calm_limits(lower, [100 * ratio], least=0.2)
+    upper.set_ylabel("Resonance frequency [Hz]")
+    lower.set_ylabel("Damping ratio [%]")
+    lower.set_xlabel(scale.label("Amplitude X"))
+    upper.legend(loc="best")
+    text = "No level has a resonance that could be read."
+    if points:
+        text = (
+            f"{len(points)} resonances. From the smallest amplitude, "
+            f"{quantity_text(amplitude[0], 'm', 3)}, to the largest, "
+            f"{quantity_text(amplitude[-1], 'm', 3)}, the resonance frequency goes from "
+            f"{_span(frequency, 'Hz')} "
+            f"({100 * (frequency[-1] / frequency[0] - 1):+.2f} %) and the damping ratio from "
+            f"{number_text(100 * ratio[0], 3)} to {number_text(100 * ratio[-1], 3)} %."
+        )
+    caption = "Resonance of each level: the shift with amplitude is what identification reads."
+    return Drawing("resonance", figure, caption, text)
+
+
+@in_style
+def draw_stiffness(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+    """Draw the equivalent stiffness k(X): levels, fits, and the derivation with the true values where known.
+
+    Parameters
+    ----------
+    identification
+        Points and estimates.
+    truth
+        True value of every parameter, SI; "m" may be among them.
+    """
+    return _draw_equivalent("stiffness", identification, truth)
+
+
+@in_style
+def draw_damping(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+    """Draw the equivalent damping c(X) along the resonance; see `draw_stiffness`."""
+    return _draw_equivalent("damping", identification, truth)
+
+
+def _draw_equivalent(
+    what: Literal["stiffness", "damping"], identification: Identification, truth: Mapping[str, float] | None
+) -> Drawing:
+    unit, symbol = ("N/m", "k(X)") if what == "stiffness" else ("N*s/m", "c(X)")
+
+    def pick(model: Backbone) -> Floats:
+        return model.stiffness if what == "stiffness" else model.damping
+
+    points = sorted(identification.resonances, key=lambda point: point.amplitude)
+    amplitude = np.array([point.amplitude for point in points])
+    measured = np.array([point.stiffness if what == "stiffness" else point.damping for point in points])
+    grid = amplitudes_tested(identification)
+    refined, *halves = refined_band(identification, grid)
+    half = halves[0] if what == "stiffness" else halves[1]
+    first = backbone(identification, values_of(identification.first_order), grid)
+    lines = [pick(refined), pick(first)]
+    x, y = choose_scale(grid, "m"), choose_scale(np.concatenate([measured, pick(refined)]), unit)
+    figure = new_figure()
+    axes = figure.add_subplot()
+    axes.fill_between(
+        grid / x.factor,
+        (pick(refined) - half) / y.factor,
+        (pick(refined) + half) / y.factor,
+        color="#D55E00",
+        alpha=0.18,
+        lw=0,
+    )
+    _plot(axes, amplitude / x.factor, measured / y.factor, POINT, "levels at resonance")
+    _plot(axes, grid / x.factor, pick(first) / y.factor, FIRST_ORDER, "first-order fit, all points")
+    _plot(axes, grid / x.factor, pick(refined) / y.factor, REFINED, "refined fit, 95 % band")
+    if truth is not None:
+        true = pick(backbone(identification, truth, grid))
+        lines.append(true)
+        _plot(axes, grid / x.factor, true / y.factor, TRUTH, f"derived {symbol}, true values")
+    calm_limits(axes, [measured / y.factor, *(line / y.factor for line in lines)], least=0.06)
+    axes.set_xlabel(x.label("Amplitude X"))
+    axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
+    axes.legend(loc="best")
+    text = _equivalent_words(what, grid, pick(refined), measured, y)
+    if truth is not None and grid.size:
+        scale = float(np.nanmax(np.abs(lines[-1]))) or 1.0
+        off = float(np.nanmax(np.abs(pick(refined) - lines[-1]))) / scale
+        text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
+    name = "Spring" if what == "stiffness" else "Damper"
+    caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
+    return Drawing(what, figure, caption, text)
+
+
+def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats, y: Scale) -> str:
+    if not grid.size:
+        return f"No amplitude was tested, so there is no equivalent {what} to show."
+    change = 100 * (fitted[-1] / fitted[0] - 1) if fitted[0] else float("nan")
+    return (
+        f"The refined equivalent {what} goes from {number_text(fitted[0] / y.factor)} {y.unit} at "
+        f"{quantity_text(grid[0], 'm', 3)} to {number_text(fitted[-1] / y.factor)} {y.unit} at "
+        f"{quantity_text(grid[-1], 'm', 3)} ({change:+.1f} %). {len(measured)} levels read at resonance "
+        "lie between "
+        f"{number_text(np.min(measured, initial=np.inf) / y.factor)} and "
+        f"{number_text(np.max(measured, initial=-np.inf) / y.factor)} {y.unit}."
+    )
+
+
+@in_style
+def draw_collapse(identification: Identification) -> Drawing:
+    """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
+
+    Parameters
+    ----------
+    identification
+        Its curve gives the points, coloured by level; its refined estimates the line.
+    """
+    curve = identification.curve
+    grid = amplitudes_tested(identification)
+    model = backbone(identification, values_of(identification.refined), grid)
+    x = choose_scale(curve.amplitude, "m")
+    force = choose_scale(curve.level, "N")
+    colours = level_colours()
+    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
+    figure = new_figure(4.4, 4.6)
+    panels = figure.subplots(2, 1, sharex=True)
+    parts = (
+        ("k", "N/m", curve.stiffness, model.stiffness, 0.06),
+        ("c", "N*s/m", curve.damping, model.damping, 0.2),
+    )
+    for axes, (symbol, unit, cloud, line, least) in zip(panels, parts, strict=True):
+        y = choose_scale(line if line.size else cloud, unit)
+        axes.scatter(
+            curve.amplitude / x.factor,
+            cloud / y.factor,
+            c=curve.level / force.factor,
+            cmap=colours,
+            norm=norm,
+            s=7,
+            linewidths=0,
+            rasterized=len(cloud) > 300,
+        )
+        _plot(axes, grid / x.factor, line / y.factor, {**REFINED, "lw": 1.1}, "refined model at resonance")
+        calm_limits(axes, [cloud / y.factor, line / y.factor], least=least)
+        axes.set_ylabel(y.label(f"{'Stiffness' if symbol == 'k' else 'Damping'} {symbol}"))
+    panels[0].legend(loc="best")
+    panels[1].set_xlabel(x.label("Amplitude X"))
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(panels), pad=0.02, aspect=35)
+    bar.set_label(force.label("Level F"))
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+    caption = "Every test point, coloured by level: one curve means that the law is right."
+    return Drawing("collapse", figure, caption, _collapse_words(identification, grid, model))
+
+
+def _collapse_words(identification: Identification, grid: Floats, model: Backbone) -> str:
+    curve = identification.curve
+    if not grid.size:
+        return "No test point could be used."
+    words = []
+    for what, cloud, line in (
+        ("stiffness", curve.stiffness, model.stiffness),
+        ("damping", curve.damping, model.damping),
+    ):
+        expected = np.interp(curve.amplitude, grid, line)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.abs(cloud / expected - 1)
+        off = off[np.isfinite(off)]
+        if off.size:
+            words.append(
+                f"half of the points lie within {number_text(100 * float(np.median(off)), 2)} % and 95 "
+                "% within "
+                f"{number_text(100 * float(np.percentile(off, 95)), 2)} % of the {what} of the refined model"
+            )
+    return f"{len(curve.amplitude)} points over {_span(grid, 'm')}: {'; '.join(words)}."

@@ -1,0 +1,140 @@
+"""What an identified model says about stiffness and damping over amplitude: values, bands, axis limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from rsgen.describing import derive
+from rsgen.identification import Estimate, Identification
+
+__all__ = ["Backbone", "amplitudes_tested", "backbone", "calm_limits", "refined_band", "values_of"]
+
+Floats = NDArray[np.float64]
+_NORMAL_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Backbone:
+    """Equivalent properties along the resonance of a model; every array (n,).
+
+    ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m], ``mean`` X0 [m].
+    """
+
+    amplitude: Floats
+    omega: Floats
+    stiffness: Floats
+    damping: Floats
+    mean: Floats
+    mass: float
+
+    @property
+    def frequency(self) -> Floats:
+        """(n,) resonance frequency [Hz]."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> Floats:
+        """(n,) c / (2 m omega_n) [1]."""
+        return np.asarray(self.damping / (2 * self.mass * self.omega), dtype=np.float64)
+
+
+def values_of(estimates: Iterable[Estimate]) -> dict[str, float]:
+    """Give the values of a set of estimates, the mass among them as "m" where it was identified."""
+    return {estimate.name: estimate.value for estimate in estimates}
+
+
+def amplitudes_tested(identification: Identification, points: int = 160) -> Floats:
+    """Give amplitudes [m] that cover what was tested, none outside."""
+    amplitude = identification.curve.amplitude
+    amplitude = amplitude[np.isfinite(amplitude) & (amplitude > 0)]
+    if not amplitude.size:
+        return np.empty(0)
+    low, high = float(amplitude.min()), float(amplitude.max())
+    # breakpoints and friction show at small amplitudes: half of the points are spread by ratio
+    return np.unique(
+        np.concatenate([np.linspace(low, high, points // 2), np.geomspace(low, high, points // 2)])
+    )
+
+
+def backbone(identification: Identification, values: Mapping[str, float], amplitude: Floats) -> Backbone:
+    """Evaluate the describing functions at m omega^2 = k(X), where the levels have their resonance.
+
+    Parameters
+    ----------
+    identification
+        Its model has the laws; its mass is used where ``values`` has no "m".
+    values
+        Every parameter of the laws, SI. A value that is not finite makes the result NaN.
+    amplitude
+        (n,) X [m], positive.
+    """
+    mass = values.get("m", identification.mass)
+    used = {name: values[name] for name in identification.model.parameters}
+    unknown = np.full(amplitude.shape, np.nan)
+    if not (amplitude.size and np.isfinite([mass, *used.values()]).all()):
+        return Backbone(amplitude, unknown, unknown, unknown, unknown, mass)
+    law = derive(identification.model.force)
+    omega = np.full(amplitude.shape, 2 * np.pi * float(np.median(identification.curve.frequency)))
+    for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
+        result = law.evaluate(amplitude, omega, used)
+        stiffness = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), amplitude.shape)
+        update = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / mass)
+        done = bool(np.allclose(update, omega, rtol=1e-9, equal_nan=True))
+        omega = np.where(np.isfinite(update), update, omega)
+        if done:
+            break
+    damping = np.broadcast_to(np.asarray(result.damping, dtype=np.float64), amplitude.shape)
+    mean = np.broadcast_to(np.asarray(result.mean, dtype=np.float64), amplitude.shape)
+    return Backbone(amplitude, omega, stiffness, damping, mean, mass)
+
+
+def refined_band(identification: Identification, amplitude: Floats) -> tuple[Backbone, Floats, Floats]:
+    """Give the backbone of the refined model and half the width of the 95 % band of stiffness and damping.
+
+    Linear propagation of the covariance; the derivative is the difference over one standard error.
+    """
+    values = values_of(identification.refined)
+    centre = backbone(identification, values, amplitude)
+    names = [estimate.name for estimate in identification.refined]
+    covariance = identification.covariance
+    if covariance.shape != (len(names), len(names)):
+        return centre, np.zeros(amplitude.shape), np.zeros(amplitude.shape)
+    widths = np.sqrt(np.diag(covariance))
+    moving = [i for i, name in enumerate(names) if name != "m" and np.isfinite(widths[i]) and widths[i] > 0]
+    slopes = np.zeros((2, len(moving), amplitude.size))
+    for row, i in enumerate(moving):
+        moved = backbone(identification, {**values, names[i]: values[names[i]] + widths[i]}, amplitude)
+        slopes[0, row] = (moved.stiffness - centre.stiffness) / widths[i]
+        slopes[1, row] = (moved.damping - centre.damping) / widths[i]
+    part = covariance[np.ix_(moving, moving)]
+    variance = np.einsum("wia,ij,wja->wa", slopes, part, slopes)
+    half = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
+    return centre, half[0], half[1]
+
+
+def calm_limits(axes: Axes, values: Iterable[Floats], least: float = 0.1) -> None:
+    """Choose y limits that show change where there is some and no noise where there is none.
+
+    The axis spans at least ``least`` of the largest value, so that a constant looks constant; outliers
+    beyond the central 98 % of a cloud of over 50 points may leave the picture.
+    """
+    lows, highs = [], []
+    for cloud in values:
+        finite = cloud[np.isfinite(cloud)]
+        if finite.size > 50:
+            lows.append(float(np.percentile(finite, 1)))
+            highs.append(float(np.percentile(finite, 99)))
+        elif finite.size:
+            lows.append(float(finite.min()))
+            highs.append(float(finite.max()))
+    if not lows:
+        return
+    low, high = min(lows), max(highs)
+    span = max(high - low, least * max(abs(low), abs(high)), 1e-300)
+    middle = (low + high) / 2
+    axes.set_ylim(middle - 0.58 * span, middle + 0.58 * span)

@@ -1,0 +1,236 @@
+"""The response surface itself: amplitude over frequency and level, in three dimensions and as a map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import matplotlib.ticker
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from numpy.typing import NDArray
+
+from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.scale import choose_scale, quantity_text
+from rsgen.surface import ResponseSurface
+
+__all__ = ["draw_map", "draw_surface", "draw_thumbnail", "level_colours", "peaks_by_level"]
+
+_SWEEP_WORDS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
+
+
+def level_colours() -> LinearSegmentedColormap:
+    """The colours of levels and amplitudes: viridis without its darkest and palest ends.
+
+    Its lightness rises evenly, so that it survives grey print, and both ends stand out from light and dark
+    paper.
+    """
+    viridis = matplotlib.colormaps["viridis"]
+    return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
+
+
+def _grid(
+    surface: ResponseSurface,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Give frequency, level (both 1-D) and amplitude (level x frequency) where the points fill a grid."""
+    level, frequency = np.unique(surface.level), np.unique(surface.frequency)
+    if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):
+        return None
+    amplitude = np.full((len(level), len(frequency)), np.nan)
+    rows, columns = np.searchsorted(level, surface.level), np.searchsorted(frequency, surface.frequency)
+    amplitude[rows, columns] = np.where(surface.settled, surface.amplitude, np.nan)
+    unsettled = int(np.count_nonzero(~surface.settled))
+    return (frequency, level, amplitude) if np.isnan(amplitude).sum() == unsettled else None
+
+
+def _sweeps(surface: ResponseSurface) -> list[str]:
+    return [name for name in ("rest", "up", "down") if np.any(surface.sweep == name)]
+
+
+def peaks_by_level(surface: ResponseSurface) -> list[int]:
+    """Give for each level the index of its settled point of largest amplitude, levels ascending."""
+    peaks = []
+    for level in surface.levels:
+        points = np.flatnonzero((surface.level == level) & surface.settled)
+        if points.size:
+            peaks.append(int(points[np.argmax(surface.amplitude[points])]))
+    return peaks
+
+
+def _alternative(surface: ResponseSurface) -> str:
+    peaks = peaks_by_level(surface)
+    if not peaks:
+        return "No test point settled, so there is no surface to show."
+    low, high = peaks[0], peaks[-1]
+    shift = surface.frequency[high] / surface.frequency[low] - 1
+    return (
+        f"{len(surface)} test points, {len(surface.levels)} levels from "
+        f"{quantity_text(surface.level.min(), 'N')} to "
+        f"{quantity_text(surface.level.max(), 'N')}, {quantity_text(surface.frequency.min(), 'Hz', 5)} to "
+        f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The largest amplitude rises from "
+        f"{quantity_text(surface.amplitude[low], 'm', 3)} at "
+        f"{quantity_text(surface.frequency[low], 'Hz', 5)} (lowest "
+        f"level) to {quantity_text(surface.amplitude[high], 'm', 3)} at "
+        f"{quantity_text(surface.frequency[high], 'Hz', 5)} "
+        f"(highest level): the peak moves by {100 * shift:+.2f} %. "
+        f"{int(np.count_nonzero(~surface.settled))} points did not settle."
+    )
+
+
+@in_style
+def draw_surface(surface: ResponseSurface) -> Drawing:
+    """Draw the response surface in three dimensions.
+
+    A full grid is drawn as a sheet; points that are no grid, as measured ones are, as one line a level.
+    Where both sweeps were made, the sweep up is shown.
+
+    Parameters
+    ----------
+    surface
+        Any surface; points that did not settle leave holes.
+    """
+    figure = new_figure(4.4, 3.7, layout=None)
+    # matplotlib has no types for its 3-D axes
+    axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
+    sweep = _sweeps(surface)[0]
+    shown = surface.select(surface.sweep == sweep)
+    scale = choose_scale(shown.amplitude[shown.settled], "m")
+    force = choose_scale(shown.level, "N")
+    top = float(np.max(shown.amplitude, where=shown.settled, initial=0.0)) / scale.factor or 1.0
+    norm, colours = Normalize(0, top), level_colours()
+    grid = _grid(shown)
+    if grid is not None:
+        frequency, level, amplitude = grid
+        height = amplitude / scale.factor
+        sheet = axes.plot_surface(
+            *np.meshgrid(frequency, level / force.factor),
+            height,
+            facecolors=colours(norm(np.nan_to_num(height))),
+            rcount=min(60, len(level)),
+            ccount=min(120, len(frequency)),
+            linewidth=0.15,
+            edgecolor=(0.1, 0.1, 0.1, 0.35),
+            shade=False,
+            antialiased=True,
+        )
+        sheet.set_rasterized(True)
+    else:
+        for value in shown.levels[::-1]:
+            line = shown.select((shown.level == value) & shown.settled)
+            if not len(line):
+                continue
+            order = np.argsort(line.frequency, kind="stable")
+            height = line.amplitude[order] / scale.factor
+            axes.plot(
+                line.frequency[order],
+                line.level[order] / force.factor,
+                height,
+                color=colours(norm(height.max())),
+                lw=1.1,
+            )
+    axes.set_xlabel("Frequency [Hz]", labelpad=4)
+    axes.set_ylabel(force.label("Level F"), labelpad=4)
+    axes.set_zlabel(scale.label("Amplitude X"), labelpad=2)
+    axes.tick_params(pad=0)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.pane.set_facecolor("none")
+        axis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    axes.view_init(elev=28, azim=-58)
+    axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
+    words = {"rest": "every point from rest", "up": "sweep up", "down": "sweep down"}[sweep]
+    return Drawing(
+        "surface", figure, f"Response surface: amplitude of the fundamental, {words}.", _alternative(shown)
+    )
+
+
+def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
+    colours = level_colours()
+    grid = _grid(part)
+    if grid is not None:
+        frequency, level, amplitude = grid
+        axes.pcolormesh(
+            frequency,
+            level / force,
+            amplitude / factor,
+            shading="nearest",
+            cmap=colours,
+            norm=norm,
+            rasterized=True,
+        )
+    else:
+        good = part.settled
+        axes.scatter(
+            part.frequency[good],
+            part.level[good] / force,
+            c=part.amplitude[good] / factor,
+            cmap=colours,
+            norm=norm,
+            s=5,
+            marker="s",
+            linewidths=0,
+            rasterized=True,
+        )
+    bad = ~part.settled
+    if bad.any():
+        axes.plot(part.frequency[bad], part.level[bad] / force, "x", color="#1b1c1e", ms=3, mew=0.7)
+    peaks = peaks_by_level(part)
+    axes.plot(
+        part.frequency[peaks], part.level[peaks] / force, "o-", color="#1b1c1e", mfc="#ffffff", ms=3, lw=0.8
+    )
+    axes.grid(False)
+
+
+@in_style
+def draw_map(surface: ResponseSurface) -> Drawing:
+    """Draw the response surface as a map: frequency across, level up, amplitude as colour; a panel a sweep.
+
+    Parameters
+    ----------
+    surface
+        Any surface; points that did not settle are crossed.
+    """
+    sweeps = _sweeps(surface)
+    scale = choose_scale(surface.amplitude[surface.settled], "m")
+    force = choose_scale(surface.level, "N")
+    top = float(np.max(surface.amplitude, where=surface.settled, initial=0.0)) / scale.factor or 1.0
+    norm = Normalize(0, top)
+    figure = new_figure(4.4, 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps))
+    panels = figure.subplots(len(sweeps), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, sweep in zip(panels, sweeps, strict=True):
+        _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
+        axes.set_ylabel(force.label("Level F"))
+        if len(sweeps) > 1:
+            axes.set_title(_SWEEP_WORDS[sweep])
+    panels[-1].set_xlabel("Frequency [Hz]")
+    bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=list(panels), pad=0.02, aspect=30)
+    bar.set_label(scale.label("Amplitude X"))
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+    caption = "The same surface as a map; the black line joins the peaks of the levels and shows their shift."
+    if not surface.settled.all():
+        caption += " Crosses did not settle."
+    return Drawing("map", figure, caption, _alternative(surface))
+
+
+@in_style
+def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail") -> Drawing:
+    """Draw the map without axes, small: a picture to recognise a case by.
+
+    Parameters
+    ----------
+    surface
+        Any surface; of two sweeps the one up is shown.
+    name
+        Of the drawing, so that several fit on one page.
+    """
+    figure = new_figure(2.4, 1.35, layout=None)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    part = surface.select(surface.sweep == _sweeps(surface)[0])
+    top = float(np.max(part.amplitude, where=part.settled, initial=0.0)) or 1.0
+    _map_panel(axes, part, 1.0, 1.0, Normalize(0, top))
+    axes.margins(0)
+    return Drawing(name, figure, "Response surface.", _alternative(surface))

@@ -1,0 +1,265 @@
+"""Measured responses against predicted ones: every level, held-out levels, one period of the motion."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.overview import level_colours, peaks_by_level
+from rsgen.figures.scale import choose_scale, number_text, quantity_text
+from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.surface import ResponseSurface
+
+__all__ = ["draw_held_out", "draw_responses", "draw_time_history"]
+
+_MARKERS = {"rest": "o", "up": "^", "down": "v"}
+_SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
+_MOST_LEVELS = 6
+
+
+def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
+    """Split a curve where its stability changes; neighbours share their end point, so that no gap shows."""
+    changes = np.flatnonzero(np.diff(curve.stable.astype(np.int8))) + 1
+    edges = [0, *changes.tolist(), len(curve.frequency)]
+    return [
+        (slice(start, min(stop + 1, len(curve.frequency))), bool(curve.stable[start]))
+        for start, stop in pairwise(edges)
+        if stop > start
+    ]
+
+
+def _draw_curve(
+    axes: Axes, curve: ResonanceCurve, factor: float, colour: object, label: str | None = None
+) -> None:
+    for run, stable in _runs(curve):
+        axes.plot(
+            curve.frequency[run],
+            curve.amplitude[run] / factor,
+            color=colour,
+            ls="-" if stable else (0, (2.5, 1.8)),
+            lw=1.1,
+            label=label,
+        )
+        label = None
+
+
+def _chosen(levels: NDArray[np.float64]) -> NDArray[np.float64]:
+    if len(levels) <= _MOST_LEVELS:
+        return levels
+    return np.asarray(levels[np.unique(np.linspace(0, len(levels) - 1, _MOST_LEVELS).round().astype(int))])
+
+
+def _fold_words(curves: list[ResonanceCurve]) -> str:
+    folded = [curve for curve in curves if len(curve.folds)]
+    if not folded:
+        return "None of the predicted curves folds."
+    curve = folded[-1]
+    places = " and ".join(
+        f"{quantity_text(f, 'Hz', 5)} ({quantity_text(a, 'm', 3)})" for f, a in curve.folds.tolist()
+    )
+    lowest = quantity_text(folded[0].level, "N", 3)
+    return (
+        f"Predicted curves fold from {lowest} on; at {quantity_text(curve.level, 'N', 3)} the response "
+        f"jumps at {places}, "
+        "and the dashed branch between is unstable."
+    )
+
+
+@in_style
+def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
+    """Draw frequency responses of at most six levels: measured points, predicted lines with their folds.
+
+    Parameters
+    ----------
+    surface
+        The points.
+    prediction
+        The lines; levels without a predicted curve show their points alone.
+    """
+    levels = _chosen(surface.levels)
+    shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+    scale = choose_scale(shown.amplitude, "m")
+    colours = level_colours()(np.linspace(0, 1, len(levels)))
+    figure = new_figure(4.4, 3.7)
+    axes = figure.add_subplot()
+    curves = []
+    for level, colour in zip(levels, colours, strict=True):
+        for sweep, marker in _MARKERS.items():
+            part = shown.select((shown.level == level) & (shown.sweep == sweep))
+            if len(part):
+                axes.plot(
+                    part.frequency,
+                    part.amplitude / scale.factor,
+                    marker,
+                    color=colour,
+                    ms=3.2,
+                    mew=0,
+                    alpha=0.75,
+                    zorder=1.5,
+                    rasterized=len(shown) > 400,
+                )
+        fitting = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9)]
+        for curve in fitting[:1]:
+            _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(level, "N", 3))
+            curves.append(curve)
+    _limit(axes, shown, scale.factor)
+    axes.set_xlabel("Frequency [Hz]")
+    axes.set_ylabel(scale.label("Amplitude X"))
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(handles[::-1], labels[::-1], title="Level F", title_fontsize=7.5, loc="best")
+    sweeps = [_SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
+    symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
+    caption = (
+        f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)}), "
+        "lines as predicted by "
+        "the refined model; dashed parts are unstable."
+    )
+    peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
+    largest = "; ".join(
+        f"{quantity_text(p.level[0], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
+        f"{quantity_text(p.frequency[0], 'Hz', 5)}"
+        for p in peaks
+    )
+    share = f"{len(levels)} of {len(surface.levels)} levels"
+    text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
+    return Drawing("responses", figure, caption, text)
+
+
+def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
+    if len(shown):
+        margin = 0.02 * float(np.ptp(shown.frequency))
+        axes.set_xlim(float(shown.frequency.min()) - margin, float(shown.frequency.max()) + margin)
+        axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
+
+
+def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]]:
+    groups: dict[float, list[HeldOutLevel]] = {}
+    for item in sorted(held_out, key=lambda item: item.level):
+        groups.setdefault(item.level, []).append(item)
+    return groups
+
+
+@in_style
+def draw_held_out(prediction: Prediction) -> Drawing:
+    """Draw measured against predicted responses of the levels that identification has not seen.
+
+    Parameters
+    ----------
+    prediction
+        Made with a surface and with levels held out, else the figure says that there are none.
+    """
+    groups = _group(prediction.held_out)
+    figure = new_figure(4.4, 1.2 + 1.45 * max(len(groups), 1))
+    if not groups:
+        axes = figure.add_subplot()
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "no level was held out", ha="center", va="center")
+        return Drawing("held-out", figure, "No level was held out.", "No level was held out.")
+    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+    words = []
+    for axes, (level, items) in zip(panels, groups.items(), strict=True):
+        scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
+        curves = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9)]
+        for curve in curves[:1]:
+            low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
+            high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
+            axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
+            _draw_curve(axes, curve, scale.factor, "#D55E00", label="predicted")
+        for item in items:
+            axes.plot(
+                item.frequency,
+                np.abs(item.measured) / scale.factor,
+                _MARKERS[item.sweep],
+                ms=2.8,
+                mfc="none",
+                mec="#0072B2",
+                mew=0.8,
+                zorder=1.5,
+                rasterized=len(item.frequency) > 40,
+                label=f"tested, {_SWEEPS[item.sweep]}",
+            )
+            words.append(
+                f"F = {quantity_text(level, 'N', 3)}, {_SWEEPS[item.sweep]}: error "
+                f"{number_text(100 * item.error, 2)} % "
+                f"(root mean square), largest {number_text(100 * item.largest_error, 2)} % of the "
+                "largest amplitude, "
+                f"{item.missing} of {len(item.frequency)} points without a predicted state"
+            )
+        frequency = np.concatenate([item.frequency for item in items])
+        axes.set_xlim(float(frequency.min()), float(frequency.max()))
+        axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
+        axes.set_ylabel(scale.label("X"))
+        axes.set_title(f"F = {quantity_text(level, 'N', 3)}")
+    panels[0].legend(loc="best")
+    panels[-1].set_xlabel("Frequency [Hz]")
+    caption = "Levels that identification has not seen: as tested and as the refined model predicts."
+    return Drawing("held-out", figure, caption, "; ".join(words) + ".")
+
+
+@in_style
+def draw_time_history(surface: ResponseSurface) -> Drawing:
+    """Draw one period of the displacement at the largest settled response, with its two peaks and its mean.
+
+    Parameters
+    ----------
+    surface
+        Its harmonics give the motion; the peaks are those of the table, or of the harmonics.
+    """
+    figure = new_figure()
+    axes = figure.add_subplot()
+    settled = np.flatnonzero(surface.settled)
+    if not settled.size:
+        axes.set_axis_off()
+        return Drawing("time-history", figure, "No test point settled.", "No test point settled.")
+    i = int(settled[np.argmax(surface.amplitude[settled])])
+    turn = np.linspace(0, 2 * np.pi, 721)
+    harmonics = surface.harmonics[i] * np.exp(
+        -1j * np.arange(surface.harmonics.shape[1]) * np.angle(surface.harmonics[i, 1])
+    )
+    motion = np.real(harmonics @ np.exp(1j * np.outer(np.arange(len(harmonics)), turn)))
+    mean = float(np.real(surface.harmonics[i, 0]))
+    high, low = (float(motion.max()), float(motion.min()))
+    if np.isfinite(surface.peak[i]).all():
+        high, low = (float(value) for value in surface.peak[i])
+    x = choose_scale([high, low], "m")
+    period = 1 / float(surface.frequency[i])
+    t = choose_scale([period], "s")
+    times = turn / (2 * np.pi) * period / t.factor
+    axes.plot(times, motion / x.factor, color="#0072B2", lw=1.5)
+    for value, place, offset in (
+        (high, int(np.argmax(motion)), (8, -3)),
+        (low, int(np.argmin(motion)), (8, -3)),
+    ):
+        axes.plot(times[place], value / x.factor, "o", color="#D55E00", ms=5)
+        axes.annotate(
+            quantity_text(value, "m", 3),
+            (float(times[place]), value / x.factor),
+            xytext=offset,
+            textcoords="offset points",
+        )
+    axes.axhline(mean / x.factor, color="#1b1c1e", lw=0.9, ls=(0, (4, 2)))
+    axes.annotate(
+        f"mean {quantity_text(mean, 'm', 3)}",
+        (float(times[0]), mean / x.factor),
+        xytext=(2, 4),
+        textcoords="offset points",
+    )
+    axes.set_xlabel(t.label("Time"))
+    axes.set_ylabel(x.label("Displacement x"))
+    axes.set_ylim(
+        low / x.factor - 0.12 * (high - low) / x.factor, high / x.factor + 0.12 * (high - low) / x.factor
+    )
+    ratio = abs(low / high) if high else float("nan")
+    text = (
+        f"At level {quantity_text(surface.level[i], 'N', 3)} and "
+        f"{quantity_text(surface.frequency[i], 'Hz', 5)} the displacement "
+        f"swings between {quantity_text(low, 'm')} and {quantity_text(high, 'm')}; the negative peak is "
+        f"{number_text(ratio, 3)} times the positive one and the mean is {quantity_text(mean, 'm', 3)}."
+    )
+    caption = "One period of the largest response, with its positive and negative peak and its mean (dashed)."
+    return Drawing("time-history", figure, caption, text)

@@ -1,0 +1,111 @@
+"""What a run leaves for people and for other programs: result.json, report.html, notebook.ipynb, "
+"index.html."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rsgen import kernel
+from rsgen.case import Case
+from rsgen.comparison import Comparison
+from rsgen.errors import RsgenError
+from rsgen.figures import (
+    Drawing,
+    draw_collapse,
+    draw_damping,
+    draw_held_out,
+    draw_map,
+    draw_resonance,
+    draw_responses,
+    draw_stiffness,
+    draw_surface,
+    draw_time_history,
+)
+from rsgen.identification import Identification
+from rsgen.output import write_atomic
+from rsgen.prediction import Prediction, predict
+from rsgen.report.index import write_index
+from rsgen.report.interpretation import describe_mean
+from rsgen.report.notebook import write_notebook
+from rsgen.report.page import render_page
+from rsgen.report.printed import check_printed
+from rsgen.report.provenance import collect_provenance
+from rsgen.report.result import build_result, result_text
+from rsgen.surface import ResponseSurface, save_surface
+
+__all__ = ["draw_all", "write_index", "write_report"]
+
+
+def draw_all(
+    case: Case, surface: ResponseSurface, identification: Identification, prediction: Prediction
+) -> list[Drawing]:
+    """Draw every figure of the report; those that a case does not need are left out."""
+    drawings = [
+        draw_surface(surface),
+        draw_map(surface),
+        draw_resonance(identification),
+        draw_collapse(identification),
+        draw_stiffness(identification, case.truth),
+        draw_damping(identification, case.truth),
+        draw_responses(surface, prediction),
+    ]
+    if describe_mean(surface) is not None:
+        drawings.append(draw_time_history(surface))
+    if prediction.held_out:
+        drawings.append(draw_held_out(prediction))
+    return drawings
+
+
+def write_report(
+    folder: str | Path,
+    case: Case,
+    surface: ResponseSurface,
+    identification: Identification,
+    comparison: Comparison,
+    *,
+    durations: Mapping[str, float] | None = None,
+    command: Sequence[str] = (),
+) -> None:
+    """Write surface.h5, kernel.py, result.json, report.html and notebook.ipynb into a folder.
+
+    Parameters
+    ----------
+    folder
+        Made if missing; its parent must exist. Every file is written whole or not at all.
+    durations
+        Seconds of the stages before, for the provenance: "surface", "identification".
+    command
+        What was called, for the provenance.
+
+    Raises
+    ------
+    RsgenError
+        A file cannot be written, or a cell of the notebook failed. The notebook comes last and is saved even
+        then, so that all files are there.
+    """
+    started = time.perf_counter()
+    place = Path(folder)
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as fault:
+        raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    save_surface(place / "surface.h5", surface)
+    write_atomic(place / "kernel.py", kernel.generate(case.model.force))
+    prediction = predict(identification, surface=surface)
+    printed = check_printed(case, identification)
+    spent = dict(durations or {})
+    result = build_result(case, surface, identification, comparison, prediction, printed, spent)
+    write_atomic(place / "result.json", result_text(result))
+    drawings = draw_all(case, surface, identification, prediction)
+    spent["report"] = time.perf_counter() - started
+    provenance = collect_provenance(case, surface, spent, command)
+    page = render_page(case, surface, identification, comparison, prediction, printed, drawings, provenance)
+    write_atomic(place / "report.html", page)
+    write_notebook(
+        place / "notebook.ipynb",
+        case,
+        mean=describe_mean(surface) is not None,
+        held_out=bool(prediction.held_out),
+    )

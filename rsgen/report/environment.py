@@ -1,0 +1,83 @@
+"""The template environment: everything from a file is text, and a missing value is an error."""
+
+from __future__ import annotations
+
+import unicodedata
+from functools import cache
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup, escape
+
+from rsgen.errors import RsgenError
+
+__all__ = ["page_environment", "plain_text", "templates_folder", "verbatim"]
+
+_MOST_CHARACTERS = 2000
+_CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
+
+
+@cache
+def templates_folder() -> Path:
+    """Find the templates: inside the wheel, or beside the package in an editable install.
+
+    Raises
+    ------
+    RsgenError
+        Neither place has them: the installation is damaged.
+    """
+    package = Path(__file__).resolve().parent.parent
+    for folder in (package / "templates", package.parent / "templates"):
+        if (folder / "report").is_dir():
+            return folder
+    raise RsgenError("templates: not found in the package or beside it; install rsgen again")
+
+
+def plain_text(text: str, most: int = _MOST_CHARACTERS, keep: str = "") -> str:
+    r"""Make invisible characters visible: controls, direction marks, lone surrogates become escapes.
+
+    Parameters
+    ----------
+    most
+        Longer texts are cut, and say so.
+    keep
+        Characters to leave as they are, such as line ends.
+
+    Examples
+    --------
+    >>> plain_text("a\x1b[2Jb"), plain_text("\u202egpj.exe")
+    ('a\\x1b[2Jb', '\\u202egpj.exe')
+    """
+    if len(text) > most:
+        text = f"{text[:most]}… ({len(text)} characters)"
+    return "".join(
+        character
+        if character in keep or unicodedata.category(character) not in _CATEGORIES
+        else character.encode("unicode_escape").decode("ascii")
+        for character in text
+    )
+
+
+def verbatim(text: str) -> Markup:
+    """Give a text of several lines for a ``<pre>`` block: escaped, line ends and tabs kept."""
+    return Markup(escape(plain_text(text.replace("\r\n", "\n"), most=200_000, keep="\n\t")))  # noqa: S704 - escaped
+
+
+def _finalize(value: object) -> object:
+    return plain_text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+@cache
+def page_environment() -> jinja2.Environment:
+    """Give the environment of the HTML pages: autoescape on, undefined names are errors."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(templates_folder()),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        finalize=_finalize,
+    )
+    environment.filters["verbatim"] = verbatim
+    return environment

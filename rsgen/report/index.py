@@ -1,0 +1,169 @@
+"""index.html and table1.md: every case of a folder, true against identified."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from markupsafe import Markup
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.figures import draw_thumbnail, quantity_text
+from rsgen.output import write_atomic
+from rsgen.report.environment import page_environment, plain_text
+from rsgen.report.inline import inline_svg
+from rsgen.report.result import SCHEMA
+from rsgen.report.tables import error_text
+from rsgen.surface import load_surface
+
+__all__ = ["read_results", "table_of_results", "write_index"]
+
+_MOST_BYTES = 50_000_000
+_FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
+_MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A finished case: its folder and its result.json."""
+
+    folder: Path
+    result: dict[str, Any]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return [*self.result["parameters"], *self.result.get("forces", [])]
+
+    @property
+    def status(self) -> str:
+        """Give "passed" or "missed" where something was judged, else "identified"."""
+        if not any(row.get("tolerance") is not None for row in self.rows):
+            return "identified"
+        return "passed" if self.result["passed"] else "missed"
+
+
+def read_results(folder: Path) -> list[_Entry]:
+    """Read every ``<folder>/<case>/result.json`` of this schema, sorted by case; others are left out."""
+    entries = []
+    for path in sorted(folder.glob("*/result.json")):
+        if path.parent.name.startswith(".") or path.stat().st_size > _MOST_BYTES:
+            continue
+        try:
+            result = json.loads(path.read_text(encoding="utf-8"))
+            entry = _Entry(path.parent, result)
+            if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.status:
+                entries.append(entry)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            continue
+    return entries
+
+
+def _thumbnail(entry: _Entry, number: int) -> Markup | None:
+    try:
+        surface = load_surface(entry.folder / "surface.h5")
+    except RsgenError:
+        return None
+    return inline_svg(draw_thumbnail(surface, name=f"thumbnail-{number}"))
+
+
+def _quantity(row: dict[str, Any]) -> str:
+    return "–" if row["true"] is None else quantity_text(float(row["true"]), str(row["unit"]), 6)
+
+
+def _refined(row: dict[str, Any]) -> str:
+    value = row["refined"]["value"] if row["refined"] else None
+    return "–" if value is None else quantity_text(float(value), str(row["unit"]), 6)
+
+
+def _context(entry: _Entry, number: int) -> dict[str, Any]:
+    points = entry.result["surface"]
+    return {
+        "name": entry.folder.name,
+        "title": entry.result["title"],
+        "link": f"{quote(entry.folder.name)}/report.html",
+        "status": entry.status,
+        "outcome": entry.result.get("outcome", ""),
+        "points": points["points"],
+        "origin": points["origin"],
+        "thumbnail": _thumbnail(entry, number),
+        "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
+        "rows": [
+            {
+                "name": _FORCE_NAMES.get(row["name"], row["name"]),
+                "true": _quantity(row),
+                "refined": _refined(row),
+                "paper": error_text(row.get("paper_error")),
+                "first_order": error_text(row.get("first_order_error")),
+                "error": error_text(row["relative_error"]),
+                "passed": row["passed"] if row["tolerance"] is not None else None,
+            }
+            for row in entry.rows
+        ],
+    }
+
+
+def _rounded(error: float | None, least: float) -> str:
+    """Print an error so that it is the same on every machine: one digit, and nothing below ``least``."""
+    if error is None or not math.isfinite(error):
+        return "–"
+    return f"< {least:.0e}".replace("e-0", "e-") if error < least else f"{error:.0e}".replace("e-0", "e-")
+
+
+def table_of_results(entries: list[_Entry]) -> str:
+    """Give Table 1 as markdown; errors relative, to one digit, so that a change in git is a change indeed."""
+    lines = [
+        "# Table 1: true against identified",
+        "",
+        "Relative errors of the three estimates, to one digit; written by `make reports`.",
+        "",
+        "| system | parameter | true | paper | first order | refined | tolerance | verdict |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for entry in entries:
+        name = plain_text(entry.folder.name, 80).translate(_MARKDOWN)
+        for row in entry.rows:
+            known = row["tolerance"] is not None
+            tolerance = float(row["tolerance"]) if known else None
+            verdict = "–" if not known else "passed" if row["passed"] else "**missed**"
+            parameter = plain_text(_FORCE_NAMES.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
+            cells = (
+                name,
+                parameter,
+                _quantity(row).replace("\u202f", " "),
+                _rounded(row.get("paper_error"), 1e-4),
+                _rounded(row.get("first_order_error"), 1e-4),
+                _rounded(row["relative_error"], 1e-5),
+                "–" if tolerance is None else f"{tolerance:g}",
+                verdict,
+            )
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def write_index(folder: Path | str) -> None:
+    """Write index.html and table1.md over every result in a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the results lie, one folder a case; folders without a readable result.json are left out.
+
+    Raises
+    ------
+    RsgenError
+        A file cannot be written.
+    """
+    place = Path(folder)
+    entries = read_results(place)
+    contexts = [_context(entry, number) for number, entry in enumerate(entries)]
+    page = page_environment().get_template("index/index.html")
+    counts = {
+        status: sum(c["status"] == status for c in contexts) for status in ("passed", "missed", "identified")
+    }
+    write_atomic(place / "index.html", page.render(cases=contexts, counts=counts, version=rsgen.__version__))
+    write_atomic(place / "table1.md", table_of_results(entries))

@@ -1,0 +1,43 @@
+"""Figures inside a page: SVG that takes its colours from the page and clashes with no other figure."""
+
+from __future__ import annotations
+
+import re
+
+from markupsafe import Markup, escape
+
+from rsgen.figures import Drawing
+
+__all__ = ["inline_svg"]
+
+# the neutral colours of the style file become variables of the page, so that dark pages have dark figures
+_COLOURS = {
+    "#1b1c1e": "var(--ink)",
+    "#fdfcfa": "var(--sheet)",
+    "#6c6e70": "var(--dim)",
+    "#dddcda": "var(--line)",
+}
+
+
+def inline_svg(drawing: Drawing) -> Markup:
+    """Give the figure as one ``<svg>`` element: own ids, no fixed size, named by its alternative text."""
+    text = drawing.render("svg").decode("utf-8")
+    text = text[text.index("<svg") :]
+    # a style sheet inside an inline SVG would act on the whole page; the page has these rules for figures
+    text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r' (?:xmlns(?::xlink)?|version)="[^"]*"', "", text)
+    text = text.replace("xlink:href=", "href=")
+    prefix = f"{drawing.name}-"
+    text = re.sub(r'\bid="', f'id="{prefix}', text)
+    text = re.sub(r'href="#', f'href="#{prefix}', text)
+    text = text.replace("url(#", f"url(#{prefix}")
+    for colour, variable in _COLOURS.items():
+        text = text.replace(colour, variable)
+    size = re.search(r'<svg width="([0-9.]+)pt" height="([0-9.]+)pt"', text)
+    if size is None:  # pragma: no cover - matplotlib has written this for twenty years
+        raise ValueError("matplotlib wrote an SVG without size")
+    named = f'<svg class="drawing" role="img" aria-label="{escape(drawing.alternative)}"'
+    text = text.replace(size[0], named, 1)
+    text = re.sub(r">\s+<", ">\n<", text)
+    return Markup(text)  # noqa: S704 - written by matplotlib, which escapes text; the label is escaped here

@@ -1,0 +1,110 @@
+"""What the numbers mean, in sentences: one for each spring and damper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from rsgen.describing import derive
+from rsgen.element import Element
+from rsgen.figures import number_text, quantity_text
+from rsgen.identification import Identification
+from rsgen.surface import ResponseSurface
+
+__all__ = ["describe_element", "describe_elements", "describe_mean"]
+
+_LEAST_CHANGE = 5e-4
+"""Relative change below which an equivalent property counts as constant: a line width in the figures."""
+
+
+def _percent(change: float) -> str:
+    return f"{number_text(100 * abs(change), 2)} %"
+
+
+def _course(kind: str, first: float, last: float, unit: str, low: str, high: str) -> str:
+    change = last / first - 1 if first else float("inf")
+    if abs(change) < _LEAST_CHANGE:
+        return f"linear: {kind} stays at {quantity_text(first, unit)} from {low} to {high}"
+    if kind == "stiffness":
+        word = "hardening" if change > 0 else "softening"
+    else:
+        word = "damping grows with amplitude" if change > 0 else "friction-like, damping falls with amplitude"
+    if not np.isfinite(change):
+        return f"{word}: {kind} comes up from zero to {quantity_text(last, unit)} at {high}"
+    if abs(change) < 3:
+        verb = "rises" if change > 0 else "falls"
+        return (
+            f"{word}: {kind} {verb} by {_percent(change)}, from {quantity_text(first, unit, 3)} at {low} to "
+            f"{quantity_text(last, unit, 3)} at {high}"
+        )
+    return (
+        f"{word}: {kind} goes from {quantity_text(first, unit, 3)} at {low} to "
+        f"{quantity_text(last, unit, 3)} "
+        f"at {high}, {number_text(last / first, 2)} times as much"
+    )
+
+
+def describe_element(element: Element, identification: Identification) -> str:
+    """Say in a sentence what an identified spring or damper does over the tested amplitudes.
+
+    Parameters
+    ----------
+    element
+        One of the model's elements.
+    identification
+        Gives the values and the tested range; parameters that the test does not tell are named.
+    """
+    values = {name: identification.values[name] for name in element.parameters}
+    unknown = [name for name, value in values.items() if not np.isfinite(value)]
+    if unknown:
+        return f"not told by this test: {', '.join(unknown)}"
+    low, high = identification.amplitude_range
+    middle = 2 * np.pi * sum(identification.frequency_range) / 2
+    result = derive(element).evaluate(np.array([low, high]), np.array([middle, middle]), values)
+    stiffness, damping, mean = (
+        np.broadcast_to(np.asarray(part, dtype=float), (2,))
+        for part in (result.stiffness, result.damping, result.mean)
+    )
+    places = (quantity_text(low, "m", 2), quantity_text(high, "m", 2))
+    words = []
+    # an element has a share in stiffness or damping when it is not round-off beside the whole
+    whole = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
+    if np.abs(stiffness).max() > 1e-9 * whole:
+        words.append(_course("stiffness", float(stiffness[0]), float(stiffness[1]), "N/m", *places))
+    if np.abs(damping).max() * middle > 1e-9 * whole:
+        words.append(_course("damping", float(damping[0]), float(damping[1]), "N*s/m", *places))
+    if abs(mean[1]) > 1e-6 * high:
+        words.append(
+            f"it pushes the mean to {quantity_text(float(mean[1]), 'm', 2)} at {places[1]}, "
+            f"{_percent(float(mean[1]) / high)} of the amplitude"
+        )
+    return "; ".join(words) if words else "no force over the tested amplitudes"
+
+
+def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
+    """Give the sentence of every element by its name."""
+    return {element.name: describe_element(element, identification) for element in elements}
+
+
+def describe_mean(surface: ResponseSurface) -> str | None:
+    """Say what the two peaks tell about a law with a mean; None where the mean is negligible.
+
+    With light damping the energy at the two turning points is the same: for a bilinear spring
+    k6 Xp^2 = k7 Xn^2 (METHOD.md 2, from Liu et al., Sec. 2.5).
+    """
+    settled = np.flatnonzero(surface.settled)
+    if not settled.size:
+        return None
+    i = int(settled[np.argmax(surface.amplitude[settled])])
+    mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
+    if abs(mean) < 1e-3 * amplitude or not np.isfinite(surface.peak[i]).all():
+        return None
+    high, low = (abs(float(value)) for value in surface.peak[i])
+    return (
+        f"At the largest response the displacement swings from {quantity_text(-low, 'm', 3)} to "
+        f"{quantity_text(high, 'm', 3)} about a mean of {quantity_text(mean, 'm', 3)}. The energy at the two "
+        "turning points is the same when damping is light, so the stiffness on the positive side is about "
+        f"(negative peak / positive peak)² = {number_text((low / high) ** 2, 3)} times that on the "
+        "negative side."
+    )

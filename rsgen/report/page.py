@@ -1,0 +1,180 @@
+"""report.html: one file that reads like a chapter, verdict first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+import rsgen
+from rsgen.case import Case
+from rsgen.comparison import Comparison
+from rsgen.describing import derive
+from rsgen.element import Element
+from rsgen.expression import parse
+from rsgen.figures import Drawing, number_text, quantity_text
+from rsgen.identification import Identification
+from rsgen.notation import mathml
+from rsgen.prediction import Prediction
+from rsgen.report.environment import page_environment
+from rsgen.report.inline import inline_svg
+from rsgen.report.interpretation import describe_elements, describe_mean
+from rsgen.report.printed import PrintedFormula
+from rsgen.report.tables import (
+    error_text,
+    estimate_table,
+    held_out_table,
+    ranking_table,
+    resonance_table,
+    verdict_table,
+)
+from rsgen.surface import ResponseSurface
+
+__all__ = ["render_page", "verdict_sentence"]
+
+_CONTENTS = (
+    ("verdict", "Result"),
+    ("response-surface", "Response surface"),
+    ("equivalent", "Stiffness and damping"),
+    ("prediction", "Prediction"),
+    ("laws", "Describing functions"),
+    ("method", "Method"),
+    ("warnings", "Warnings"),
+    ("provenance", "Provenance"),
+)
+
+
+def _formula(expression: Any, display: bool = False) -> Markup:
+    return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
+
+
+def verdict_sentence(comparison: Comparison) -> str:
+    """Say in one line whether the case is accepted."""
+    judged = [row for row in comparison.rows if row.tolerance is not None]
+    if not judged:
+        told = sum(row.refined.told for row in comparison.rows)
+        return f"Identified: {told} of {len(comparison.rows)} values, nothing to compare with"
+    missed = [row.name for row in judged if not row.passed]
+    if missed:
+        return f"Not accepted: {', '.join(missed)} outside the tolerance"
+    worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
+    return f"Accepted: all {len(judged)} values within tolerance, largest error {error_text(worst)}"
+
+
+def _surface_sentence(surface: ResponseSurface) -> str:
+    settled = int(np.count_nonzero(surface.settled))
+    made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
+    lowest, highest = (quantity_text(float(f(surface.level)), "N") for f in (np.min, np.max))
+    text = (
+        f"{len(surface)} test points were {made}: {len(surface.levels)} levels from {lowest} to {highest}, "
+        f"{number_text(surface.frequency.min(), 5)} to "
+        f"{number_text(surface.frequency.max(), 5)} Hz, {surface.harmonics.shape[1] - 1} "
+        f"{'harmonic' if surface.harmonics.shape[1] == 2 else 'harmonics'} kept. "
+    )
+    if settled == len(surface):
+        return text + "All of them settled."
+    return text + f"{len(surface) - settled} did not settle and are not used."
+
+
+def _proof(closed_form: bool, checked_to: float | None) -> str:
+    form = "closed form" if closed_form else "by quadrature, no closed form is known"
+    if checked_to is None or not math.isfinite(checked_to):
+        return form
+    deviation = number_text(checked_to, 2)
+    return f"{form}; checked against independent quadrature, largest relative deviation {deviation}"
+
+
+def _element(element: Element) -> dict[str, Any]:
+    function = derive(element)
+    return {
+        "name": element.name,
+        "force": _formula(element.force, display=True),
+        "stiffness": _formula(function.stiffness, display=True),
+        "damping": _formula(function.damping, display=True),
+        "mean": None
+        if function.mean is None or function.mean == 0
+        else _formula(function.mean, display=True),
+        "proof": _proof(function.closed_form, function.checked_to),
+        "regimes": [_shown(regime) for regime in function.regimes],
+        "remarks": [str(remark) for remark in function.remarks],
+    }
+
+
+def _shown(value: Any) -> Any:
+    return value if isinstance(value, str) else _formula(value)
+
+
+def _drawing(drawing: Drawing) -> dict[str, Any]:
+    return {
+        "svg": inline_svg(drawing),
+        "caption": drawing.caption,
+        "alternative": drawing.alternative,
+    }
+
+
+def render_page(
+    case: Case,
+    surface: ResponseSurface,
+    identification: Identification,
+    comparison: Comparison,
+    prediction: Prediction,
+    printed: Sequence[PrintedFormula],
+    drawings: Iterable[Drawing],
+    provenance: Mapping[str, str],
+) -> str:
+    """Render the page; everything but the provenance follows from the input alone.
+
+    Parameters
+    ----------
+    printed
+        Printed formulas held against the derivation.
+    drawings
+        The figures by name; those that are missing are left out of the page.
+    provenance
+        Name and value pairs: hashes, versions, seed, command, durations.
+
+    Raises
+    ------
+    RsgenError
+        The templates are not found.
+    """
+    meaning = describe_elements(case.model.elements, identification)
+    context = {
+        "title": case.title or case.name,
+        "name": case.name,
+        "source": case.source,
+        "contents": _CONTENTS,
+        "passed": comparison.passed,
+        "verdict": verdict_sentence(comparison),
+        "outcome": identification.outcome,
+        "verdict_table": verdict_table(comparison),
+        "meaning": list(meaning.items()),
+        "mean_sentence": describe_mean(surface),
+        "warnings": [*case.warnings, *identification.warnings],
+        "surface_sentence": _surface_sentence(surface),
+        "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
+        "prediction_remarks": prediction.remarks,
+        "held_out_table": held_out_table(prediction),
+        "elements": [_element(element) for element in case.model.elements],
+        "printed": [
+            {
+                "what": formula.what,
+                "agrees": formula.agrees,
+                "formula": _formula(formula.formula, display=True),
+                "sentences": formula.sentences,
+            }
+            for formula in printed
+        ],
+        "motion_formula": _formula(parse("X0 + X*sin(phi)")),
+        "balance_formula": _formula(parse("k - m*omega**2")),
+        "estimates_table": estimate_table(identification),
+        "resonance_table": resonance_table(identification),
+        "ranking_table": ranking_table(identification),
+        "provenance": list(provenance.items()),
+        "case_text": case.text,
+        "version": rsgen.__version__,
+    }
+    return page_environment().get_template("report/report.html").render(context)

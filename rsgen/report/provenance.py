@@ -1,0 +1,72 @@
+"""Where a result comes from: inputs, versions, command, machine, durations."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+
+import rsgen
+from rsgen.case import Case
+from rsgen.simulation import SimulatedTest
+from rsgen.surface import ResponseSurface
+
+__all__ = ["collect_provenance"]
+
+_PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py")
+
+
+def _versions() -> str:
+    found = [f"rsgen {rsgen.__version__}", f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(found)
+
+
+def _test(case: Case) -> dict[str, str]:
+    if not isinstance(case.test, SimulatedTest):
+        return {
+            "Measured file": case.test.file.name,
+            "SHA-256 of the measured file": case.test.sha256 or "not fixed by the case",
+        }
+    noise = (
+        f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
+        if case.test.noise_relative
+        else "none"
+    )
+    return {
+        "Simulation": f"{case.test.method}, {case.test.control} control, sweep {case.test.sweep}, "
+        f"accuracy {case.test.accuracy:g}",
+        "Noise": noise,
+    }
+
+
+def collect_provenance(
+    case: Case, surface: ResponseSurface, durations: Mapping[str, float], command: Sequence[str]
+) -> dict[str, str]:
+    """Give name and value pairs for the last section of the page.
+
+    Parameters
+    ----------
+    durations
+        Seconds by stage.
+    command
+        What was called; empty where rsgen was used from Python.
+    """
+    entries = {
+        "Case file": case.path.name,
+        "SHA-256 of the case": case.sha256,
+        "Surface": f"{surface.origin}, {len(surface)} points",
+        **_test(case),
+        "Versions": _versions(),
+        "Machine": f"{platform.system()} {platform.machine()}, {platform.python_implementation()}",
+        "Command": " ".join(command) or "called from Python",
+        "Written": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    }
+    if durations:
+        entries["Durations"] = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in durations.items())
+    return entries

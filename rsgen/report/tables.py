@@ -1,0 +1,229 @@
+"""The tables of a page: cells of text with a unit, made for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rsgen.comparison import FORCE_KEYS, Comparison, Row
+from rsgen.figures import choose_scale, number_text, quantity_text, unit_text
+from rsgen.identification import Estimate, Identification
+from rsgen.prediction import Prediction
+
+__all__ = [
+    "Cell",
+    "Table",
+    "TableRow",
+    "error_text",
+    "estimate_table",
+    "held_out_table",
+    "ranking_table",
+    "resonance_table",
+    "verdict_table",
+]
+
+_FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
+_SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A text and, below it in small print, a note."""
+
+    text: str
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """A heading and its cells; ``passed`` adds a verdict where it is not None."""
+
+    cells: tuple[str | Cell, ...]
+    passed: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Caption, column headings, rows; the first cell of a row is its heading."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[TableRow, ...]
+
+
+def error_text(error: float | None, digits: int = 2) -> str:
+    """Print a relative error in per cent.
+
+    Examples
+    --------
+    >>> error_text(0.0026), error_text(None)
+    ('0.26 %', '–')
+    """
+    return "–" if error is None or not math.isfinite(error) else f"{number_text(100 * error, digits)} %"
+
+
+def _digits(estimate: Estimate) -> int:
+    """As many digits as the interval leaves meaning to, between 4 and 8."""
+    low, high = estimate.interval
+    half = (high - low) / 2
+    if not (math.isfinite(half) and half > 0 and math.isfinite(estimate.value) and estimate.value):
+        return 6
+    return min(max(math.ceil(math.log10(abs(estimate.value) / half)) + 2, 4), 8)
+
+
+def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False) -> Cell:
+    if estimate is None or not math.isfinite(estimate.value):
+        return Cell("–", "" if estimate is None else estimate.remark)
+    text = quantity_text(estimate.value, unit, _digits(estimate) if interval else 4)
+    half = (estimate.interval[1] - estimate.interval[0]) / 2
+    if not interval or not math.isfinite(half):
+        return Cell(text, estimate.remark)
+    scale = choose_scale([estimate.value], unit)
+    note = f"± {number_text(half / scale.factor, 2)} {scale.unit}".rstrip()
+    return Cell(text, f"{note}; {estimate.remark}" if estimate.remark else note)
+
+
+def verdict_table(comparison: Comparison) -> Table:
+    """Hold every estimate against the truth; without truth, show the estimates with their intervals."""
+    known = any(math.isfinite(row.true) for row in comparison.rows)
+    judged = any(row.tolerance is not None for row in comparison.rows)
+    columns = ["Parameter", *(["True"] if known else []), "Paper", "First order", "Refined, 95 % interval"]
+    columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
+    columns += ["Tolerance", "Verdict"] if judged else []
+    rows = tuple(_verdict_row(row, known, judged) for row in comparison.rows)
+    caption = "True against identified values" if known else "Identified values; no truth is known"
+    return Table(caption, tuple(columns), rows)
+
+
+def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
+    cells: list[str | Cell] = [_FORCE_NAMES.get(row.name, row.name)]
+    if known:
+        note = "largest over the tested range" if row.name in FORCE_KEYS else ""
+        cells.append(Cell(quantity_text(row.true, row.unit, 6) if math.isfinite(row.true) else "–", note))
+    cells += [
+        _estimate_cell(row.paper, row.unit),
+        _estimate_cell(row.first_order, row.unit),
+        _estimate_cell(row.refined, row.unit, interval=True),
+    ]
+    if known:
+        cells += [Cell(error_text(row.relative_error)), Cell(error_text(row.first_order_error))]
+    else:
+        relative = row.refined.standard_error / abs(row.refined.value) if row.refined.value else math.nan
+        cells.append(Cell(error_text(relative)))
+    if judged:
+        cells.append(Cell(error_text(row.tolerance, 1)))
+    return TableRow(tuple(cells), row.passed if judged else None)
+
+
+def estimate_table(identification: Identification) -> Table:
+    """Give every estimate with unit, standard error and the predicted first-order bias."""
+    first = {
+        e.name: (e, b)
+        for e, b in zip(identification.first_order, identification.first_order_bias, strict=False)
+    }
+    paper = {estimate.name: estimate for estimate in identification.paper}
+    rows = []
+    for refined in identification.refined:
+        estimate, bias = first.get(refined.name, (None, math.nan))
+        rows.append(
+            TableRow(
+                (
+                    refined.name,
+                    Cell(unit_text(refined.unit) or "–"),
+                    _estimate_cell(paper.get(refined.name), ""),
+                    _estimate_cell(estimate, "", interval=True),
+                    Cell(number_text(bias, 2) if math.isfinite(bias) else "–"),
+                    _estimate_cell(refined, "", interval=True),
+                    Cell(number_text(refined.standard_error, 2)),
+                )
+            )
+        )
+    columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
+    return Table("All estimates in SI units, with 95 % intervals", columns, tuple(rows))
+
+
+def resonance_table(identification: Identification) -> Table:
+    """Give the resonance of every level and sweep."""
+    points = identification.resonances
+    amplitude = choose_scale([point.amplitude for point in points], "m")
+    stiffness = choose_scale([point.stiffness for point in points], "N/m")
+    damping = choose_scale([point.damping for point in points], "N*s/m")
+    rows = tuple(
+        TableRow(
+            (
+                quantity_text(point.level, "N"),
+                Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
+                Cell(number_text(point.frequency, 6)),
+                Cell(number_text(100 * point.damping_ratio, 4)),
+                Cell(number_text(point.amplitude / amplitude.factor)),
+                Cell(number_text(point.stiffness / stiffness.factor, 5)),
+                Cell(number_text(point.damping / damping.factor)),
+            )
+        )
+        for point in points
+    )
+    columns = (
+        "Level",
+        "Sweep",
+        "Frequency [Hz]",
+        "Damping ratio [%]",
+        amplitude.label("X"),
+        stiffness.label("k(X)"),
+        damping.label("c(X)"),
+    )
+    return Table("Resonance of each level", columns, rows)
+
+
+def held_out_table(prediction: Prediction) -> Table | None:
+    """Score the held-out levels; None where there are none."""
+    if not prediction.held_out:
+        return None
+    rows = tuple(
+        TableRow(
+            (
+                quantity_text(item.level, "N"),
+                Cell(_SWEEPS.get(item.sweep, item.sweep)),
+                Cell(str(len(item.frequency))),
+                Cell(error_text(item.error)),
+                Cell(error_text(item.largest_error)),
+                Cell(str(item.missing)),
+            )
+        )
+        for item in prediction.held_out
+    )
+    columns = (
+        "Level",
+        "Sweep",
+        "Points",
+        "Error, root mean square",
+        "Largest error",
+        "Points without prediction",
+    )
+    return Table("Levels that identification has not seen", columns, rows)
+
+
+def ranking_table(identification: Identification) -> Table | None:
+    """List the laws compared; None where none were."""
+    if not identification.ranking:
+        return None
+    rows = tuple(
+        TableRow(
+            (
+                candidate.name,
+                Cell(candidate.force),
+                Cell(error_text(candidate.held_out_error)),
+                Cell(number_text(candidate.bic, 5)),
+                Cell("ties with the best" if candidate.tied else "worse"),
+            )
+        )
+        for candidate in identification.ranking
+    )
+    return Table(
+        "Candidate laws, best first", ("Law", "Force", "Error on unseen points", "BIC", "Verdict"), rows
+    )
+
+
+def facts(entries: Mapping[str, object]) -> Sequence[tuple[str, str]]:
+    """Give name and value pairs as text."""
+    return [(name, str(value)) for name, value in entries.items()]
