@@ -1,0 +1,54 @@
+"""SymPy expressions as numpy functions: own names for arguments, Max, Min and Bessel functions included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from sympy.printing.numpy import SciPyPrinter
+
+__all__ = ["Numeric", "compiled"]
+
+Numeric = Callable[..., tuple[NDArray[np.float64], ...]]
+
+
+def _printer() -> Any:
+    """Make a printer that writes Max and Min pairwise, so that scalars and arrays may meet."""
+    printer = SciPyPrinter(
+        {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": False}
+    )
+
+    def nested(name: str, arguments: tuple[sympy.Expr, ...]) -> str:
+        text: str = printer._print(arguments[0])
+        for argument in arguments[1:]:
+            text = f"{printer._module_format('numpy.' + name)}({text}, {printer._print(argument)})"
+        return text
+
+    # SymPy finds the way to print a class by these names
+    printer._print_Max = lambda expr: nested("maximum", expr.args)
+    printer._print_Min = lambda expr: nested("minimum", expr.args)
+    printer._print_Heaviside = lambda expr: nested("heaviside", (expr.args[0], sympy.Rational(1, 2)))
+    return printer
+
+
+@lru_cache(maxsize=512)
+def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol, ...]) -> Numeric:
+    """Compile expressions of some symbols into one vectorised function of as many arrays.
+
+    Infinite and undefined values come back as inf and nan, without warnings.
+    """
+    names = {argument: sympy.Symbol(f"p{place}", real=True) for place, argument in enumerate(arguments)}
+    own = [expression.xreplace(names) for expression in expressions]
+    function: Any = sympy.lambdify(
+        list(names.values()), own, modules=["scipy", "numpy"], printer=_printer(), cse=True
+    )
+
+    def evaluate(*values: Any) -> tuple[NDArray[np.float64], ...]:
+        with np.errstate(all="ignore"):
+            return tuple(np.asarray(value, dtype=np.float64) for value in function(*values))
+
+    return evaluate

@@ -1,0 +1,280 @@
+"""From a law to its describing function: what is closed, what is not, and whether it is true."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy
+
+from rsgen.describing.closed import ClosedPart, close
+from rsgen.describing.function import DescribingFunction
+from rsgen.describing.limits import Limit, limit_at_infinity, limit_at_zero
+from rsgen.describing.mean import closed_mean
+from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
+from rsgen.describing.regimes import Reading, read
+from rsgen.element import Element, NormalForm, make_element, normal_form
+from rsgen.errors import ExpressionError
+from rsgen.expression import symbol
+
+__all__ = ["derive"]
+
+X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
+STATE_X, STATE_V = symbol("x"), symbol("v")
+
+ZERO_MEAN = 1e-12
+"""Mean forces below this share of the mean absolute force, on all random cycles, are zero by symmetry."""
+
+
+def derive(law: str | Element | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
+    """Derive the describing function of a force law, with its proof.
+
+    Parameters
+    ----------
+    law
+        The force [N] in x and v: text, an element, or an expression.
+    assume
+        What may be taken for granted, each as ``"b > 0"``. Parameters whose sign decides the form (a gap, the
+        slope of a saturation) are taken as positive anyway, and ``positive`` says which.
+
+    Raises
+    ------
+    ExpressionError
+        The law is no formula, not real, not defined everywhere, or so singular that it has no fundamental;
+        an assumption is not of the form ``name > 0`` or names no parameter.
+
+    Examples
+    --------
+    >>> derive("k*x + k3*x**3").stiffness
+    3*X**2*k3/4 + k
+    >>> derive("Ff*sign(v)").damping
+    4*Ff/(pi*X*omega)
+    """
+    element = law if isinstance(law, Element) else make_element("law", law)
+    known = frozenset(_assumed(text, element) for text in assume)
+    return _derive(element.force, element.parameters, known)
+
+
+def _assumed(text: str, element: Element) -> str:
+    left, sign, right = text.partition(">")
+    name = left.strip()
+    if sign != ">" or right.removeprefix("=").strip() not in ("0", "0.0") or name not in element.parameters:
+        raise ExpressionError(
+            f"assumption {text!r}: must be 'name > 0' with a parameter of the law: "
+            f"{', '.join(element.parameters) or 'it has none'}"
+        )
+    return name
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """A law with the symbols of its positive parameters known as positive."""
+
+    force: sympy.Expr
+    form: NormalForm
+    parameters: tuple[sympy.Symbol, ...]
+
+
+def _signed(force: sympy.Expr, names: tuple[str, ...], positive: frozenset[str]) -> _Law:
+    symbols = tuple(sympy.Symbol(n, positive=True) if n in positive else symbol(n) for n in names)
+    force = force.xreplace(dict(zip(map(symbol, names), symbols, strict=True)))
+    return _Law(force, normal_form(force), symbols)
+
+
+def _decisive(force: sympy.Expr, form: NormalForm) -> set[str]:
+    """Name the parameters whose sign decides how the formulas look."""
+    found: set[sympy.Symbol] = set()
+    expressions = [piece.term for piece in form.pieces]
+    thresholds = [s.threshold for s in form.switches if s.threshold is not None]
+    for expression in (*expressions, *thresholds):
+        for atom in expression.atoms(sympy.Abs, sympy.sign, sympy.Max, sympy.Min, sympy.Pow):
+            if atom.is_Pow and not atom.exp.is_Integer and atom.base is not sympy.E:
+                found |= atom.exp.free_symbols
+            if (not atom.is_Pow or not atom.exp.is_Integer) and not atom.free_symbols & {STATE_X, STATE_V}:
+                found |= atom.free_symbols
+    for level in thresholds:
+        if level.free_symbols and sympy.expand_mul(-level) in thresholds:
+            found |= level.free_symbols
+    if any(s.variable == "v" for s in form.switches):
+        # over half a cycle the moments of these need the sign of their rate
+        for wave in force.atoms(sympy.sin, sympy.cos, sympy.sinh, sympy.cosh, sympy.exp):
+            if wave.has(STATE_X) and not wave.has(STATE_V):
+                found |= wave.args[0].diff(STATE_X).free_symbols
+    return {s.name for s in found - {STATE_X, STATE_V}}
+
+
+@dataclass(frozen=True, slots=True)
+class _Closed:
+    """The closed part that passed its proof, what it leaves, and how well it agrees."""
+
+    part: ClosedPart | None
+    readings: tuple[Reading, Reading, Reading]
+    remainder: sympy.Expr
+    checked_to: float | None
+    remarks: tuple[str, ...]
+
+
+_NOTHING = (Reading(sympy.S.Zero, ()),) * 3
+
+
+def _closed_forms(law: _Law, mean: sympy.Expr, whole: Trial) -> _Closed:
+    """Find closed forms for the whole law, or else addend by addend, and prove them."""
+    part = close(law.form, mean)
+    if part is not None:
+        return _proved(part, law, whole, sympy.S.Zero)
+    addends = sympy.Add.make_args(sympy.expand_mul(law.force))
+    closed = [a for a in addends if close(normal_form(a), mean) is not None]
+    remainder = sympy.Add(*(a for a in addends if a not in closed))
+    if not closed:
+        return _Closed(None, _NOTHING, law.force, None, ())
+    rest = _Law(sympy.Add(*closed), normal_form(sympy.Add(*closed)), law.parameters)
+    part = close(rest.form, mean)
+    if part is None:
+        return _Closed(None, _NOTHING, law.force, None, ())
+    return _proved(part, rest, draw_trial(*_spread(rest), mean == 0, 7), remainder)
+
+
+def _spread(law: _Law) -> tuple[sympy.Expr, NormalForm, tuple[sympy.Symbol, ...]]:
+    return law.force, law.form, law.parameters
+
+
+def _proved(part: ClosedPart, law: _Law, trial: Trial, remainder: sympy.Expr) -> _Closed:
+    readings = (read(part, 0), read(part, 1), read(part, 2))
+    if len(trial.cycle.X) < LEAST_SETS:
+        remark = (
+            "The closed form could not be proved, since the law is hardly ever defined; quadrature instead."
+        )
+        return _Closed(None, _NOTHING, law.force + remainder, None, (remark,))
+    formulas = tuple(reading.formula for reading in readings)
+    error = max(
+        worst_error(trial, law.parameters, part, None), worst_error(trial, law.parameters, None, formulas)
+    )
+    if not error <= PROOF_TOLERANCE:
+        remark = (
+            f"The closed form differs from quadrature by {error:.1e}, more than {PROOF_TOLERANCE:g}; "
+            "it is not used, quadrature takes its place."
+        )
+        return _Closed(None, _NOTHING, law.force + remainder, None, (remark,))
+    return _Closed(part, readings, remainder, error, ())
+
+
+@lru_cache(maxsize=256)
+def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) -> DescribingFunction:
+    positive = known | _decisive(force, normal_form(force))
+    law = _signed(force, names, positive)
+    trial = draw_trial(*_spread(law), True, 1)
+    centred = _is_centred(trial)
+    mean = sympy.S.Zero if centred else X0
+    if not centred:
+        trial = draw_trial(*_spread(law), False, 2)
+    found = _closed_forms(law, mean, trial)
+    stiffness, damping, balance = (reading.formula for reading in found.readings)
+    if found.remainder != 0:
+        integrals = _integrals(found.remainder, law, mean, trial)
+        stiffness, damping, balance = stiffness + integrals[0], damping + integrals[1], balance + integrals[2]
+    solved = sympy.S.Zero if centred else closed_mean(balance)
+    plain = {s: symbol(s.name) for s in law.parameters}
+    return DescribingFunction(
+        force=force,
+        parameters=names,
+        stiffness=stiffness.xreplace(plain),
+        damping=damping.xreplace(plain),
+        mean_balance=sympy.S.Zero if centred else balance.xreplace(plain),
+        mean=None if solved is None else solved.xreplace(plain),
+        closed_form=not any(f.has(sympy.Integral) for f in (stiffness, damping, balance)),
+        checked_to=found.checked_to,
+        regimes=tuple(dict.fromkeys(c.xreplace(plain) for r in found.readings[:2] for c in r.conditions)),
+        limits=tuple(_limits(stiffness, damping, solved, plain)),
+        remarks=tuple(_remarks(law, positive, found, centred, solved, balance)),
+        positive=tuple(sorted(positive)),
+        closed=found.part,
+        remainder=found.remainder.xreplace(plain),
+    )
+
+
+def _is_centred(trial: Trial) -> bool:
+    """Tell whether the mean force is zero at zero mean, on all random cycles."""
+    mean, size = trial.reference[2], trial.size[2]
+    return bool(len(mean)) and bool(np.all(np.abs(mean) <= ZERO_MEAN * np.maximum(size, 1e-300)))
+
+
+def _integrals(
+    remainder: sympy.Expr, law: _Law, mean: sympy.Expr, trial: Trial
+) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
+    """Write what has no closed form as integrals over phi; those that vanish by symmetry as zero."""
+    moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
+    along = remainder.xreplace(moving)
+    own = draw_trial(remainder, normal_form(remainder), law.parameters, mean == 0, 3)
+    weights = (
+        (sympy.sin(PHI), 1 / (sympy.pi * X)),
+        (sympy.cos(PHI), 1 / (sympy.pi * OMEGA * X)),
+        (sympy.S.One, 1 / (2 * sympy.pi)),
+    )
+    found = []
+    for place, (weight, factor) in enumerate(weights):
+        value, size = own.reference[place], own.size[place]
+        vanishes = bool(len(value)) and bool(np.all(np.abs(value) <= ZERO_MEAN * np.maximum(size, 1e-300)))
+        integral = sympy.Integral(along * weight, (PHI, 0, 2 * sympy.pi))
+        found.append(sympy.S.Zero if vanishes else factor * integral)
+    return found[0], found[1], found[2]
+
+
+def _limits(
+    stiffness: sympy.Expr,
+    damping: sympy.Expr,
+    mean: sympy.Expr | None,
+    plain: dict[sympy.Symbol, sympy.Symbol],
+) -> Iterable[Limit]:
+    for name, formula in (("stiffness", stiffness), ("damping", damping)):
+        if formula == 0 or formula.has(X0):
+            continue
+        for place, value in ((0, limit_at_zero(formula)), (sympy.oo, limit_at_infinity(formula))):
+            if value is not None:
+                yield Limit(name, sympy.sympify(place), value.xreplace(plain))
+
+
+def _remarks(
+    law: _Law,
+    positive: frozenset[str],
+    found: _Closed,
+    centred: bool,
+    solved: sympy.Expr | None,
+    balance: sympy.Expr,
+) -> Iterable[str]:
+    yield from found.remarks
+    if positive:
+        yield (
+            f"The formulas take {', '.join(sorted(positive))} as positive; "
+            "numbers are computed for either sign."
+        )
+    if found.remainder != 0:
+        yield f"No closed form is known for {found.remainder}; quadrature split at the switching angles."
+    if centred:
+        if law.force.has(STATE_X):
+            yield "The mean force vanishes at X0 = 0, so the motion is centred: X0 = 0."
+        return
+    if not balance.has(X0):
+        yield "The mean force does not depend on X0: this law alone balances no mean; another spring must."
+    elif solved is not None and any(not power.exp.is_Integer for power in solved.atoms(sympy.Pow)):
+        yield (
+            "Of the roots of the mean balance X0 is the one that a structure with rising force reaches "
+            "from rest."
+        )
+    elif solved is None and _is_homogeneous(law):
+        yield (
+            "X0/X is a constant: the number that solves the transcendental mean balance; it depends on the "
+            "parameters and is computed where it is needed."
+        )
+    elif solved is None:
+        yield "The mean X0 solves the mean balance as a number, computed where it is needed."
+
+
+def _is_homogeneous(law: _Law) -> bool:
+    """Tell whether n(t x) = t n(x) for a law of x alone: a constant ratio X0/X solves its balance."""
+    if law.force.has(STATE_V):
+        return False
+    return all(not (s.threshold is None or not s.threshold.is_zero) for s in law.form.switches) and all(
+        sympy.expand(STATE_X * p.term.diff(STATE_X) - p.term) == 0 for p in law.form.pieces
+    )

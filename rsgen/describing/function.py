@@ -1,0 +1,195 @@
+"""What a law does to the fundamental: equivalent stiffness and damping, as formulas and as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import sympy
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.describing.closed import ClosedPart
+from rsgen.describing.limits import Limit
+from rsgen.describing.mean import solve_mean
+from rsgen.describing.quadrature import Cycle, project
+from rsgen.element import normal_form
+from rsgen.errors import RsgenError
+from rsgen.expression import symbol
+
+__all__ = ["DescribingFunction", "Equivalent"]
+
+Array = NDArray[np.float64]
+
+
+class Equivalent(NamedTuple):
+    """Equivalent stiffness [N/m], damping [N s/m] and mean [m]; arrays of the broadcast shape of X and omega.
+
+    Where a law is not defined on the whole cycle, or no mean balances it, the values are nan.
+    """
+
+    stiffness: Array
+    damping: Array
+    mean: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DescribingFunction:
+    """First-harmonic equivalents of a law on x = X0 + X sin(phi), v = omega X cos(phi).
+
+    Parameters
+    ----------
+    force
+        The law n(x, v) [N].
+    parameters
+        Names of its parameters, sorted.
+    stiffness, damping
+        k = 1/(pi X) integral n sin(phi) dphi [N/m] and c = 1/(pi omega X) integral n cos(phi) dphi [N s/m]
+        (Liu et al., Eqs. (4), (5)), in X, X0, omega and the parameters. Without X0 where the mean is zero.
+        Parts without a closed form stand as a sympy Integral over phi.
+    mean_balance
+        The mean force 1/(2 pi) integral n dphi [N]; it is zero in a steady state and so gives X0.
+    mean
+        X0 [m] as a formula in X (zero for a law that pushes both ways alike), or None where it is a number
+        that ``evaluate`` finds.
+    closed_form
+        Whether stiffness, damping and mean balance are all free of integrals.
+    checked_to
+        Largest difference between the formulas and quadrature of the law as written, relative to the mean
+        absolute force, over random parameters in all regimes; None where nothing has a closed form.
+    regimes
+        The conditions of the cases of stiffness and damping; empty where one formula holds for all X.
+    limits
+        What stiffness and damping become for X -> 0 and X -> oo, where that is known.
+    remarks
+        Sentences on the mean, on what is not closed, on what the formulas take for granted.
+    positive
+        Names of parameters that the formulas take as positive; ``evaluate`` does not.
+    closed
+        The closed part in the form that is evaluated; None where there is none.
+    remainder
+        The part of the law that is evaluated by quadrature, zero where all is closed.
+    """
+
+    force: sympy.Expr
+    parameters: tuple[str, ...]
+    stiffness: sympy.Expr
+    damping: sympy.Expr
+    mean_balance: sympy.Expr
+    mean: sympy.Expr | None
+    closed_form: bool
+    checked_to: float | None
+    regimes: tuple[sympy.Basic, ...]
+    limits: tuple[Limit, ...]
+    remarks: tuple[str, ...]
+    positive: tuple[str, ...]
+    closed: ClosedPart | None = field(repr=False)
+    remainder: sympy.Expr = field(repr=False)
+
+    def evaluate(
+        self,
+        X: ArrayLike,
+        omega: ArrayLike,
+        values: Mapping[str, float],
+        mean: ArrayLike | None = None,
+    ) -> Equivalent:
+        """Compute equivalent stiffness and damping for amplitudes and frequencies.
+
+        Parameters
+        ----------
+        X
+            Amplitudes of the fundamental [m], positive.
+        omega
+            Angular frequencies [rad/s], positive; broadcast against X.
+        values
+            A value in SI units for each parameter, of either sign.
+        mean
+            X0 [m]; None finds the mean that balances the force, on the branch next to rest.
+
+        Raises
+        ------
+        RsgenError
+            A value is missing or unknown, an amplitude or frequency not positive.
+
+        Examples
+        --------
+        >>> from rsgen.describing import derive
+        >>> derive("k*x + k3*x**3").evaluate([1.0, 2.0], 1.0, {"k": 1.0, "k3": 4.0}).stiffness
+        array([ 4., 13.])
+        """
+        sizes, speeds = np.asarray(X, dtype=np.float64), np.asarray(omega, dtype=np.float64)
+        shape = np.broadcast_shapes(sizes.shape, speeds.shape, () if mean is None else np.shape(mean))
+        if not (np.all(sizes > 0) and np.all(speeds > 0)):
+            raise RsgenError("describing function: X and omega must be positive")
+        numbers = self._numbers(values)
+        flat = np.broadcast_to(sizes, shape).ravel(), np.broadcast_to(speeds, shape).ravel()
+        if mean is not None:
+            means = np.broadcast_to(np.asarray(mean, dtype=np.float64), shape).ravel()
+        elif self.mean == 0:
+            means = np.zeros(flat[0].shape)
+        else:
+            means = self._balanced(*flat, numbers)
+        known = np.isfinite(means)
+        stiffness, damping, _ = self.harmonics(flat[0], np.where(known, means, 0.0), flat[1], numbers)
+        stiffness, damping = (
+            np.where(known, part, np.nan) if formula.has(symbol("X0")) else part
+            for part, formula in ((stiffness, self.stiffness), (damping, self.damping))
+        )
+        return Equivalent(stiffness.reshape(shape), damping.reshape(shape), means.reshape(shape))
+
+    def harmonics(self, X: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
+        """Give stiffness, damping and mean force for given means; (n,) arrays, parameters (n,) or scalars."""
+        closed, remainder = self.closed, self.remainder
+        as_assumed = all(np.all(values[name] > 0) for name in self.positive)
+        if closed is not None and not (as_assumed and (closed.mean != 0 or not np.any(mean))):
+            closed, remainder = None, self.force
+        total = [np.zeros(X.shape) for _ in range(3)]
+        if closed is not None:
+            named = {self._name(name): value for name, value in values.items()}
+            total = [np.array(part) for part in closed.evaluate(X, mean, omega, named)]
+        if remainder != 0:
+            symbols = tuple(symbol(name) for name in self.parameters)
+            fields = tuple(np.broadcast_to(values[name], X.shape) for name in self.parameters)
+            parts = project(remainder, normal_form(remainder), symbols, Cycle(X, mean, omega, fields))
+            total[0] += parts.sine / (np.pi * X)
+            total[1] += parts.cosine / (np.pi * omega * X)
+            total[2] += parts.mean / (2 * np.pi)
+        return total
+
+    def _name(self, name: str) -> sympy.Symbol:
+        """Give the symbol that stands for a parameter in the closed part."""
+        return sympy.Symbol(name, positive=True) if name in self.positive else symbol(name)
+
+    def _numbers(self, values: Mapping[str, float]) -> dict[str, Array]:
+        missing = [name for name in self.parameters if name not in values]
+        unknown = sorted(set(values) - set(self.parameters))
+        if missing or unknown:
+            raise RsgenError(
+                f"describing function: missing {', '.join(missing) or 'none'}; unknown "
+                f"{', '.join(unknown) or 'none'}; the law has {', '.join(self.parameters) or 'no parameters'}"
+            )
+        return {name: np.asarray(values[name], dtype=np.float64) for name in self.parameters}
+
+    def _balanced(self, X: Array, omega: Array, values: Mapping[str, Array]) -> Array:
+        """Find the mean of each cycle; one scan for each distinct pair of amplitude and frequency."""
+        pairs = np.stack((X, omega if self.mean_balance.has(symbol("omega")) else np.ones_like(X)))
+        unique, inverse = np.unique(pairs, axis=1, return_inverse=True)
+
+        def force(means: Array, rows: NDArray[np.intp]) -> Array:
+            return self.harmonics(unique[0, rows], means, unique[1, rows], values)[2]
+
+        zero = np.zeros(unique.shape[1])
+        parts = self.harmonics(unique[0], zero, unique[1], values)
+        size = np.abs(parts[0]) + np.abs(parts[1]) * unique[1] + np.abs(parts[2]) / unique[0]
+        return solve_mean(force, unique[0], size)[inverse.ravel()]
+
+    def _repr_latex_(self) -> str:
+        """Show the formulas in a notebook."""
+        rows = [
+            rf"k(X) &= {sympy.latex(self.stiffness)}",
+            rf"c(X) &= {sympy.latex(self.damping)}",
+        ]
+        if self.mean != 0:
+            rows.append(rf"0 &= {sympy.latex(self.mean_balance)}")
+        return r"$\displaystyle \begin{aligned} " + r" \\ ".join(rows) + r" \end{aligned}$"

@@ -1,0 +1,132 @@
+"""The mean of the motion: X0 such that the mean force over a cycle is zero, in closed form or as a number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.expression import symbol
+
+__all__ = ["closed_mean", "solve_mean"]
+
+X0 = symbol("X0")
+
+Array = NDArray[np.float64]
+Balance = Callable[[Array, NDArray[np.intp]], Array]
+"""Mean force at trial means (m,) for the cycles with these numbers (m,)."""
+
+SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64, 24)))
+"""Trial means, in multiples of the amplitude; the change of sign nearest to rest counts."""
+
+STEPS = 80
+
+
+def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
+    """Solve a mean balance that is linear or quadratic in X0 and has no cases.
+
+    Of the two roots of a quadratic the one is given that vanishes with the constant part, where the linear
+    stiffness is positive: the one that a structure reaches from rest.
+    """
+    if balance.has(sympy.Piecewise, sympy.Integral) or not balance.is_polynomial(X0):
+        return None
+    coefficients = sympy.Poly(balance, X0).all_coeffs()
+    if len(coefficients) == 2:
+        slope, constant = coefficients
+        return sympy.factor_terms(sympy.expand(-constant / slope))
+    if len(coefficients) == 3:
+        bend, slope, constant = coefficients
+        if slope.is_zero:
+            return None
+        return (-slope + sympy.sqrt(slope**2 - 4 * bend * constant)) / (2 * bend)
+    return None
+
+
+def solve_mean(balance: Balance, X: Array, stiffness: Array) -> Array:
+    """Find the mean of every cycle: the nearest one to rest at which the mean force passes through zero.
+
+    Parameters
+    ----------
+    balance
+        Mean force for trial means; rising with the mean where the structure is stable.
+    X
+        (n,) amplitudes [m].
+    stiffness
+        (n,) any force per length of the right size [N/m]: mean forces below 1e-14 of it times X are zero.
+
+    Returns
+    -------
+    (n,) means [m]; nan where the mean force does not pass through zero.
+    """
+    n = len(X)
+    everyone = np.arange(n)
+    floor = 1e-14 * np.abs(stiffness) * X
+    at_rest = balance(np.zeros(n), everyone)
+    result = np.where(np.abs(at_rest) <= floor, 0.0, np.nan)
+    open_ = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
+    if not len(open_):
+        return result
+    trials = SCAN * X[open_, None]
+    rows = np.repeat(open_, len(SCAN))
+    forces = balance(trials.ravel(), rows).reshape(trials.shape)
+    zeroed = np.where(np.abs(forces) <= floor[open_, None], 0.0, forces)
+    low, high, found = _nearest_rise(trials, zeroed)
+    rows, low, high = open_[found], low[found], high[found]
+    result[rows] = _refine(balance, rows, low, high, floor[rows])
+    return result
+
+
+def _nearest_rise(trials: Array, forces: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Find the interval nearest to zero on which the force rises through zero (or reaches it)."""
+    left, right = forces[:, :-1], forces[:, 1:]
+    with np.errstate(invalid="ignore"):
+        rising = ((left < 0) & (right >= 0)) | ((left <= 0) & (right > 0))
+    distance = np.where(rising, np.abs(trials[:, :-1] + trials[:, 1:]), np.inf)
+    place = np.argmin(distance, axis=1)
+    rows = np.arange(len(trials))
+    return trials[rows, place], trials[rows, place + 1], rising[rows, place]
+
+
+def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, floor: Array) -> Array:
+    """Narrow brackets by Ridders' method; where the force is zero on the low side, halve to its edge."""
+    below, above = balance(low, rows), balance(high, rows)
+    best = np.where(above <= floor, high, low)
+    active = np.flatnonzero((np.abs(below) > floor) & (above > floor))
+    edges = np.flatnonzero((np.abs(below) <= floor) & (above > floor))
+    best[edges] = _edge(balance, rows[edges], low[edges], high[edges], floor[edges])
+    for _ in range(STEPS):
+        if not len(active):
+            break
+        a, b, fa, fb = low[active], high[active], below[active], above[active]
+        middle = (a + b) / 2
+        fm = balance(middle, rows[active])
+        with np.errstate(all="ignore"):
+            point = middle + (middle - a) * -fm / np.sqrt(fm * fm - fa * fb)
+        point = np.where((point > a) & (point < b), point, middle)
+        fp = balance(point, rows[active])
+        # of the four points the two neighbours between which the force rises
+        first = np.minimum(middle, point), np.where(middle <= point, fm, fp)
+        second = np.maximum(middle, point), np.where(middle <= point, fp, fm)
+        low[active] = np.where(second[1] < 0, second[0], np.where(first[1] < 0, first[0], a))
+        below[active] = np.where(second[1] < 0, second[1], np.where(first[1] < 0, first[1], fa))
+        high[active] = np.where(second[1] < 0, b, np.where(first[1] < 0, second[0], first[0]))
+        above[active] = np.where(second[1] < 0, fb, np.where(first[1] < 0, second[1], first[1]))
+        best[active] = point
+        width = high[active] - low[active]
+        scale = np.maximum(np.abs(low[active]), np.abs(high[active]))
+        done = (width <= 4e-16 * scale) | (np.abs(fp) <= 0.01 * floor[active]) | ~np.isfinite(fp)
+        active = active[~done]
+    return best
+
+
+def _edge(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, floor: Array) -> Array:
+    """Find where a force that is zero up to some mean begins to rise."""
+    if not len(rows):
+        return low
+    for _ in range(54):
+        middle = (low + high) / 2
+        up = balance(middle, rows) > floor
+        low, high = np.where(up, low, middle), np.where(up, middle, high)
+    return low

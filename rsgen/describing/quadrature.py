@@ -1,0 +1,248 @@
+"""Projections of a law on a cycle by adaptive Gauss-Kronrod quadrature, for many cycles at once.
+
+Every cycle is split at its own switching angles; intervals that are not yet accurate are halved together, so
+that thousands of amplitudes cost little more than the hardest of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.describing.compiled import compiled
+from rsgen.element import NormalForm
+from rsgen.expression import symbol
+
+__all__ = ["Cycle", "Projections", "project", "switching_angles"]
+
+Array = NDArray[np.float64]
+
+# Gauss-Kronrod pair with 10 and 21 nodes (Piessens et al., QUADPACK, 1983), positive half
+_NODES = np.array([
+    0.995657163025808080735527280689003, 0.973906528517171720077964012084452,
+    0.930157491355708226001207180059508, 0.865063366688984510732096688423493,
+    0.780817726586416897063717578345042, 0.679409568299024406234327365114874,
+    0.562757134668604683339000099272694, 0.433395394129247190799265943165784,
+    0.294392862701460198131126603103866, 0.14887433898163121088482600112972, 0.0,
+])  # fmt: skip
+_KRONROD = np.array([
+    0.011694638867371874278064396062192, 0.03255816230796472747881897245938961,
+    0.05475589657435199603138130024458018, 0.07503967481091995276704314091619001,
+    0.093125454583697605535065465083366, 0.10938715880229764189921059032580496,
+    0.123491976262065851077958109585166, 0.134709217311473325928054001771707,
+    0.142775938577060080797094273138717, 0.147739104901338491374841515972068,
+    0.149445554002916905664936468389821,
+])  # fmt: skip
+_GAUSS = np.array([
+    0.066671344308688137593568809893332, 0.149451349150580593145863397657697,
+    0.219086362515982043995534934228163, 0.269266719309996355091226921569469,
+    0.295524224714752870173815619188769,
+])  # fmt: skip
+_POINTS = np.concatenate((-_NODES[:-1], _NODES[::-1]))
+_WEIGHTS = np.concatenate((_KRONROD[:-1], _KRONROD[::-1]))
+_COARSE = np.zeros(21)
+_COARSE[1:10:2], _COARSE[11:20:2] = _GAUSS, _GAUSS[::-1]
+
+TOLERANCE = 1e-13
+"""Error allowed in a cycle, relative to the integral of the absolute force."""
+
+LONGEST = 4.0
+"""Longest range of phi that is not cut into four at the start."""
+
+DEEPEST = 40
+MOST_INTERVALS = 300_000
+CYCLES_AT_ONCE = 8192
+
+
+class Cycle(NamedTuple):
+    """Cycles x = mean + X sin(phi), v = omega X cos(phi) and the parameters of each; arrays (n,)."""
+
+    X: Array
+    mean: Array
+    omega: Array
+    parameters: tuple[Array, ...]
+
+
+class Projections(NamedTuple):
+    """(n,) integrals over a cycle of the force times sin, times cos, times 1, and of its absolute value.
+
+    ``error`` is the estimated error of the worst of the first three.
+    """
+
+    sine: Array
+    cosine: Array
+    mean: Array
+    size: Array
+    error: Array
+
+
+def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Array:
+    """Give (n, s) angles in [-pi/2, 3 pi/2] at which a switch of the law may go on or off."""
+    columns: list[Array] = []
+    for switch in form.switches:
+        if switch.threshold is None:
+            columns += _crossings(switch.function, parameters, cycle)
+            continue
+        (level,) = compiled((switch.threshold,), parameters)(*cycle.parameters)
+        with np.errstate(all="ignore"):
+            if switch.variable == "x":
+                angle = np.arcsin(np.clip((level - cycle.mean) / cycle.X, -1, 1))
+                columns += [angle, np.pi - angle]
+            else:
+                angle = np.arccos(np.clip(level / (cycle.omega * cycle.X), -1, 1))
+                columns += [angle, np.where(angle > np.pi / 2, 2 * np.pi - angle, -angle)]
+    if not columns:
+        return np.empty((len(cycle.X), 0))
+    stacked = np.stack(np.broadcast_arrays(*columns, cycle.X)[:-1], axis=-1)
+    return np.where(np.isfinite(stacked), stacked, -np.pi / 2)
+
+
+def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> list[Array]:
+    """Find where a switch function of x and v changes its sign, by sampling and bisection."""
+    evaluate = compiled((function,), (symbol("x"), symbol("v"), *parameters))
+
+    def along(phi: Array) -> Array:
+        shape = (slice(None), None)
+        x = cycle.mean[shape] + cycle.X[shape] * np.sin(phi)
+        v = (cycle.omega * cycle.X)[shape] * np.cos(phi)
+        (value,) = evaluate(x, v, *(p[shape] for p in cycle.parameters))
+        return np.broadcast_to(value, phi.shape)
+
+    grid = np.broadcast_to(np.linspace(-np.pi / 2, 3 * np.pi / 2, 193), (len(cycle.X), 193))
+    positive = along(grid) > 0
+    changes = positive[:, 1:] != positive[:, :-1]
+    most = int(changes.sum(axis=1).max(initial=0))
+    order = np.argsort(~changes, axis=1, kind="stable")[:, :most]
+    found = np.take_along_axis(changes, order, axis=1)
+    low = np.take_along_axis(grid[:, :-1], order, axis=1)
+    high = np.take_along_axis(grid[:, 1:], order, axis=1)
+    side = np.take_along_axis(positive, order, axis=1)
+    for _ in range(52):
+        middle = (low + high) / 2
+        same = (along(middle) > 0) == side
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return list(np.where(found, high, -np.pi / 2).T)
+
+
+def project(
+    force: sympy.Expr,
+    form: NormalForm,
+    parameters: tuple[sympy.Symbol, ...],
+    cycle: Cycle,
+    tolerance: float = TOLERANCE,
+) -> Projections:
+    """Integrate a law over cycles; where it is not finite, the cycle gets nan.
+
+    Parameters
+    ----------
+    force
+        The law as it is written; the normal form only says where to split.
+    form
+        Its normal form.
+    parameters
+        Symbols of the law other than x and v, in the order of ``cycle.parameters``.
+    cycle
+        The cycles; all arrays (n,).
+    tolerance
+        Error allowed, relative to the integral of the absolute force.
+    """
+    parts = [
+        _project(force, form, parameters, _some(cycle, slice(start, start + CYCLES_AT_ONCE)), tolerance)
+        for start in range(0, len(cycle.X), CYCLES_AT_ONCE)
+    ]
+    if not parts:
+        return Projections(*(np.empty(0),) * 5)
+    return Projections(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _some(cycle: Cycle, rows: slice | NDArray[np.intp]) -> Cycle:
+    return Cycle(cycle.X[rows], cycle.mean[rows], cycle.omega[rows], tuple(p[rows] for p in cycle.parameters))
+
+
+def _rough(force: sympy.Expr) -> bool:
+    """Tell whether the law has real powers, whose ends need crowded nodes."""
+    return any(not power.exp.is_Integer for power in force.atoms(sympy.Pow) if power.base is not sympy.E)
+
+
+def _intervals(angles: Array, first: float, last: float) -> tuple[NDArray[np.intp], Array, Array]:
+    """Cut [first, last] of every cycle at its angles: row, start, stop of each interval."""
+    n = len(angles)
+    ends = [np.full((n, 1), first), np.clip(angles, first, last), np.full((n, 1), last)]
+    if last - first > LONGEST:
+        # a law without switches starts with pieces that 21 nodes can do
+        ends.append(np.broadcast_to(first + (last - first) * np.array([0.25, 0.5, 0.75]), (n, 3)))
+    cuts = np.sort(np.concatenate(ends, axis=1), axis=1)
+    rows, columns = np.nonzero(np.diff(cuts, axis=1) > 1e-15)
+    return rows, cuts[rows, columns], cuts[rows, columns + 1]
+
+
+def _project(
+    force: sympy.Expr,
+    form: NormalForm,
+    parameters: tuple[sympy.Symbol, ...],
+    cycle: Cycle,
+    tolerance: float,
+) -> Projections:
+    n = len(cycle.X)
+    law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
+    in_x, in_v = force.has(symbol("x")), force.has(symbol("v"))
+    # a law of x (of v) alone is symmetric about phi = pi/2 (phi = 0): half a cycle says all
+    first, last = (-np.pi / 2, 3 * np.pi / 2) if in_x and in_v else (-np.pi / 2, np.pi / 2)
+    if in_v and not in_x:
+        first, last = 0.0, np.pi
+    double = 1.0 if in_x and in_v else 2.0
+    rough = _rough(force)
+    rows, start, stop = _intervals(switching_angles(form, parameters, cycle), first, last)
+    left, right = np.zeros(len(rows)), np.ones(len(rows))
+    sums, errors = np.zeros((4, n)), np.zeros(n)
+    size = np.zeros(n)
+    spoiled = np.zeros(n, dtype=bool)
+    for depth in range(DEEPEST + 1):
+        if not len(rows):
+            break
+        local = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * _POINTS
+        width = ((right - left) / 2 * (stop - start))[:, None]
+        if rough:
+            share, slope = local**3 * (10 - 15 * local + 6 * local**2), 30 * local**2 * (1 - local) ** 2
+        else:
+            share, slope = local, np.ones_like(local)
+        phi = start[:, None] + (stop - start)[:, None] * share
+        sine, cosine = np.sin(phi), np.cos(phi)
+        some = _some(cycle, rows)
+        x = some.mean[:, None] + some.X[:, None] * sine
+        v = (some.omega * some.X)[:, None] * cosine
+        (value,) = law(x, v, *(p[:, None] for p in some.parameters))
+        weighted = np.broadcast_to(value, phi.shape) * slope * width
+        parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
+        fine = parts @ _WEIGHTS
+        with np.errstate(all="ignore"):
+            doubt = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
+            # QUADPACK: the difference of the two rules is a pessimist's error
+            doubt = np.minimum(doubt, fine[3] * (200 * doubt / fine[3]) ** 1.5)
+            broken = ~np.isfinite(fine[3])
+            spoiled[rows[broken]] = True
+            if depth == 0:
+                size += np.bincount(rows, np.where(broken, 0, fine[3]), n)
+            length = (right - left) * (stop - start) / (last - first)
+            allowed = np.maximum(tolerance * size[rows] * np.maximum(length, 0.05), 4e-16 * fine[3])
+            done = (doubt <= allowed) | ~np.isfinite(doubt) | spoiled[rows]
+        if depth == DEEPEST or 2 * np.count_nonzero(~done) > MOST_INTERVALS:
+            done[:] = True
+        for total, part in zip(sums, fine, strict=True):
+            total += np.bincount(rows[done], part[done], n)
+        errors += np.bincount(rows[done], np.nan_to_num(doubt[done]), n)
+        again = np.flatnonzero(~done)
+        middle = (left[again] + right[again]) / 2
+        left, right = np.concatenate((left[again], middle)), np.concatenate((middle, right[again]))
+        rows = np.tile(rows[again], 2)
+        start, stop = np.tile(start[again], 2), np.tile(stop[again], 2)
+    sums *= double
+    sums[:, spoiled] = np.nan
+    if not in_v:
+        sums[1] = np.where(spoiled, np.nan, 0.0)
+    if not in_x:
+        sums[0] = np.where(spoiled, np.nan, 0.0)
+    return Projections(sums[0], sums[1], sums[2], sums[3], errors * double)

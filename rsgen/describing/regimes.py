@@ -1,0 +1,184 @@
+"""Formulas a person reads: the closed part of a describing function as cases in the amplitude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy
+
+from rsgen.describing.arcs import Arc, End
+from rsgen.describing.closed import ClosedPart
+from rsgen.expression import symbol
+
+__all__ = ["Reading", "read"]
+
+X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
+
+MOST_COLLECTED = 12
+"""Angles, roots and Bessel functions that are collected; more make no formula a person reads."""
+
+Places = dict[sympy.Symbol, sympy.Expr]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A formula in X, X0, omega and parameters, and the conditions of its cases (empty: one case)."""
+
+    formula: sympy.Expr
+    conditions: tuple[sympy.Basic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Switches that go on and off at the same amplitude: the distance at which they do."""
+
+    kind: str
+    distance: sympy.Expr
+
+
+def _fixed(end: End, angle: sympy.Expr, sine: sympy.Expr, cosine: sympy.Expr) -> Places:
+    return dict(zip(end, (angle, sine, cosine), strict=True))
+
+
+def _positive_part(level: sympy.Expr) -> tuple[sympy.Expr, int]:
+    """Write a threshold as sign times distance."""
+    if level.is_nonpositive or (not level.is_nonnegative and level.could_extract_minus_sign()):
+        return -level, -1
+    return level, 1
+
+
+def _group_of(arc: Arc, mean: sympy.Expr) -> _Group:
+    if arc.both:
+        return _Group("both", sympy.S.Zero)
+    if arc.x_end is not None and arc.x is not None and isinstance(arc.x_end.angle, sympy.Symbol):
+        return _Group("x", _positive_part(arc.x)[0] if mean == 0 else sympy.expand_mul(arc.x - mean))
+    if arc.v_end is not None and arc.v is not None and isinstance(arc.v_end.angle, sympy.Symbol):
+        return _Group("v", _positive_part(arc.v)[0])
+    return _Group("always", sympy.S.Zero)
+
+
+def _on(arc: Arc, kind: str) -> Places:
+    end = arc.x_end if kind == "x" else arc.v_end
+    if end is None:
+        return {}
+    if kind == "x":
+        return _fixed(end, -sympy.pi / 2, -sympy.S.One, sympy.S.Zero)
+    return _fixed(end, sympy.pi, sympy.S.Zero, -sympy.S.One)
+
+
+def _off(arc: Arc, kind: str) -> Places:
+    end = arc.x_end if kind == "x" else arc.v_end
+    if end is None:
+        return {}
+    if kind == "x":
+        return _fixed(end, sympy.pi / 2, sympy.S.One, sympy.S.Zero)
+    return _fixed(end, sympy.S.Zero, sympy.S.Zero, sympy.S.One)
+
+
+def _between(arc: Arc, kind: str, mean: sympy.Expr, written: Places) -> Places:
+    """Give the ends of an arc while its switch is on for a part of the cycle.
+
+    Angle and root stay symbols, entered in ``written``, until the formula around them is tidy.
+    """
+    end, level = (arc.x_end, arc.x) if kind == "x" else (arc.v_end, arc.v)
+    if end is None or level is None:
+        return {}
+    distance, sign = _positive_part(sympy.expand_mul(level - mean) if kind == "x" else level)
+    reach = X if kind == "x" else OMEGA * X
+    angle = sympy.Symbol(f"asin({distance}/{reach})", real=True)
+    root = sympy.Symbol(f"sqrt({reach}**2 - ({distance})**2)", real=True)
+    written[angle] = sympy.asin(distance / reach)
+    written[root] = sympy.sqrt(reach**2 - distance**2)
+    if kind == "x":
+        return _fixed(end, sign * angle, sign * distance / reach, root / reach)
+    return _fixed(end, sympy.pi / 2 - sign * angle, root / reach, sign * distance / reach)
+
+
+def _everywhere(arc: Arc, mean: sympy.Expr) -> Places:
+    """Give the ends of the arcs of two general switches by one formula that holds in every regime."""
+
+    def clip(value: sympy.Expr) -> sympy.Expr:
+        return sympy.Max(-1, sympy.Min(1, value))
+
+    alpha = sympy.asin(clip((arc.x - mean) / X)) if arc.x is not None else sympy.S.Zero
+    beta = sympy.acos(clip(arc.v / (OMEGA * X))) if arc.v is not None else sympy.S.Zero
+    low, far = sympy.Max(alpha, -beta), sympy.pi - alpha
+    ends = (low, sympy.Max(low, sympy.Min(far, beta)), sympy.Min(2 * sympy.pi - beta, far), far)
+    places: Places = {}
+    for end, angle in zip(arc.both, ends, strict=True):
+        places |= _fixed(end, angle, sympy.sin(angle), sympy.cos(angle))
+    for single, angle in ((arc.x_end, alpha), (arc.v_end, beta)):
+        if single is not None:
+            places |= _fixed(single, angle, sympy.sin(angle), sympy.cos(angle))
+    return places
+
+
+def _cases(
+    group: _Group, members: list[tuple[Arc, sympy.Expr]], mean: sympy.Expr, base: sympy.Expr
+) -> list[tuple[sympy.Expr, sympy.Basic]]:
+    """Give base plus value and condition for each regime of the switches of a group."""
+    reach = X if group.kind == "x" else OMEGA * X
+    distance = group.distance
+
+    def value(choose: str) -> sympy.Expr:
+        total, written = base, dict[sympy.Symbol, sympy.Expr]()
+        for arc, formula in members:
+            level = arc.x if group.kind == "x" else arc.v
+            same = mean != 0 or level is None or _positive_part(level)[1] > 0
+            if choose == "between":
+                places = _between(arc, group.kind, mean, written)
+            else:
+                near = (choose == "near") == same
+                places = _off(arc, group.kind) if near else _on(arc, group.kind)
+            total += formula.xreplace(places)
+        return _tidy(total, written)
+
+    cases = []
+    if not distance.is_nonnegative:
+        cases.append((value("behind"), reach <= -distance))
+    if not distance.is_nonpositive:
+        cases.append((value("near"), reach <= distance))
+    return [*cases, (value("between"), sympy.true)]
+
+
+def _tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
+    """Collect what belongs to the same angle, root or Bessel function, so that differences stand together."""
+    written = written or {}
+    formula = sympy.expand(formula)
+    special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
+    if 0 < len(special) <= MOST_COLLECTED:
+        formula = sympy.collect(formula, special, sympy.factor_terms)
+    return formula.xreplace(written)
+
+
+def read(closed: ClosedPart, place: int) -> Reading:
+    """Write stiffness (place 0), damping (1) or mean force (2) as cases in X."""
+    base, rest = sympy.S.Zero, sympy.S.Zero
+    groups: dict[_Group, list[tuple[Arc, sympy.Expr]]] = {}
+    for arc, triple in closed.parts:
+        formula = sympy.expand(triple[place])
+        group = _group_of(arc, closed.mean)
+        atoms = {atom for end in (arc.x_end, arc.v_end, *arc.both) if end for atom in end}
+        if group.kind == "always" or not formula.free_symbols & atoms:
+            base += formula
+        elif group.kind == "both":
+            rest += formula.xreplace(_everywhere(arc, closed.mean))
+        else:
+            groups.setdefault(group, []).append((arc, formula))
+    if len(groups) == 1 and rest == 0:
+        ((group, members),) = groups.items()
+        return _merged(_cases(group, members, closed.mean, base))
+    total, conditions = _tidy(base) + rest, []
+    for group, members in groups.items():
+        reading = _merged(_cases(group, members, closed.mean, sympy.S.Zero))
+        total += reading.formula
+        conditions += list(reading.conditions)
+    return Reading(total, tuple(dict.fromkeys(conditions)))
+
+
+def _merged(cases: list[tuple[sympy.Expr, sympy.Basic]]) -> Reading:
+    if len({value for value, _ in cases}) == 1:
+        return Reading(cases[0][0], ())
+    conditions = [condition for _, condition in cases[:-1]]
+    beyond = sympy.And(*(sympy.Not(condition) for condition in conditions))
+    return Reading(sympy.Piecewise(*cases), (*conditions, beyond))
