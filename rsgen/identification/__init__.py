@@ -10,8 +10,7 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.identification.stages import identify
 
 __all__ = [
     "Candidate",
@@ -22,8 +21,3 @@ __all__ = [
     "RestoringForce",
     "identify",
 ]
-
-
-def identify(surface: ResponseSurface, model: Model) -> Identification:
-    """Identify every parameter of the model's laws, and the mass where it is not given."""
-    raise NotImplementedError

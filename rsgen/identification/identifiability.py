@@ -1,0 +1,168 @@
+"""What the test does not tell, and why, in sentences; never a number with false digits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.balance_fit import BalanceFit
+from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.points import Points
+from rsgen.identification.regression import Regression
+from rsgen.identification.result import Estimate, Resonance
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+
+__all__ = ["find_warnings", "untold_reason"]
+
+_NOT_ZERO = 0.5
+"""A standard error beyond this share of the value: the parameter cannot be told from zero."""
+
+_STRONG = 0.05
+"""Higher harmonics beyond this share of the fundamental bias every first-order estimate."""
+
+_DRIFT = 0.02
+_SYSTEMATIC = 0.6
+"""Correlation of neighbouring misfits beyond which it is the law, not noise, that disagrees."""
+
+_NOTICEABLE = 1e-3
+_FEW = 5
+
+
+def untold_reason(
+    name: str, law: ForceLaw, points: Points, regression: Regression, count: int, mass_free: bool
+) -> str:
+    """Say why a parameter is not told by the test, or "" where it is."""
+    names = (*law.parameters, "m") if mass_free else law.parameters
+    i = names.index(name)
+    highest = float(points.level.max())
+    largest = float(points.amplitude.max())
+    tested = f"X up to {largest:.3g} m, levels up to {highest:g} N"
+    weight = np.abs(regression.null[i]) if regression.null.shape[1] else np.zeros(1)
+    if weight.max(initial=0.0) > 1e-3:
+        column = int(np.argmax(weight))
+        partners = [
+            other for j, other in enumerate(names) if j != i and abs(regression.null[j, column]) > 1e-3
+        ]
+        if not partners:
+            return (
+                f"{name}: the response does not depend on it in the tested range ({tested}); "
+                "raise the level until it does"
+            )
+        return (
+            f"{name}: only a combination with {', '.join(partners)} is told; give one of them, or test wider"
+        )
+    variance = float(regression.covariance[i, i])
+    value = float(regression.parameters[i])
+    if np.isfinite(variance) and np.sqrt(variance) > _NOT_ZERO * abs(value):
+        return (
+            f"{name}: {value:.2g} with standard error {np.sqrt(variance):.2g} cannot be told from zero "
+            f"({tested}); raise the level or take more points near the resonance"
+        )
+    return ""
+
+
+def find_warnings(
+    surface: ResponseSurface,
+    model: Model,
+    points: Points,
+    law: ForceLaw,
+    refined: BalanceFit,
+    resonances: tuple[Resonance, ...],
+    estimates: tuple[Estimate, ...],
+) -> tuple[str, ...]:
+    """Collect the sentences about data and fit that a reader should know before using the numbers."""
+    used = refined.regression.used
+    sentences = [estimate.remark for estimate in estimates if estimate.remark]
+    if any(sentence for sentence in sentences):
+        shift = _small_shift(resonances)
+        if shift:
+            sentences.append(shift)
+    unsettled = int(np.count_nonzero(~surface.settled))
+    if unsettled:
+        sentences.append(f"{unsettled} of {len(surface)} points have no settled response and were left aside")
+    lost = int(np.count_nonzero(~used))
+    if lost:
+        sentences.append(f"{lost} of {len(points)} points disagree with all others and were set aside")
+    if not refined.regression.converged:
+        sentences.append(
+            "the refined fit did not converge: compare with the first-order estimates and doubt both"
+        )
+    noise = refined.regression.noise
+    if noise > _NOTICEABLE and _neighbour_correlation(points, refined) > _SYSTEMATIC:
+        sentences.append(
+            f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, not "
+            "noise; intervals are too narrow, try another law"
+        )
+    sentences += _data_warnings(points, law, resonances)
+    return tuple(sentences)
+
+
+def _data_warnings(points: Points, law: ForceLaw, resonances: tuple[Resonance, ...]) -> list[str]:
+    sentences = []
+    size = points.amplitude
+    if points.harmonics.shape[1] > 2:
+        higher = np.max(np.abs(points.harmonics[:, 2:]), axis=1) / size
+        strongest = int(np.argmax(higher))
+        if higher[strongest] > _STRONG:
+            order = 2 + int(np.argmax(np.abs(points.harmonics[strongest, 2:])))
+            sentences.append(
+                f"harmonic {order} reaches {higher[strongest]:.0%} of the fundamental (at {points.level[strongest]:g} N, "
+                f"{points.omega[strongest] / 2 / np.pi:.4g} Hz): first-order estimates are biased there"
+            )
+    drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
+    if law.odd and drift > _DRIFT:
+        sentences.append(
+            f"the mean displacement is {drift:.0%} of the amplitude, but the law is symmetric: an unsymmetric "
+            "part is missing or the sensor drifts"
+        )
+    jumps = sum(resonance.jump for resonance in resonances)
+    if jumps:
+        sentences.append(
+            f"the response jumps across the resonance, or does not reach it, in {jumps} of {len(resonances)} "
+            "runs: there the paper's points are extrapolated from one side"
+        )
+    few = 0
+    for resonance in resonances:
+        near = (points.level == resonance.level) & (points.sweep == resonance.sweep)
+        width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
+        few += int(
+            np.count_nonzero(near & (np.abs(points.omega / 2 / np.pi - resonance.frequency) < width)) < _FEW
+        )
+    if few:
+        sentences.append(
+            f"{few} of {len(resonances)} runs have fewer than {_FEW} points within the width of the resonance: "
+            "damping rests on little there"
+        )
+    return sentences
+
+
+def _small_shift(resonances: tuple[Resonance, ...]) -> str:
+    if len(resonances) < 2:
+        return ""
+    frequency = np.array([resonance.frequency for resonance in resonances])
+    width = float(np.median([2 * abs(r.damping_ratio) * r.frequency for r in resonances]))
+    shift = float(np.ptp(frequency))
+    if shift < width:
+        highest = max(resonance.level for resonance in resonances)
+        return (
+            f"the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
+            f"raise the level above {highest:g} N"
+        )
+    return ""
+
+
+def _neighbour_correlation(points: Points, refined: BalanceFit) -> float:
+    """Correlation of the signed misfit of the force between neighbours in frequency of one run."""
+    rotated = points.force * np.exp(-1j * refined.turn)
+    misfit = (rotated - refined.balance.force) / np.abs(points.force)
+    order = np.lexsort((points.omega, points.sweep, points.level))
+    order = order[refined.regression.used[order] & np.isfinite(misfit[order])]
+    same = (points.level[order][1:] == points.level[order][:-1]) & (
+        points.sweep[order][1:] == points.sweep[order][:-1]
+    )
+    first, second = misfit[order][:-1][same], misfit[order][1:][same]
+    power: NDArray[np.float64] = np.abs(misfit[order]) ** 2
+    if len(first) < 10 or power.sum() == 0:
+        return 0.0
+    return float(np.mean((first * np.conj(second)).real) / np.mean(power))

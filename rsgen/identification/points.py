@@ -1,0 +1,131 @@
+"""The test points that take part: settled, not held out, finite, with a force and a response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+
+__all__ = ["Points", "held_out_mask", "select_points"]
+
+_LEVEL_TOLERANCE = 1e-6
+"""Nominal levels that differ by less, relatively, are one level."""
+
+_FEWEST = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """What the fits see of a surface.
+
+    Parameters
+    ----------
+    index
+        (n,) rows of the surface.
+    level, omega
+        (n,) nominal force amplitude [N] and angular frequency [rad/s].
+    sweep
+        (n,) "rest", "up", "down".
+    force
+        (n,) complex amplitude of the measured force [N].
+    harmonics
+        (n, H+1) complex displacement [m].
+    measured
+        Harmonics (0 for the mean) that the test measured; others are all zero in the table.
+    peak
+        (n, 2) largest and smallest displacement [m], NaN where unknown.
+    """
+
+    index: NDArray[np.intp]
+    level: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    sweep: NDArray[np.str_]
+    force: NDArray[np.complex128]
+    harmonics: NDArray[np.complex128]
+    measured: tuple[int, ...]
+    peak: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    @property
+    def amplitude(self) -> NDArray[np.float64]:
+        """(n,) X [m]."""
+        return np.abs(self.harmonics[:, 1])
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Points:
+        """Keep some points."""
+        return Points(
+            self.index[chosen],
+            self.level[chosen],
+            self.omega[chosen],
+            self.sweep[chosen],
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.measured,
+            self.peak[chosen],
+        )
+
+    def spread(self, count: int) -> NDArray[np.intp]:
+        """Choose about ``count`` points evenly over the amplitude: a quick picture of the whole test."""
+        if len(self) <= count:
+            return np.arange(len(self))
+        order = np.lexsort((self.omega, self.amplitude))
+        return np.sort(order[np.linspace(0, len(self) - 1, count).round().astype(np.intp)])
+
+
+def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
+    """(n,) True where a point belongs to a level that identification must not see."""
+    mask = np.zeros(len(surface), dtype=bool)
+    for level in model.hold_out:
+        mask |= np.isclose(surface.level, level, rtol=_LEVEL_TOLERANCE, atol=0)
+    return mask
+
+
+def select_points(surface: ResponseSurface, model: Model) -> Points:
+    """Take the points that identification may use.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the surface, or fewer than four points remain.
+    """
+    for level in model.hold_out:
+        if not np.isclose(surface.levels, level, rtol=_LEVEL_TOLERANCE, atol=0).any():
+            known = ", ".join(f"{value:g}" for value in surface.levels)
+            raise RsgenError(f"model.hold_out: no level {level:g} N in the surface; it has {known} N")
+    harmonics = np.array(surface.harmonics)
+    higher = ~np.isfinite(harmonics)
+    higher[:, 1] = False
+    harmonics[higher] = 0
+    good = (
+        surface.settled
+        & ~held_out_mask(surface, model)
+        & np.isfinite(harmonics[:, 1])
+        & np.isfinite(surface.force)
+        & (np.abs(harmonics[:, 1]) > 0)
+        & (np.abs(surface.force) > 0)
+    )
+    index = np.flatnonzero(good)
+    if len(index) < _FEWEST:
+        raise RsgenError(
+            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, finite force "
+            f"and response); identification needs at least {_FEWEST}"
+        )
+    chosen = harmonics[index]
+    measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))
+    return Points(
+        index,
+        surface.level[index],
+        surface.omega[index],
+        surface.sweep[index],
+        surface.force[index],
+        chosen,
+        measured,
+        surface.peak[index],
+    )

@@ -1,0 +1,278 @@
+"""Maximum likelihood where force and response both carry noise.
+
+Every point has two unknowns of its own (true amplitude and time origin) besides the parameters. They are
+eliminated point by point, so that the least-squares problem keeps the size of the parameters; the matrix is
+never squared, and its columns are scaled, because parameters differ by many orders of magnitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+__all__ = ["Linearisation", "Regression", "fit", "solve_scaled"]
+
+Array = NDArray[np.float64]
+
+_NULL = 1e-9
+"""Singular values below this, relative to the largest after column scaling, count as zero."""
+
+_GAIN = 1e-5
+"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 of its error."""
+
+_ROUND_OFF = 1e-12
+"""Effect of a parameter on the prediction, relative to that of the largest, which is only round-off."""
+
+_OUTLYING = 3e-3
+"""Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
+
+_OUTLIERS = 0.2
+"""At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearisation:
+    """The model around the present parameters, in units of the expected noise.
+
+    Parameters
+    ----------
+    residual
+        (n, M) measured minus predicted; NaN in every row of a point that could not be predicted.
+    by_own
+        (n, M, 2) derivative of the prediction by the two unknowns of each point.
+    by_parameter
+        (n, M, q) derivative of the prediction by the parameters.
+    """
+
+    residual: Array
+    by_own: Array
+    by_parameter: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regression:
+    """What a fit leaves.
+
+    Parameters
+    ----------
+    parameters
+        (q,) the estimate.
+    own
+        (n, 2) the unknowns of each point.
+    covariance
+        (q, q), scaled with the noise found in the residual; NaN for parameters that are not told.
+    null
+        (q, d) directions in the space of scaled parameters that the points do not tell.
+    noise
+        Noise found, in units of the expected one.
+    misfit
+        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN where not predicted.
+    used
+        (n,) False for outliers and points that could not be predicted.
+    freedom
+        Degrees of freedom left for the noise.
+    converged
+        False where the steps did not become small.
+    """
+
+    parameters: Array
+    own: Array
+    covariance: Array
+    null: Array
+    noise: float
+    misfit: Array
+    used: NDArray[np.bool_]
+    freedom: int
+    converged: bool
+
+
+def fit(
+    linearise: Callable[[Array, Array], Linearisation],
+    parameters: Array,
+    own: Array,
+    *,
+    steps: int = 25,
+    small: float = 1e-12,
+    reject: bool = True,
+) -> Regression:
+    """Gauss-Newton with step halving on parameters and on the unknowns of every point together.
+
+    Parameters
+    ----------
+    linearise
+        Called with (q,) parameters and (n, 2) own unknowns.
+    parameters, own
+        Where to start.
+    steps
+        Most Gauss-Newton steps in a round; there is a round for each setting aside of outliers.
+    small
+        Relative step of every parameter at which the fit has converged.
+    reject
+        Whether outliers are set aside.
+    """
+    used = np.ones(len(own), dtype=bool)
+    rounds = 4 if reject else 1
+    converged = False
+    for _ in range(rounds):
+        parameters, own, line, converged = _descend(linearise, parameters, own, used, steps, small)
+        predicted = np.isfinite(line.residual).all(axis=1)
+        kept = (predicted & _agreeing(line, used & predicted)) if reject else predicted & used
+        same = np.array_equal(kept, used)
+        used = kept
+        if same:
+            break
+    return _summary(line, parameters, own, used, converged)
+
+
+def _reduced(line: Linearisation) -> tuple[Array, Array]:
+    """Remove from residual and derivatives what the unknowns of each point can take up."""
+    residual, matrix = line.residual, line.by_parameter
+    basis: list[Array] = []
+    for column in np.moveaxis(line.by_own, 2, 0):
+        for unit in basis:
+            column = column - unit * np.sum(unit * column, axis=1, keepdims=True)
+        norm = np.sqrt(np.sum(column**2, axis=1, keepdims=True))
+        unit = column / np.where(norm > 0, norm, 1.0)
+        basis.append(unit)
+        residual = residual - unit * np.sum(unit * residual, axis=1, keepdims=True)
+        matrix = matrix - unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
+    return residual, matrix
+
+
+def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tuple[Array, Array, Array]:
+    """Least squares with scaled columns.
+
+    Parameters
+    ----------
+    matrix, right
+        (r, q) and (r,).
+    size
+        (q,) present sizes of the unknowns; one whose whole effect is round-off beside the others is not told.
+
+    Returns
+    -------
+    solution
+        (q,), of smallest scaled norm where the matrix does not tell.
+    inverse
+        (q, r) with inverse @ inverse.T the inverse of matrix.T @ matrix on what is told.
+    null
+        (q, d) directions, in scaled parameters, that are not told.
+    """
+    count = matrix.shape[1]
+    norm = np.sqrt(np.sum(matrix**2, axis=0))
+    if size is not None and count:
+        effect = norm * np.abs(size)
+        matrix = np.where((effect > 0) & (effect < _ROUND_OFF * effect.max()), 0.0, matrix)
+        norm = np.sqrt(np.sum(matrix**2, axis=0))
+    scale = np.where(norm > 0, norm, 1.0)
+    triangle = np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r")
+    left, singular, across = np.linalg.svd(triangle[:, :count], full_matrices=False)
+    told = singular > _NULL * max(singular[0], 1e-300) if count else np.zeros(0, dtype=bool)
+    solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
+    inverse = (across[told].T / singular[told]) / scale[:, None]
+    return solution, inverse, across[~told].T
+
+
+def _descend(
+    linearise: Callable[[Array, Array], Linearisation],
+    parameters: Array,
+    own: Array,
+    used: NDArray[np.bool_],
+    steps: int,
+    small: float,
+) -> tuple[Array, Array, Linearisation, bool]:
+    line = linearise(parameters, own)
+    for _ in range(steps):
+        good = used & np.isfinite(line.residual).all(axis=1)
+        if not good.any():
+            return parameters, own, line, False
+        residual, matrix = _reduced(line)
+        change, _, _ = solve_scaled(
+            matrix[good].reshape(-1, matrix.shape[2]), residual[good].reshape(-1), parameters
+        )
+        rest = line.residual - line.by_parameter @ change
+        own_change = np.zeros_like(own)
+        predicted = np.isfinite(rest).all(axis=1)
+        own_change[predicted] = _least_squares(line.by_own[predicted], rest[predicted])
+        relative = np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0)
+        cost = float(np.sum(line.residual[good] ** 2))
+        expected = float(np.sum((rest - np.einsum("nmk,nk->nm", line.by_own, own_change))[good] ** 2))
+        taken = False
+        for halving in range(8):
+            part = 0.5**halving
+            trial = linearise(parameters + part * change, own + part * np.clip(own_change, -1, 1))
+            still = np.isfinite(trial.residual).all(axis=1)
+            lost = np.count_nonzero(good & ~still)
+            if lost > 0.02 * np.count_nonzero(good):
+                continue
+            both = good & still
+            if float(np.sum(trial.residual[both] ** 2)) <= float(np.sum(line.residual[both] ** 2)):
+                parameters, own, line = (
+                    parameters + part * change,
+                    own + part * np.clip(own_change, -1, 1),
+                    trial,
+                )
+                taken = True
+                break
+        gain = (cost - expected) * residual[good].size / max(expected, 1e-300)
+        if not taken or relative < small or gain < _GAIN:
+            # no better point along the step: round-off decides, or the step was already tiny
+            return parameters, own, line, taken or relative < 1e-6 or gain < 1.0
+    return parameters, own, line, False
+
+
+def _least_squares(matrix: Array, right: Array) -> Array:
+    """(n, 2) solutions of n small problems of two unknowns, by orthogonalisation."""
+    first, second = matrix[:, :, 0], matrix[:, :, 1]
+    size = np.maximum(np.sum(first**2, axis=1), 1e-300)
+    share = np.sum(first * second, axis=1) / size
+    rest = second - share[:, None] * first
+    two = np.sum(rest * right, axis=1) / np.maximum(np.sum(rest**2, axis=1), 1e-300)
+    one = np.sum(first * right, axis=1) / size - share * two
+    return np.stack([one, two], axis=1)
+
+
+def _agreeing(line: Linearisation, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
+    residual, _ = _reduced(line)
+    distance = np.sum(residual**2, axis=1)
+    freedom = line.residual.shape[1] - 2
+    typical = np.median(distance[used]) / chdtri(freedom, 0.5) if used.any() else 1.0
+    limit = max(chdtri(freedom, 0.01 / len(distance)) * typical, _OUTLYING**2)
+    order = np.sort(distance[np.isfinite(distance)])[::-1]
+    most = int(_OUTLIERS * len(order))
+    if most < len(order):
+        limit = max(limit, float(order[most]))
+    return np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
+
+
+def _summary(
+    line: Linearisation, parameters: Array, own: Array, used: NDArray[np.bool_], converged: bool
+) -> Regression:
+    residual, matrix = _reduced(line)
+    each = residual.shape[1] - 2
+    count = len(parameters)
+    flat = matrix[used].reshape(-1, count)
+    _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters)
+    freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
+    variance = float(np.sum(residual[used] ** 2)) / freedom
+    fisher = inverse @ inverse.T * variance
+    # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
+    scores = np.einsum("nmq,nm->nq", matrix[used], residual[used]) @ inverse
+    correction = max(np.count_nonzero(used), 1) / max(np.count_nonzero(used) - count, 1)
+    sandwich = inverse @ (scores.T @ scores) @ inverse.T * correction
+    spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
+    ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
+    widen = np.maximum(ratio, 1.0)
+    covariance = fisher * np.outer(widen, widen)
+    lost = np.abs(null).max(axis=1, initial=0.0) > 1e-3
+    covariance[lost] = np.nan
+    covariance[:, lost] = np.nan
+    misfit = np.sqrt(np.sum(residual**2, axis=1) / each)
+    return Regression(
+        parameters, own, covariance, null, float(np.sqrt(variance)), misfit, used, freedom, converged
+    )

@@ -1,0 +1,161 @@
+"""The paper's way: the resonance of every level, the mass from the inverse receptance, points of k(X) and c(X).
+
+Liu et al., Sec. 1.2. At the resonance the displacement lags a quarter period, so that Re F/X = k - m omega^2
+vanishes: k(X) = m omega_n^2 and c(X) = 2 zeta m omega_n hold for the amplitude reached there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.points import Points
+from rsgen.identification.result import Resonance
+
+__all__ = ["find_resonances", "mass_from_slices"]
+
+Array = NDArray[np.float64]
+
+_SLICES = 25
+"""Amplitudes at which a slice is taken."""
+
+_JUMP = 1.5
+"""Neighbouring amplitudes of a larger ratio are on either side of a jump."""
+
+_STEEP = np.cos(np.pi / 5)
+"""Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
+
+
+def _runs(points: Points) -> list[NDArray[np.intp]]:
+    """Rows of every level and sweep, ascending in frequency."""
+    keys = sorted(
+        {(float(level), str(sweep)) for level, sweep in zip(points.level, points.sweep, strict=True)}
+    )
+    runs = []
+    for level, sweep in keys:
+        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
+        runs.append(rows[np.argsort(points.omega[rows], kind="stable")])
+    return runs
+
+
+def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(len(run) - 1,) True where two neighbours lie on one smooth branch."""
+    stiffness = points.force[run] / points.harmonics[run, 1]
+    size = np.abs(points.harmonics[run, 1])
+    ratio = size[1:] / size[:-1]
+    turn = (stiffness[1:] * np.conj(stiffness[:-1])).real / np.abs(stiffness[1:] * stiffness[:-1])
+    return np.asarray((ratio < _JUMP) & (ratio > 1 / _JUMP) & (turn > _STEEP))
+
+
+def mass_from_slices(points: Points) -> tuple[float, float] | None:
+    """Mass as the slope of the inverse receptance over omega^2 at constant amplitude, with its standard error.
+
+    A slice of constant X is a linear receptance also where the response folds (METHOD.md 4, beyond 2).
+    None where too few slices cross both sides of the resonance.
+    """
+    stiffness = (points.force / points.harmonics[:, 1]).real
+    size, square = points.amplitude, points.omega**2
+    heights = np.quantile(size, np.linspace(0.1, 0.95, _SLICES))
+    slices: list[list[tuple[float, float]]] = [[] for _ in heights]
+    for run in _runs(points):
+        smooth = _neighbours(points, run) if len(run) > 1 else np.zeros(0, dtype=bool)
+        first, second = run[:-1][smooth], run[1:][smooth]
+        for crossings, height in zip(slices, heights, strict=True):
+            between = (size[first] - height) * (size[second] - height) < 0
+            for i, j in zip(first[between], second[between], strict=True):
+                share = (height - size[i]) / (size[j] - size[i])
+                crossings.append(
+                    (
+                        square[i] + share * (square[j] - square[i]),
+                        stiffness[i] + share * (stiffness[j] - stiffness[i]),
+                    )
+                )
+    centred = [np.array(part) - np.mean(part, axis=0) for part in slices if len(part) >= 3]
+    if len(centred) < 3:
+        return None
+    abscissa, ordinate = np.concatenate(centred).T
+    weight = np.ones(len(abscissa))
+    slope = 0.0
+    for _ in range(10):
+        # repeated with less weight on what disagrees: interpolation across an unseen jump
+        slope = float(np.sum(weight * abscissa * ordinate) / np.sum(weight * abscissa**2))
+        rest = np.abs(ordinate - slope * abscissa)
+        typical = max(1.4826 * float(np.median(rest)), 1e-12 * float(np.abs(ordinate).max()))
+        weight = 1 / np.maximum(1.0, rest / (2 * typical)) ** 2
+    error = np.sqrt(
+        np.sum(weight * rest**2) / max(len(rest) - len(centred) - 1, 1) / np.sum(weight * abscissa**2)
+    )
+    return (-slope, float(error)) if slope < 0 else None
+
+
+def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...], NDArray[np.float64]]:
+    """Find the resonance of every level and sweep.
+
+    Returns
+    -------
+    resonances
+        Ascending in level; a level whose points do not reach the resonance has none.
+    turning
+        (r, 2) largest and smallest displacement [m] there.
+    """
+    stiffness = points.force / points.harmonics[:, 1]
+    peaks = np.where(np.isfinite(points.peak), points.peak, _turning_points(points))
+    found: list[Resonance] = []
+    turning: list[Array] = []
+    for run in _runs(points):
+        place = _crossing(stiffness[run].real, points.amplitude[run], _neighbours(points, run))
+        if place is None:
+            continue
+        near, other, share = place
+        i, j = run[near], run[other]
+
+        def blend(values: Array, i: int = i, j: int = j, share: float = share) -> float:
+            return float(values[i] + share * (values[j] - values[i]))
+
+        if near == other:
+            square = float(points.omega[i] ** 2 + stiffness[i].real / mass)
+            if square <= 0:
+                continue
+            omega = float(np.sqrt(square))
+            damping = float(stiffness[i].imag / points.omega[i])
+        else:
+            omega = blend(points.omega)
+            damping = blend(stiffness.imag / points.omega)
+        found.append(
+            Resonance(
+                level=float(points.level[i]),
+                sweep=str(points.sweep[i]),
+                frequency=omega / (2 * np.pi),
+                damping_ratio=damping / (2 * mass * omega),
+                amplitude=blend(points.amplitude),
+                stiffness=mass * omega**2,
+                damping=damping,
+                jump=near == other,
+            )
+        )
+        turning.append(np.array([blend(peaks[:, 0]), blend(peaks[:, 1])]))
+    return tuple(found), np.array(turning).reshape(-1, 2)
+
+
+def _crossing(real: Array, size: Array, smooth: NDArray[np.bool_]) -> tuple[int, int, float] | None:
+    """Where Re F/X passes zero: two neighbours and the share between them, or one point beside a jump."""
+    down = np.flatnonzero((real[:-1] > 0) & (real[1:] <= 0))
+    if len(down):
+        at = int(down[np.argmax(np.maximum(size[down], size[down + 1]))])
+        if smooth[at]:
+            return at, at + 1, float(real[at] / (real[at] - real[at + 1]))
+        near = at if size[at] >= size[at + 1] else at + 1
+        return near, near, 0.0
+    if not len(size):
+        return None
+    top = int(np.argmax(size))
+    # the largest response of a run that does not reach the resonance tells it only from nearby
+    interior = 0 < top < len(size) - 1
+    return (top, top, 0.0) if interior else None
+
+
+def _turning_points(points: Points) -> Array:
+    angle = 2 * np.pi * np.arange(128) / 128
+    orders = np.arange(points.harmonics.shape[1])
+    motion = (points.harmonics @ np.exp(1j * orders[:, None] * angle)).real
+    return np.stack([motion.max(axis=1), motion.min(axis=1)], axis=1)

@@ -1,0 +1,272 @@
+"""The stages of an identification in their order: start, refined, first order, the paper's, warnings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from rsgen.identification.balance_fit import BalanceFit, fit_balance
+from rsgen.identification.dynamic_stiffness import (
+    Equations,
+    LinearSolution,
+    point_misfit,
+    solve_equations,
+)
+from rsgen.identification.force_law import ForceLaw, compile_law
+from rsgen.identification.identifiability import find_warnings, untold_reason
+from rsgen.identification.points import Points, select_points
+from rsgen.identification.resonance import find_resonances, mass_from_slices
+from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+
+__all__ = ["identify"]
+
+Array = NDArray[np.float64]
+
+_ORDERS = (9, 15, 23)
+"""Harmonics carried in the balance, raised until the last one no longer matters."""
+
+_TAIL = 1e-9
+"""Relative size at which the last harmonic no longer matters in exact data."""
+
+_GROSS = 5.0
+"""Starting values give less weight to points that disagree by more than so many typical misfits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Values:
+    """A set of values with its covariance: the parameters of the law in order, then the mass where it is free."""
+
+    values: Array
+    mass: float
+    covariance: Array
+    freedom: int
+
+
+def identify(surface: ResponseSurface, model: Model) -> Identification:
+    """Identify every parameter of the model's laws, and the mass where it is not given.
+
+    Parameters
+    ----------
+    surface
+        Settled points of any test; unsettled and held-out ones are left aside.
+    model
+        Laws without values.
+
+    Returns
+    -------
+    Identification
+        A parameter that the test does not tell is NaN with a sentence, never an exception.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the surface, or fewer than four points can be used.
+    """
+    points = select_points(surface, model)
+    law = compile_law(model.force)
+    start = _start(points, law, model.mass)
+    refined = _refined(points, law, start, model.mass)
+    used = refined.regression.used
+    kept = points.select(used)
+    first = _fit(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
+    bias = _first_order_bias(kept, law, refined, first, model.mass)
+    paper, resonances = _paper(kept, law, model.mass, refined.mass)
+    reasons = {
+        name: untold_reason(name, law, points, refined.regression, len(law.parameters), model.mass is None)
+        for name in _names(law, model)
+    }
+    estimates = _estimates(_of_fit(refined), law, model, reasons)
+    noise = refined.regression.noise * np.sqrt(2)
+    misfit = refined.regression.misfit
+    residual = float(np.sqrt(np.mean(misfit[used] ** 2))) if used.any() else float("nan")
+    return Identification(
+        model=model,
+        paper=_estimates(paper, law, model, {}),
+        first_order=_estimates(_of_fit(first), law, model, reasons),
+        refined=estimates,
+        first_order_bias=tuple(float(value) for value in bias),
+        covariance=refined.regression.covariance,
+        resonances=resonances,
+        curve=_curve(surface, model, points, used, refined.mass),
+        residual=residual,
+        noise=float(noise),
+        levels=np.unique(points.level),
+        amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
+        frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
+        outcome=_outcome(surface, points, used, estimates, float(noise)),
+        warnings=find_warnings(surface, model, points, law, refined, resonances, estimates),
+    )
+
+
+def _names(law: ForceLaw, model: Model) -> tuple[str, ...]:
+    return (*law.parameters, "m") if model.mass is None else law.parameters
+
+
+def _start(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
+    """Values to start from: first order, all points, gross outliers with less weight."""
+    equations = Equations(
+        points.omega,
+        points.force,
+        points.harmonics[:, :2],
+        not law.odd and 0 in points.measured,
+        1 / np.abs(points.force),
+        np.zeros((0, 2)),
+    )
+    weight = equations.weight
+    for _ in range(3):
+        solution = solve_equations(equations, law, mass)
+        misfit = point_misfit(replace(equations, weight=weight), law, solution)
+        typical = max(1.4826 * float(np.median(misfit)), 1e-3)
+        factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
+        if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
+            break
+        equations = replace(equations, weight=weight * factor)
+    return solution
+
+
+def _fit(
+    points: Points,
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    given: float | None,
+    order: int,
+    *,
+    reject: bool,
+) -> BalanceFit:
+    return fit_balance(points, law, values, mass, mass_free=given is None, order=order, reject=reject)
+
+
+def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float | None) -> BalanceFit:
+    """All harmonics that matter."""
+    values, mass = start.values, start.mass
+    for order in _ORDERS:
+        refined = _fit(points, law, values, mass, given, order, reject=True)
+        values, mass = refined.values, refined.mass
+        harmonics = np.abs(refined.balance.harmonics[refined.regression.used])
+        last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
+        if law.switched or last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points))):
+            break
+    return refined
+
+
+def _of_fit(found: BalanceFit) -> _Values:
+    return _Values(found.values, found.mass, found.regression.covariance, found.regression.freedom)
+
+
+def _first_order_bias(
+    points: Points, law: ForceLaw, refined: BalanceFit, first: BalanceFit, given: float | None
+) -> Array:
+    """What the first-order fit makes of the refined model's own, noise-free response."""
+    used = refined.regression.used
+    turn = np.exp(1j * refined.turn[used])
+    count = points.harmonics.shape[1]
+    harmonics = np.zeros((len(points), max(count, refined.balance.harmonics.shape[1])), dtype=complex)
+    predicted = refined.balance.harmonics[used]
+    harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
+    if not np.isfinite(harmonics).all():
+        return np.full(len(refined.regression.parameters), np.nan)
+    exact = replace(points, force=refined.balance.force[used] * turn, harmonics=harmonics[:, :count])
+    again = _fit(exact, law, first.values, first.mass, given, 1, reject=False)
+    return np.asarray(again.regression.parameters - refined.regression.parameters)
+
+
+def _paper(
+    points: Points, law: ForceLaw, given: float | None, fallback: float
+) -> tuple[_Values, tuple[Resonance, ...]]:
+    """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
+    mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
+    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else fallback)
+    count = len(law.parameters) + (given is None)
+    if not np.isfinite(mass) or not resonances:
+        return _Values(
+            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
+        ), resonances
+    omega = 2 * np.pi * np.array([r.frequency for r in resonances])
+    size = np.array([r.amplitude for r in resonances])
+    force = omega * np.array([r.damping for r in resonances]) * size
+    good = force > 0
+    equations = Equations(
+        omega[good],
+        1j * force[good],
+        np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
+        False,
+        1 / force[good],
+        turning[good] if not law.odd else np.zeros((0, 2)),
+    )
+    if not good.any():
+        return _Values(
+            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
+        ), resonances
+    found = solve_equations(equations, law, mass)
+    covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
+    values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
+    if given is None:
+        covariance = np.pad(covariance, (0, 1))
+        covariance[-1, -1] = mass_error**2
+    return _Values(values, mass, covariance, max(2 * int(good.sum()) - len(law.parameters), 1)), resonances
+
+
+def _estimates(found: _Values, law: ForceLaw, model: Model, reasons: dict[str, str]) -> tuple[Estimate, ...]:
+    values = np.append(found.values, found.mass) if model.mass is None else found.values
+    names = _names(law, model)
+    variance = np.diag(found.covariance)
+    wide = float(stdtrit(found.freedom, 0.975))
+    estimates = []
+    for name, value, var in zip(names, values, variance, strict=True):
+        told = bool(np.isfinite(var) and np.isfinite(value))
+        # round-off is the least error a value can have
+        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if told else float("inf")
+        centre = float(value) if told else float("nan")
+        interval = (centre - wide * error, centre + wide * error) if told else (float("-inf"), float("inf"))
+        remark = reasons.get(name, "")
+        if not told and not remark:
+            remark = f"{name}: not told by the points that this method uses"
+        estimates.append(
+            Estimate(name, centre, error, interval, "kg" if name == "m" else model_unit(model, name), remark)
+        )
+    return tuple(estimates)
+
+
+def model_unit(model: Model, name: str) -> str:
+    """SI unit of a parameter, "" where the law does not say."""
+    return ""
+
+
+def _curve(
+    surface: ResponseSurface, model: Model, points: Points, used: NDArray[np.bool_], mass: float
+) -> EquivalentCurve:
+    response = surface.harmonics[:, 1]
+    rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
+    stiffness = surface.force[rows] / response[rows]
+    omega = surface.omega[rows]
+    took_part = np.zeros(len(surface), dtype=bool)
+    took_part[points.index[used]] = True
+    return EquivalentCurve(
+        amplitude=np.abs(response[rows]),
+        frequency=surface.frequency[rows],
+        level=surface.level[rows],
+        stiffness=stiffness.real + mass * omega**2,
+        damping=stiffness.imag / omega,
+        used=took_part[rows],
+    )
+
+
+def _outcome(
+    surface: ResponseSurface,
+    points: Points,
+    used: NDArray[np.bool_],
+    estimates: tuple[Estimate, ...],
+    noise: float,
+) -> str:
+    told = sum(estimate.told for estimate in estimates)
+    return (
+        f"{told} of {len(estimates)} parameters identified from {int(used.sum())} of {len(surface)} points "
+        f"at {len(np.unique(points.level))} levels; force and response agree with the law within {noise:.1e} "
+        "of their size"
+    )
