@@ -1,0 +1,134 @@
+"""What pydantic found wrong, as sentences a person can act on: path, fault, what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from rsgen.case.document import CaseDocument
+from rsgen.case.wording import quote, suggest
+
+__all__ = ["sentences"]
+
+_KINDS = ("simulated", "measured")
+_WANTED = {
+    "string_type": "a text in quotes",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "list_type": "a list [ ... ]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+    "int_from_float": "a whole number",
+}
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models(inner)
+
+
+def _keys(location: Iterable[int | str]) -> list[str]:
+    """List the keys that the table at a location may have, sorted as declared."""
+    model: type[BaseModel] = CaseDocument
+    for part in location:
+        if isinstance(part, int):
+            continue
+        fields = {field.alias or name: field for name, field in model.model_fields.items()}
+        if part in _KINDS and part not in fields:
+            continue
+        if part not in fields:
+            return []
+        inner = list(_models(fields[part].annotation))
+        if not inner:
+            return []
+        model = inner[0]
+        if len(inner) > 1:
+            position = list(location).index(part)
+            tag = list(location)[position + 1 : position + 2]
+            model = inner[1] if tag == ["measured"] else inner[0]
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _path(location: Iterable[int | str]) -> str:
+    parts: list[str] = []
+    for part in location:
+        if isinstance(part, int):
+            parts.append(str(part + 1))
+        elif part.isidentifier():
+            parts.append(part)
+        else:
+            parts.append(quote(part))
+    return ".".join(parts)
+
+
+def _allowed(kind: str, context: dict[str, Any]) -> str | None:
+    match kind:
+        case "literal_error":
+            return str(context["expected"])
+        case "greater_than":
+            return f"a number above {context['gt']:g}"
+        case "greater_than_equal":
+            return f"a number of at least {context['ge']:g}"
+        case "less_than":
+            return f"a number below {context['lt']:g}"
+        case "less_than_equal":
+            return f"a number of at most {context['le']:g}"
+        case "string_too_long":
+            return f"at most {context['max_length']} characters"
+        case "string_too_short":
+            return f"at least {context['min_length']} characters"
+        case "too_long":
+            return f"at most {context['max_length']} entries"
+        case "too_short":
+            return f"at least {context['min_length']} entries"
+        case "string_pattern_mismatch":
+            return f"a text of the form {context['pattern']}"
+        case _:
+            return _WANTED.get(kind)
+
+
+def _sentence(fault: Any) -> str:
+    location = list(fault["loc"])
+    kind = str(fault["type"])
+    context = fault.get("ctx", {})
+    # the discriminator's tag is no key of the file
+    if len(location) > 1 and location[0] == "test" and location[1] in _KINDS:
+        shown = [location[0], *location[2:]]
+    else:
+        shown = location
+    path = _path(shown)
+    if kind == "missing":
+        return f"{path}: is missing; every case needs it here"
+    if kind == "extra_forbidden":
+        known = _keys(location[:-1])
+        return f"{path}: is not a key here; {suggest(str(location[-1]), known)}known: {', '.join(known)}"
+    if kind == "union_tag_not_found":
+        return f"{path}.kind: is missing; 'simulated' or 'measured' is needed"
+    if kind == "union_tag_invalid":
+        return f"{path}.kind: is {quote(context['tag'])}; 'simulated' or 'measured' is allowed"
+    allowed = fault["msg"] if kind in ("quantity", "column") else _allowed(kind, context)
+    return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return quote(value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return f"{value!r}"[:40]
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else f"a list of {len(value)}"
+    return f"of type {type(value).__name__}"
+
+
+def sentences(error: ValidationError) -> list[str]:
+    """Turn every fault into ``path.to.key: what is wrong; what is allowed``, list numbers from 1."""
+    return [_sentence(fault) for fault in error.errors(include_url=False)]
