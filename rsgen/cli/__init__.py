@@ -1,0 +1,69 @@
+"""The command line: the only place that prints or exits.
+
+Exit codes: 0 done and accepted, 1 a case missed its [accept], 2 the input is faulty (one sentence a fault on
+standard error, no traceback), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+
+from rsgen.errors import CaseError, RsgenError
+
+__all__ = ["main"]
+
+FAULTY = 2
+INTERRUPTED = 130
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command and exit with its code.
+
+    Parameters
+    ----------
+    arguments
+        Words after ``rsgen``; those of the process by default.
+
+    Raises
+    ------
+    SystemExit
+        Always, with the exit code.
+    """
+    from rsgen.cli.application import application
+    from rsgen.cli.printing import print_faults
+
+    # a polite end from outside clears up as Ctrl-C does
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        code = application(args=words or ["--help"], standalone_mode=False)
+        sys.stdout.flush()
+    except CaseError as fault:
+        print_faults(fault.faults)
+        code = FAULTY
+    except RsgenError as fault:
+        print_faults([" ".join(str(fault).split())])
+        code = FAULTY
+    except KeyboardInterrupt:
+        print_faults(["rsgen: interrupted; nothing half-written was left"])
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # the reader, such as head, has seen enough; keep Python from complaining at its exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except Exception as fault:
+        # faults of usage come from the command line library and know how to say themselves
+        message = getattr(fault, "format_message", None)
+        if message is None:
+            raise
+        print_faults([f"rsgen: {' '.join(str(message()).split())} See: rsgen --help"])
+        code = FAULTY
+    sys.exit(code if isinstance(code, int) else 0)

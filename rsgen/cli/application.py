@@ -1,0 +1,220 @@
+"""The commands, their help and their options; what they do is imported when it is needed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["application"]
+
+application = typer.Typer(
+    name="rsgen",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""Identify nonlinear springs and dampers from the response surface of a vibration test.
+
+    A case file says what vibrates (laws of springs and dampers), how it is tested (simulated or measured)
+    and what must come out. rsgen reads or simulates the response surface, identifies every parameter, and
+    writes a report that is one HTML file.
+
+    \b
+    First steps:
+      rsgen init gearbox                         write a commented case file
+      rsgen check gearbox.toml                   find every fault in it, say what a run will do
+      rsgen run gearbox.toml                     simulate, identify, compare, report
+      rsgen run cases --out reports              the same for a folder of cases
+      rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
+
+    \b
+    Exit codes: 0 done and accepted; 1 a case missed its [accept]; 2 faulty input; 130 interrupted.
+    """,
+)
+
+Cases = Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)]
+OneCase = Annotated[Path, typer.Argument(help="A case file.", show_default=False)]
+Out = Annotated[Path, typer.Option("--out", "-o", help="The folder of all results.")]
+Data = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder of measured files; otherwise RSGEN_DATA, then the case's own.", show_default=False
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Answer as JSON, for programs.")]
+Surface = Annotated[
+    Path | None,
+    typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
+]
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from rsgen import __version__
+        from rsgen.cli.printing import print_line
+
+        print_line(f"rsgen {__version__}")
+        raise typer.Exit
+
+
+@application.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@application.command(short_help="From case files to reports.")
+def run(
+    cases: Cases,
+    out: Out = Path("reports"),
+    force: Annotated[bool, typer.Option("--force", "-f", help="Run even what is unchanged.")] = False,
+    data: Data = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, max=256, help="Processes at a time.", show_default="processors"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Run cases from file to report; unchanged ones with a verified result are skipped.
+
+    \b
+    Examples:
+      rsgen run cases
+      rsgen run cases/cubic.toml --force
+      rsgen run mine.toml --data /mnt/laboratory --out results
+    """
+    from rsgen.cli.commands import run_command
+
+    raise typer.Exit(run_command(cases, out, force, data, jobs, json))
+
+
+@application.command(short_help="Find every fault in case files.")
+def check(cases: Cases, data: Data = None, json: Json = False) -> None:
+    """Find every fault in case files, and say what a run will do.
+
+    \b
+    Examples:
+      rsgen check cases
+      rsgen check mine.toml --json
+    """
+    from rsgen.cli.commands import check_command
+
+    raise typer.Exit(check_command(cases, data, json))
+
+
+@application.command(short_help="Describing functions of a force law.")
+def derive(
+    expression: Annotated[
+        str,
+        typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
+    ],
+    json: Json = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
+) -> None:
+    """Derive equivalent stiffness and damping of a force law, with the proof.
+
+    \b
+    Examples:
+      rsgen derive "k3*x**3 + c2*v*abs(v)"
+      rsgen derive "Piecewise((k*x, x < b), (k*b, True))" --json
+    """
+    from rsgen.cli.derivation import derive_command
+
+    raise typer.Exit(derive_command(expression, json, latex))
+
+
+@application.command(short_help="From a case to a response surface.")
+def simulate(
+    case: OneCase,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The HDF5 file to write.", show_default="<name>.h5")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Simulate the test of a case and write the response surface as HDF5 (h5py, MATLAB, Julia read it).
+
+    \b
+    Example:
+      rsgen simulate cases/cubic.toml --out cubic.h5
+    """
+    from rsgen.cli.commands import simulate_command
+
+    raise typer.Exit(simulate_command(case, out, json))
+
+
+@application.command(short_help="From a case to its parameters.")
+def identify(case: OneCase, surface: Surface = None, data: Data = None, json: Json = False) -> None:
+    """Identify the parameters of a case and print them; nothing is written.
+
+    \b
+    Examples:
+      rsgen identify cases/cubic.toml
+      rsgen identify cases/cubic.toml --surface cubic.h5 --json
+    """
+    from rsgen.cli.commands import identify_command
+
+    raise typer.Exit(identify_command(case, surface, data, json))
+
+
+@application.command(short_help="Write reports anew, without simulating.")
+def report(
+    cases: Annotated[
+        list[Path] | None, typer.Argument(help="Case files, or folders of them.", show_default=False)
+    ] = None,
+    out: Out = Path("reports"),
+    data: Data = None,
+    json: Json = False,
+) -> None:
+    """Write reports anew from surfaces that earlier runs left; without a case, only index and table.
+
+    \b
+    Examples:
+      rsgen report
+      rsgen report cases/cubic.toml
+    """
+    from rsgen.cli.commands import report_command
+
+    raise typer.Exit(report_command(cases or [], out, data, json))
+
+
+@application.command(short_help="Begin a case file.")
+def init(
+    name: Annotated[str, typer.Argument(help="The case's name, and that of its report.", show_default=False)],
+    force: Annotated[
+        str, typer.Option("--law", help="The force law in x and v; terms in x become the spring.")
+    ] = "k1*x + kn1*x**3 + c1*v",
+    measured: Annotated[
+        str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
+    ] = None,
+) -> None:
+    """Write a commented case file to begin with.
+
+    \b
+    Examples:
+      rsgen init gearbox
+      rsgen init joint --law "k*x + c*v + mu*sign(v)"
+      rsgen init wire --measured wire.csv
+    """
+    from rsgen.cli.beginning import init_command
+
+    raise typer.Exit(init_command(name, force, measured, out))
+
+
+@application.command(short_help="List the library of force laws.")
+def laws(json: Json = False) -> None:
+    """List the library of force laws that a case can start from.
+
+    \b
+    Example:
+      rsgen laws
+    """
+    from rsgen.cli.derivation import laws_command
+
+    raise typer.Exit(laws_command(json))

@@ -1,0 +1,143 @@
+"""What `rsgen init` writes: a case file with a comment on every line that a beginner will change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import sympy
+
+from rsgen.case import DATA_VARIABLE
+from rsgen.case.measured import path_fault
+from rsgen.case.wording import name_fault
+from rsgen.cli.printing import print_line
+from rsgen.element import make_element
+from rsgen.errors import RsgenError
+from rsgen.expression import write
+from rsgen.output import write_atomic
+from rsgen.units import parameter_units
+
+__all__ = ["case_text", "init_command"]
+
+_SIMULATED = """\
+[test]
+kind      = "simulated"
+method    = "time"                   # time integration; "harmonic-balance" is an independent check
+control   = "force"                  # constant force; "response": constant amplitude, the force follows
+sweep     = "rest"                   # every point from rest; or "up", "down"
+level     = {{ start = 1, stop = 12, count = 12 }}     # force amplitudes [N]
+frequency = {{ start = 7, stop = 13, count = 121 }}    # [Hz]
+harmonics = 15
+accuracy  = 1e-6                     # of the amplitude
+noise     = {{ relative = 0.0, seed = 1 }}
+
+[accept]                             # largest relative error of each identified parameter
+{accept}
+"""
+
+_MEASURED = """\
+[test]
+kind   = "measured"
+file   = "{file}"                    # in this folder, or in the folder that {variable} names
+format = "csv"                       # numbers in columns; lines with #, %, // are comments
+
+[test.frequency]
+column = 1                           # a number from 1, or a name from the header
+unit   = "Hz"                        # or "rad/s", "rpm"
+
+[test.force]                         # amplitude (with phase), or real and imaginary
+amplitude = 2
+unit      = "N"
+scale     = "peak"                   # or "rms"
+
+[test.response]
+quantity    = "acceleration"         # or "velocity", "displacement"
+amplitude   = 3
+phase       = 4
+phase_unit  = "deg"                  # or "rad"
+phase_sense = "lag"                  # a positive phase means later ("lag") or earlier ("lead")
+unit        = "m/s^2"                # or "g", "mm/s", "um" ...
+scale       = "peak"
+
+[test.sweep]
+direction = "recognise"              # from the order of the frequencies; or "up", "down", "rest"
+
+[test.level]
+spread = 0.05                        # forces closer than 5 % are one level; or column = ..., or value = "1 N"
+"""
+
+
+def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
+    force = make_element("law", law).force
+    velocity = next((symbol for symbol in force.free_symbols if symbol.name == "v"), None)
+    terms = sympy.Add.make_args(force)
+    damper = [term for term in terms if velocity is not None and term.has(velocity)]
+    spring = [term for term in terms if term not in damper]
+    parts = [("spring", spring), ("damper", damper)]
+    units = dict(parameter_units(force))
+    return [(name, sympy.Add(*part)) for name, part in parts if part], units
+
+
+def case_text(name: str, law: str, measured: str | None = None) -> str:
+    """Give the text of a case to begin with.
+
+    Parameters
+    ----------
+    name
+        The case's name.
+    law
+        A force law in x and v; terms with v go to the damper, the others to the spring.
+    measured
+        The data file of a measured case; None for a simulated one.
+
+    Raises
+    ------
+    RsgenError
+        Name, law or path are not legal.
+    """
+    fault = name_fault(name)
+    if fault:
+        raise RsgenError(f"name: {fault}")
+    elements, units = _elements(law)
+    names = sorted({symbol.name for _, part in elements for symbol in part.free_symbols} - {"x", "v"})
+    lines = [
+        "# A case of rsgen: change what you need, then `rsgen check` this file.",
+        "schema = 1",
+        f'name   = "{name}"                 # also the folder of the report',
+        f'title  = "{name}"',
+        'source = ""                         # where laws or data come from',
+        "",
+        "[system]",
+    ]
+    if measured is None:
+        lines.append(
+            'mass = "1.5 kg"                    # a number with its unit; the truth, identified as m'
+        )
+    else:
+        lines.append('# mass = "1.5 kg"                  # if it is known; otherwise it is identified')
+    for element, part in elements:
+        lines += ["", "[[element]]", f'name  = "{element}"']
+        lines.append(f'force = "{write(part)}"      # in x [m] and v [m/s]; other names are parameters')
+    lines.append("")
+    if measured is None:
+        lines.append("[truth]                            # what identification must find")
+        width = max(map(len, names), default=0)
+        lines += [f'{key:<{width}} = "1 {units.get(key) or ""}"'.replace(' "1 "', " 1") for key in names]
+        accept = "\n".join(f"{key} = 1e-4" for key in ("m", *names))
+        lines += ["", _SIMULATED.format(accept=accept)]
+    else:
+        fault = path_fault(measured)
+        if fault:
+            raise RsgenError(f"--measured: {fault}")
+        lines.append(_MEASURED.format(file=measured, variable=DATA_VARIABLE))
+    return "\n".join(lines)
+
+
+def init_command(name: str, law: str, measured: str | None, out: Path | None) -> int:
+    """Write the case; a file that is there is left alone."""
+    text = case_text(name, law, measured)
+    target = out or Path(f"{name}.toml")
+    if target.exists():
+        raise RsgenError(f"{target}: is there already; choose another name or --out")
+    write_atomic(target, text)
+    print_line(f"{target}: change what you need, then `rsgen check {target}`")
+    return 0

@@ -1,0 +1,255 @@
+"""What the commands about cases do: run, check, simulate, identify, report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsgen.case import Case, find_cases, load_case, name_clashes
+from rsgen.cli.printing import (
+    case_progress,
+    number,
+    print_faults,
+    print_json,
+    print_line,
+    print_table,
+)
+from rsgen.errors import CaseError, MeasurementError, RsgenError
+from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.simulation import SimulatedTest
+
+if TYPE_CHECKING:
+    from rsgen.identification import Identification
+    from rsgen.study import CaseRun
+    from rsgen.surface import ResponseSurface
+
+__all__ = ["check_command", "identify_command", "report_command", "run_command", "simulate_command"]
+
+ACCEPTED, MISSED, FAULTY = 0, 1, 2
+
+# a thousand steady states a second and core: slow laws need this, smooth ones are a hundred times faster
+_POINTS_A_SECOND = 1_000
+
+
+def _code(runs: Sequence[CaseRun]) -> int:
+    if any(run.passed is None for run in runs):
+        return FAULTY
+    return ACCEPTED if all(run.passed for run in runs) else MISSED
+
+
+def run_command(
+    cases: list[Path], out: Path, force: bool, data: Path | None, jobs: int | None, json: bool
+) -> int:
+    """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
+    from rsgen.study import run_cases
+
+    files = find_cases(cases)
+    words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
+    with case_progress(len(files), quiet=json) as note:
+        runs = run_cases(cases, out, force, data, jobs, words, note)
+    if json:
+        print_json(
+            [
+                {
+                    "case": run.name,
+                    "file": str(run.path),
+                    "passed": run.passed,
+                    "skipped": run.skipped,
+                    "folder": str(run.folder) if run.folder else None,
+                    "seconds": round(run.seconds, 3),
+                    "faults": list(run.faults),
+                }
+                for run in runs
+            ]
+        )
+    elif any(run.folder for run in runs):
+        print_line(f"Table of all results: {out / 'index.html'}")
+    return _code(runs)
+
+
+def _plan(case: Case) -> dict[str, Any]:
+    test = case.test
+    plan: dict[str, Any] = {
+        "case": case.name,
+        "title": case.title,
+        "parameters": list(case.model.parameters),
+        "warnings": list(case.warnings),
+    }
+    if isinstance(test, SimulatedTest):
+        points = len(test.level) * len(test.frequency)
+        # force, harmonics and a dozen columns, with room for the copies that identification makes
+        bytes_needed = points * (16 * (test.harmonics + 2) + 100) * 10
+        plan |= {
+            "kind": "simulated",
+            "levels": len(test.level),
+            "frequencies": len(test.frequency),
+            "points": points,
+            "seconds_at_most": max(1, round(points / _POINTS_A_SECOND)),
+            "megabytes": max(1, round(bytes_needed / 1e6)),
+        }
+    else:
+        surface = read_measurement(test)
+        plan |= {
+            "kind": "measured",
+            "file": test.file.name,
+            "levels": len(surface.levels),
+            "points": len(surface),
+            "sweeps": sorted({str(sweep) for sweep in surface.sweep}),
+            "lowest_frequency": float(surface.frequency.min()),
+            "highest_frequency": float(surface.frequency.max()),
+        }
+    return plan
+
+
+def _describe(plan: dict[str, Any]) -> str:
+    names = ", ".join(plan["parameters"])
+    if plan["kind"] == "simulated":
+        return (
+            f"{plan['case']}: {plan['levels']} levels x {plan['frequencies']} frequencies = {plan['points']} "
+            f"points to simulate, at most about {plan['seconds_at_most']} s and {plan['megabytes']} MB; "
+            f"identifies m, {names}"
+        )
+    band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
+    return (
+        f"{plan['case']}: {plan['points']} measured points at {plan['levels']} levels, {band}, "
+        f"sweep {', '.join(plan['sweeps'])}; identifies {names}"
+    )
+
+
+def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
+    """Load cases and measured files; the code is 2 if anything is faulty."""
+    plans: list[dict[str, Any]] = []
+    loaded: list[Case] = []
+    faults: list[str] = []
+    for path in find_cases(cases):
+        try:
+            case = load_case(path, data)
+            loaded.append(case)
+            plans.append(_plan(case))
+        except CaseError as fault:
+            faults += fault.faults
+        except MeasurementError as fault:
+            faults.append(f"{path.name}: test.file: {fault}")
+    faults += name_clashes(loaded).values()
+    if json:
+        print_json({"cases": plans, "faults": faults})
+    else:
+        for plan in plans:
+            print_line(_describe(plan))
+            for warning in plan["warnings"]:
+                print_line(f"  note: {warning}")
+    print_faults(faults)
+    return FAULTY if faults else ACCEPTED
+
+
+def _surface(case: Case) -> ResponseSurface:
+    if isinstance(case.test, MeasuredTest):
+        return read_measurement(case.test)
+    from rsgen.simulation import simulate
+
+    if case.oscillator is None:
+        raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
+    return simulate(case.oscillator, case.test)
+
+
+def simulate_command(path: Path, out: Path | None, json: bool) -> int:
+    """Write the response surface of a simulated case as HDF5."""
+    from rsgen.surface import save_surface
+
+    case = load_case(path)
+    if not isinstance(case.test, SimulatedTest):
+        raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    target = out or Path(f"{case.name}.h5")
+    surface = _surface(case)
+    save_surface(target, surface)
+    settled = int(surface.settled.sum())
+    if json:
+        print_json({"case": case.name, "file": str(target), "points": len(surface), "settled": settled})
+    else:
+        print_line(f"{case.name}: {len(surface)} points, {settled} settled: {target}")
+    return ACCEPTED
+
+
+def _rows(identification: Identification) -> list[dict[str, Any]]:
+    methods = {
+        "paper": {estimate.name: estimate for estimate in identification.paper},
+        "first_order": {estimate.name: estimate for estimate in identification.first_order},
+        "refined": {estimate.name: estimate for estimate in identification.refined},
+    }
+    rows = []
+    for refined in identification.refined:
+        row: dict[str, Any] = {"name": refined.name, "unit": refined.unit}
+        for method, estimates in methods.items():
+            found = estimates.get(refined.name)
+            row[method] = (
+                None
+                if found is None
+                else {
+                    "value": found.value,
+                    "standard_error": found.standard_error,
+                    "interval": list(found.interval),
+                }
+            )
+        rows.append(row)
+    return rows
+
+
+def identify_command(path: Path, surface: Path | None, data: Path | None, json: bool) -> int:
+    """Identify a case from its test or from a saved surface, and print the estimates."""
+    from rsgen.identification import identify
+    from rsgen.surface import load_surface
+
+    case = load_case(path, data)
+    identification = identify(load_surface(surface) if surface else _surface(case), case.model)
+    rows = _rows(identification)
+    if json:
+        print_json(
+            {
+                "case": case.name,
+                "parameters": rows,
+                "residual": identification.residual,
+                "outcome": identification.outcome,
+                "warnings": list(identification.warnings),
+            }
+        )
+        return ACCEPTED
+    values = [
+        [number(row[m]["value"] if row[m] else None) for m in ("paper", "first_order", "refined")]
+        for row in rows
+    ]
+    errors = [number(row["refined"]["standard_error"], 2) for row in rows]
+    print_table(
+        ("", "paper", "first order", "refined", "std. error", "unit"),
+        [
+            (row["name"], *value, error, row["unit"])
+            for row, value, error in zip(rows, values, errors, strict=True)
+        ],
+    )
+    print_line(identification.outcome)
+    for warning in identification.warnings:
+        print_line(f"note: {warning}")
+    return ACCEPTED
+
+
+def report_command(cases: list[Path], out: Path, data: Path | None, json: bool) -> int:
+    """Write reports from saved surfaces, then the index; without cases the index alone."""
+    from rsgen.report import write_index
+    from rsgen.study import rewrite_report
+
+    runs = []
+    if not cases and not out.is_dir():
+        raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
+    if cases:
+        files = find_cases(cases)
+        with case_progress(len(files), quiet=json) as note:
+            for path in files:
+                runs.append(rewrite_report(path, out, data, ("rsgen", "report", path.name)))
+                note(runs[-1])
+    if not cases or any(run.folder for run in runs):
+        write_index(out)
+    if json:
+        print_json({"index": str(out / "index.html"), "cases": [run.name for run in runs]})
+    elif not cases:
+        print_line(f"Table of all results: {out / 'index.html'}")
+    return _code(runs)

@@ -1,0 +1,9 @@
+"""From case files to finished reports: one case, many cases, and what makes a result a result."""
+
+from __future__ import annotations
+
+from rsgen.study.manifest import MANIFEST, read_manifest
+from rsgen.study.one import CaseRun, rewrite_report, run_case
+from rsgen.study.pool import run_cases
+
+__all__ = ["MANIFEST", "CaseRun", "read_manifest", "rewrite_report", "run_case", "run_cases"]

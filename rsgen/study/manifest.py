@@ -1,0 +1,123 @@
+"""The manifest: what a finished run wrote, from which inputs; without a valid one there is no result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import sys
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import rsgen
+from rsgen.output import write_atomic
+
+__all__ = ["MANIFEST", "file_hash", "inputs_unchanged", "program_hash", "read_manifest", "write_manifest"]
+
+MANIFEST = "manifest.json"
+SCHEMA = 1
+_PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
+_MAX_MANIFEST = 1_000_000
+_CHUNK = 2**20
+
+
+def file_hash(path: Path) -> str:
+    """Give the SHA-256 of a file in hexadecimal."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+@cache
+def program_hash() -> str:
+    """Give one SHA-256 over the program itself, so that results of older code are not taken for current."""
+    package = Path(rsgen.__file__).parent
+    folders = [package] + ([package.parent / "templates"] if not (package / "templates").is_dir() else [])
+    digest = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+                digest.update(path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "rsgen": rsgen.__version__}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def write_manifest(
+    folder: Path, inputs: dict[str, str | None], seed: int | None, command: Iterable[str]
+) -> None:
+    """Write the manifest of a folder whose other files are complete.
+
+    Parameters
+    ----------
+    folder
+        Every file in it is listed with its SHA-256.
+    inputs
+        SHA-256 of what the run read, by what it is.
+    seed
+        Of the noise, where there was one.
+    command
+        What was called.
+    """
+    files = {
+        path.relative_to(folder).as_posix(): file_hash(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != MANIFEST
+    }
+    content = {
+        "schema": SCHEMA,
+        "inputs": inputs,
+        "program": program_hash(),
+        "versions": _versions(),
+        "platform": f"{platform.system()} {platform.machine()}, {sys.implementation.name}",
+        "seed": seed,
+        "command": list(command),
+        "files": files,
+    }
+    write_atomic(folder / MANIFEST, json.dumps(content, indent=1, ensure_ascii=True) + "\n")
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """Read a manifest and check every file that it lists; None where anything is missing or changed."""
+    try:
+        path = folder / MANIFEST
+        if path.stat().st_size > _MAX_MANIFEST:
+            return None
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+            return None
+        files = content.get("files")
+        if not isinstance(files, dict) or not files:
+            return None
+        for name, digest in files.items():
+            file = folder / name
+            # a manifest may not vouch for files elsewhere
+            if ".." in Path(name).parts or Path(name).is_absolute() or file_hash(file) != digest:
+                return None
+    except (OSError, ValueError, RecursionError):
+        return None
+    return content
+
+
+def inputs_unchanged(manifest: dict[str, Any], inputs: dict[str, str | None]) -> bool:
+    """Tell whether a manifest was written from the same inputs, by the same program and packages."""
+    return (
+        manifest.get("inputs") == inputs
+        and manifest.get("program") == program_hash()
+        and manifest.get("versions") == _versions()
+    )

@@ -1,0 +1,158 @@
+"""Many cases at once, in local processes; a case that fails does not stop the others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from rsgen.case import Case, find_cases, load_case, name_clashes
+from rsgen.errors import CaseError, RsgenError
+from rsgen.study.one import CaseRun, check_place, current_result, run_case
+
+__all__ = ["run_cases"]
+
+Report = Callable[[CaseRun], None]
+
+
+def _prepare_worker(workers: int) -> None:
+    # each worker gets its share of the processors, or the kernels of two cases fight for all of them
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    for variable in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, share)
+    # a worker whose parent was killed would wait for ever
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) -> CaseRun | None:
+    try:
+        return run_case(path, out, force=True, data=data, command=command)
+    except KeyboardInterrupt:
+        # the terminal tells every process; the parent answers for all
+        return None
+
+
+def _sort(paths: Iterable[Path], out: Path, force: bool, data: Path | None, finished: Report) -> list[Path]:
+    """Report faulty and finished cases at once; give the paths of those that must be run."""
+    cases: list[Case] = []
+    for path in paths:
+        try:
+            case = load_case(path, data)
+            check_place(case, out)
+            cases.append(case)
+        except CaseError as fault:
+            finished(CaseRun(path, path.stem, faults=fault.faults))
+        except RsgenError as fault:
+            finished(CaseRun(path, path.stem, faults=(str(fault),)))
+    clashes = name_clashes(cases)
+    todo = []
+    for case in cases:
+        earlier = None if force else current_result(case, out)
+        if case.path in clashes:
+            finished(CaseRun(case.path, case.name, faults=(clashes[case.path],)))
+        elif earlier is not None:
+            finished(earlier)
+        else:
+            todo.append(case.path)
+    return todo
+
+
+def _spread(
+    todo: list[Path], out: Path, data: Path | None, command: tuple[str, ...], workers: int, finished: Report
+) -> None:
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker, initargs=(workers,))
+    futures: dict[Future[CaseRun | None], Path] = {}
+    try:
+        futures = {pool.submit(_work, path, out, data, command): path for path in todo}
+        open_futures = set(futures)
+        while open_futures:
+            done, open_futures = wait(open_futures, return_when=FIRST_COMPLETED)
+            for future in done:
+                path = futures[future]
+                try:
+                    run = future.result()
+                except BrokenProcessPool:
+                    lost = f"{path.name}: its process was ended, perhaps for want of memory; try again"
+                    run = CaseRun(path, path.stem, faults=(lost,))
+                if run is None:
+                    raise KeyboardInterrupt
+                finished(run)
+    except BaseException:
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown(wait=True)
+
+
+def run_cases(
+    paths: Iterable[str | Path],
+    out: str | Path,
+    force: bool = False,
+    data: str | Path | None = None,
+    workers: int | None = None,
+    command: Sequence[str] = (),
+    finished: Report = lambda run: None,
+) -> tuple[CaseRun, ...]:
+    """Run cases, each in a process of its own, then write the index over all results in ``out``.
+
+    Parameters
+    ----------
+    paths
+        Case files and folders of them.
+    out
+        The folder of all results.
+    force
+        Run every case; otherwise those with a verified result from the same inputs are skipped.
+    data
+        The folder of measured files, if not each case's own or that of RSGEN_DATA.
+    workers
+        Processes at a time; default is the number of processors. 1 runs in this process.
+    command
+        What was called, for the manifests.
+    finished
+        Called after each case, in this process.
+
+    Returns
+    -------
+    tuple of CaseRun
+        In the order of the paths.
+
+    Raises
+    ------
+    RsgenError
+        A path does not exist or holds no case; the index cannot be written.
+    """
+    files = find_cases(paths)
+    place = Path(out)
+    folder = None if data is None else Path(data)
+    runs: dict[Path, CaseRun] = {}
+
+    def note(run: CaseRun) -> None:
+        runs[run.path] = run
+        finished(run)
+
+    todo = _sort(files, place, force, folder, note)
+    number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
+    if number == 1:
+        for path in todo:
+            note(run_case(path, place, force=True, data=folder, command=command))
+    else:
+        _spread(todo, place, folder, tuple(command), number, note)
+    if any(run.folder for run in runs.values()):
+        from rsgen.report import write_index
+
+        write_index(place)
+    return tuple(runs[path] for path in files)
