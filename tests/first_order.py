@@ -79,7 +79,13 @@ def cubic_identification(surface: ResponseSurface) -> Identification:
 
     def estimates(error: float) -> tuple[Estimate, ...]:
         return tuple(
-            Estimate(name, value * (1 + error), abs(value) * 0.01, (value * 0.98, value * 1.02), unit)
+            Estimate(
+                name,
+                value * (1 + error),
+                abs(value) * 0.01,
+                (value - abs(value) * 0.02, value + abs(value) * 0.02),
+                unit,
+            )
             for name, value, unit in (("c1", C1, "N*s/m"), ("k1", K1, "N/m"), ("kn1", KN1, "N/m^3"))
         )
 

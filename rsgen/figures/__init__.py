@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from rsgen.figures.curves import draw_collapse, draw_damping, draw_resonance, draw_stiffness
 from rsgen.figures.drawing import STYLE, Drawing
+from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import draw_held_out, draw_responses, draw_time_history
 from rsgen.figures.scale import choose_scale, number_text, quantity_text, unit_text
@@ -17,6 +18,7 @@ __all__ = [
     "choose_scale",
     "draw_collapse",
     "draw_damping",
+    "draw_forces",
     "draw_held_out",
     "draw_map",
     "draw_resonance",
@@ -25,6 +27,7 @@ __all__ = [
     "draw_surface",
     "draw_thumbnail",
     "draw_time_history",
+    "force_function",
     "number_text",
     "quantity_text",
     "unit_text",

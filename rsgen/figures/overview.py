@@ -209,7 +209,7 @@ def draw_map(surface: ResponseSurface) -> Drawing:
     bar.outline.set_visible(False)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)
-    caption = "The same surface as a map; the black line joins the peaks of the levels and shows their shift."
+    caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
     if not surface.settled.all():
         caption += " Crosses did not settle."
     return Drawing("map", figure, caption, _alternative(surface))

@@ -15,6 +15,7 @@ from rsgen.figures import (
     Drawing,
     draw_collapse,
     draw_damping,
+    draw_forces,
     draw_held_out,
     draw_map,
     draw_resonance,
@@ -49,6 +50,7 @@ def draw_all(
         draw_collapse(identification),
         draw_stiffness(identification, case.truth),
         draw_damping(identification, case.truth),
+        draw_forces(identification, case.truth),
         draw_responses(surface, prediction),
     ]
     if describe_mean(surface) is not None:

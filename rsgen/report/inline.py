@@ -16,6 +16,7 @@ _COLOURS = {
     "#fdfcfa": "var(--sheet)",
     "#6c6e70": "var(--dim)",
     "#dddcda": "var(--line)",
+    "#0072b2": "var(--point)",
 }
 
 

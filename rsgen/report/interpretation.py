@@ -61,7 +61,11 @@ def describe_element(element: Element, identification: Identification) -> str:
         return f"not told by this test: {', '.join(unknown)}"
     low, high = identification.amplitude_range
     middle = 2 * np.pi * sum(identification.frequency_range) / 2
-    result = derive(element).evaluate(np.array([low, high]), np.array([middle, middle]), values)
+    ends, speeds = np.array([low, high]), np.array([middle, middle])
+    # the mean is a matter of all elements together
+    whole = derive(identification.model.force).evaluate(ends, speeds, dict(identification.values))
+    centred = np.where(np.isfinite(whole.mean), whole.mean, 0.0)
+    result = derive(element).evaluate(ends, speeds, values, mean=centred)
     stiffness, damping, mean = (
         np.broadcast_to(np.asarray(part, dtype=float), (2,))
         for part in (result.stiffness, result.damping, result.mean)
@@ -69,14 +73,14 @@ def describe_element(element: Element, identification: Identification) -> str:
     places = (quantity_text(low, "m", 2), quantity_text(high, "m", 2))
     words = []
     # an element has a share in stiffness or damping when it is not round-off beside the whole
-    whole = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
-    if np.abs(stiffness).max() > 1e-9 * whole:
+    size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
+    if np.abs(stiffness).max() > 1e-9 * size:
         words.append(_course("stiffness", float(stiffness[0]), float(stiffness[1]), "N/m", *places))
-    if np.abs(damping).max() * middle > 1e-9 * whole:
+    if np.abs(damping).max() * middle > 1e-9 * size:
         words.append(_course("damping", float(damping[0]), float(damping[1]), "N*s/m", *places))
-    if abs(mean[1]) > 1e-6 * high:
+    if abs(mean[1]) > 1e-6 * high and np.abs(stiffness).max() > 1e-9 * size:
         words.append(
-            f"it pushes the mean to {quantity_text(float(mean[1]), 'm', 2)} at {places[1]}, "
+            f"the mean moves to {quantity_text(float(mean[1]), 'm', 2)} at {places[1]}, "
             f"{_percent(float(mean[1]) / high)} of the amplitude"
         )
     return "; ".join(words) if words else "no force over the tested amplitudes"

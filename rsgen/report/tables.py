@@ -90,7 +90,7 @@ def verdict_table(comparison: Comparison) -> Table:
     judged = any(row.tolerance is not None for row in comparison.rows)
     columns = ["Parameter", *(["True"] if known else []), "Paper", "First order", "Refined, 95 % interval"]
     columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
-    columns += ["Tolerance", "Verdict"] if judged else []
+    columns += ["Verdict"] if judged else []
     rows = tuple(_verdict_row(row, known, judged) for row in comparison.rows)
     caption = "True against identified values" if known else "Identified values; no truth is known"
     return Table(caption, tuple(columns), rows)
@@ -107,12 +107,11 @@ def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
         _estimate_cell(row.refined, row.unit, interval=True),
     ]
     if known:
-        cells += [Cell(error_text(row.relative_error)), Cell(error_text(row.first_order_error))]
+        note = "" if row.tolerance is None else f"tolerance {error_text(row.tolerance, 1)}"
+        cells += [Cell(error_text(row.relative_error), note), Cell(error_text(row.first_order_error))]
     else:
         relative = row.refined.standard_error / abs(row.refined.value) if row.refined.value else math.nan
         cells.append(Cell(error_text(relative)))
-    if judged:
-        cells.append(Cell(error_text(row.tolerance, 1)))
     return TableRow(tuple(cells), row.passed if judged else None)
 
 

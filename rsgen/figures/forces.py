@@ -1,0 +1,122 @@
+"""The forces themselves: what springs and dampers do at each displacement and velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import sympy
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from rsgen.expression import symbol
+from rsgen.figures.curves import POINT, REFINED, TRUTH
+from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.equivalent import values_of
+from rsgen.figures.scale import choose_scale, number_text, quantity_text
+from rsgen.identification import Identification
+from rsgen.oscillator import Model
+
+__all__ = ["draw_forces", "force_function"]
+
+Floats = NDArray[np.float64]
+
+
+def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Floats, Floats], Floats]:
+    """Give the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
+
+    Parameters
+    ----------
+    values
+        Every parameter of the laws, SI; others are ignored.
+    """
+    names = ("x", "v", *model.parameters)
+    # dummies: names of the generated code are never names of a file
+    function: Callable[..., Any] = sympy.lambdify(
+        [symbol(name) for name in names], model.force, modules="numpy", dummify=True
+    )
+    numbers = [float(values[name]) for name in model.parameters]
+
+    def force(x: Floats, v: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            result = np.asarray(function(x, v, *numbers), dtype=np.float64)
+        return np.broadcast_to(result, np.broadcast_shapes(np.shape(x), np.shape(v)))
+
+    return force
+
+
+@in_style
+def draw_forces(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+    """Draw the stiffness force n(x, 0) and the damping force n(0, v) - n(0, 0) over the tested range.
+
+    Parameters
+    ----------
+    identification
+        Its refined estimates give the lines; what was drawn without a law gives the points.
+    truth
+        True value of every parameter, SI.
+    """
+    high = identification.amplitude_range[1]
+    fast = high * 2 * np.pi * identification.frequency_range[1]
+    x, v = np.linspace(-high, high, 401), np.linspace(-fast, fast, 401)
+    zero = np.zeros(401)
+    model = identification.model
+    refined = force_function(model, values_of(identification.refined))
+    true = None if truth is None else force_function(model, truth)
+    figure = new_figure(4.4, 4.6)
+    upper, lower = figure.subplots(2, 1)
+    restoring = identification.restoring
+    kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
+    words = []
+    for axes, (what, place, unit) in zip((upper, lower), kinds, strict=True):
+        inverted = None
+        if restoring is not None:
+            inverted = (
+                (restoring.displacement, restoring.stiffness_force, restoring.stiffness_band)
+                if unit == "m"
+                else (restoring.velocity, restoring.damping_force, restoring.damping_band)
+            )
+        force, expected = (
+            None if law is None else law(place, zero) if unit == "m" else law(zero, place) - law(zero, zero)
+            for law in (refined, true)
+        )
+        if force is not None:
+            words.append(_panel(axes, what, place, unit, force, expected, inverted))
+    caption = "Forces of springs and of dampers over the tested range"
+    caption += ", and as drawn without any law (points, 95 % band)." if restoring is not None else "."
+    return Drawing("forces", figure, caption, " ".join(words))
+
+
+def _panel(
+    axes: Axes,
+    what: str,
+    place: Floats,
+    unit: str,
+    force: Floats,
+    true: Floats | None,
+    inverted: tuple[Floats, Floats, Floats] | None,
+) -> str:
+    x = choose_scale(place, unit)
+    y = choose_scale(force, "N")
+    if inverted is not None:
+        at, drawn, band = inverted
+        low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
+        axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
+        few = np.unique(np.linspace(0, len(at) - 1, 16).astype(int))
+        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="without a law", **POINT)
+    axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
+    if true is not None:
+        axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)
+    axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
+    axes.set_ylabel(y.label(what.capitalize()))
+    axes.legend(loc="upper left")
+    text = (
+        f"The {what} is {quantity_text(force[-1], 'N', 3)} at {quantity_text(place[-1], unit, 3)} and "
+        f"{quantity_text(force[0], 'N', 3)} at {quantity_text(place[0], unit, 3)}"
+    )
+    if true is not None and np.isfinite(force).all():
+        largest = float(np.max(np.abs(true)))
+        off = float(np.max(np.abs(force - true))) / largest if largest else 0.0
+        text += f"; it departs from the truth by at most {number_text(100 * off, 2)} % of the largest force"
+    return f"{text}."

@@ -1,0 +1,171 @@
+"""A real browser for the tests: Debian's chromium, driven over its own protocol, no driver needed."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import functools
+import itertools
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tornado.httpclient import AsyncHTTPClient
+from tornado.websocket import WebSocketClientConnection, websocket_connect
+
+T = TypeVar("T")
+
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--remote-debugging-port=0",
+)
+_START_SECONDS = 60
+
+
+@functools.cache
+def find_browser() -> str | None:
+    """The browser's path; on a machine where this process may, it is installed when missing."""
+    found = next((path for name in _NAMES if (path := shutil.which(name))), None)
+    if found is None and hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get"):
+        command = ["apt-get", "install", "--yes", "--no-install-recommends", "chromium"]
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            for step in (["apt-get", "update"], command):
+                subprocess.run(step, check=False, capture_output=True, timeout=300)
+        found = next((path for name in _NAMES if (path := shutil.which(name))), None)
+    return found
+
+
+@dataclass
+class Page:
+    """An open page and everything that happened on it."""
+
+    socket: WebSocketClientConnection
+    requests: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+    dialogs: list[str] = field(default_factory=list)
+    loaded: bool = False
+    _number: Any = field(default_factory=lambda: itertools.count(1))
+
+    def _note(self, method: str, event: dict[str, Any]) -> None:
+        if method == "Network.requestWillBeSent":
+            address = event["request"]["url"]
+            if not address.startswith("data:"):
+                self.requests.append(address)
+        elif method == "Log.entryAdded":
+            self.complaints.append(event["entry"]["text"])
+        elif method == "Runtime.exceptionThrown":
+            self.complaints.append(json.dumps(event["exceptionDetails"])[:300])
+        elif method == "Runtime.consoleAPICalled":
+            self.complaints.append(f"console: {event['type']}")
+        elif method == "Page.javascriptDialogOpening":
+            self.dialogs.append(event["message"])
+        elif method == "Page.loadEventFired":
+            self.loaded = True
+
+    async def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        number = next(self._number)
+        await self.socket.write_message(json.dumps({"id": number, "method": method, "params": parameters}))
+        return await self._read(lambda message: message.get("id") == number)
+
+    async def _read(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        while True:
+            text = await asyncio.wait_for(self.socket.read_message(), 30)
+            if text is None:
+                raise RuntimeError("the browser closed the page")
+            message = json.loads(text)
+            if "method" in message:
+                self._note(message["method"], message["params"])
+            if wanted(message):
+                if "error" in message:
+                    raise RuntimeError(str(message["error"]))
+                return dict(message.get("result", message))
+
+    async def show(
+        self, address: str, width: int = 1200, height: int = 900, *, dark: bool = False, media: str = "screen"
+    ) -> None:
+        self.loaded = False
+        await self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        await self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
+        await self.call("Page.navigate", url=address)
+        while not self.loaded:
+            await self._read(lambda message: "method" in message)
+
+    async def ask(self, expression: str) -> Any:
+        answer = await self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
+
+    async def picture(self) -> bytes:
+        answer = await self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
+        return base64.b64decode(answer["data"])
+
+
+@contextlib.asynccontextmanager
+async def open_page(browser: str) -> AsyncIterator[Page]:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        process = subprocess.Popen(
+            [browser, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            port = await _port(Path(profile), process)
+            reply = await AsyncHTTPClient().fetch(f"http://127.0.0.1:{port}/json/list")
+            target = next(entry for entry in json.loads(reply.body) if entry["type"] == "page")
+            socket = await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=2**28)
+            page = Page(socket)
+            for domain in ("Page", "Network", "Log", "Runtime"):
+                await page.call(f"{domain}.enable")
+            yield page
+            socket.close()
+        finally:
+            process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(10)
+            if process.poll() is None:
+                process.kill()
+                process.wait(10)
+
+
+async def _port(profile: Path, process: subprocess.Popen[bytes]) -> int:
+    end = time.monotonic() + _START_SECONDS
+    place = profile / "DevToolsActivePort"
+    while time.monotonic() < end and process.poll() is None:
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            return int(place.read_text().splitlines()[0])
+        await asyncio.sleep(0.1)
+    raise RuntimeError("the browser does not start")
+
+
+def in_browser(browser: str, visit: Callable[[Page], Coroutine[Any, Any, T]]) -> T:
+    """Open a browser, hand a page to ``visit``, close the browser."""
+
+    async def run() -> T:
+        async with open_page(browser) as page:
+            return await visit(page)
+
+    return asyncio.run(run())
