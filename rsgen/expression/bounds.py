@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import sympy
 
 __all__ = [
     "EXPONENT",
+    "EXTREMES",
     "TERMS",
     "Value",
+    "as_float",
     "check_finished",
     "check_power",
     "check_value",
-    "constant_value",
-    "number_value",
+    "decimal_value",
     "power_terms",
-    "sum_of",
 ]
 
 EXPONENT = 64
+EXTREMES = 8
 TERMS = 2000
-_BITS = 2048  # of numerator and denominator: above the range of floats, below anything slow
+_BITS = 997  # of numerator and denominator: as many as 1e300 has
 _RADICAND_BITS = 110  # SymPy factorises what stands under a root; 30 digits are quick
 _LARGEST = 1e300
 
@@ -52,52 +53,21 @@ class Value:
     terms: int
 
 
-def number_value(text: str) -> Value:
+def decimal_value(text: str) -> sympy.Rational:
     """The exact value of a decimal number."""
     mantissa, _, exponent = text.lower().partition("e")
     whole, _, fraction = mantissa.partition(".")
     power = int(exponent or 0) - len(fraction)
     digits = int(whole + fraction)
-    expr = sympy.Rational(digits * 10 ** max(power, 0), 10 ** max(-power, 0))
-    return Value(expr, _as_float(expr), 1)
+    return sympy.Rational(digits * 10 ** max(power, 0), 10 ** max(-power, 0))
 
 
-def _as_float(number: sympy.Rational) -> float:
+def as_float(number: sympy.Rational) -> float:
+    """The nearest float, inf beyond their range."""
     try:
         return int(number.p) / int(number.q)
     except OverflowError:
         return math.inf
-
-
-def constant_value(function: Callable[..., float] | None, numbers: tuple[float | None, ...]) -> float | None:
-    """A function of constants as a float, inf where it overflows, None where an argument is not constant.
-
-    Raises
-    ------
-    ArithmeticError
-        The function is not real or not defined there.
-    """
-    if function is None or any(number is None for number in numbers):
-        return None
-    if any(math.isinf(number) for number in numbers if number is not None):
-        return math.inf
-    try:
-        result = float(function(*numbers))
-    except OverflowError:
-        return math.inf
-    except ValueError as error:
-        raise ArithmeticError from error
-    return math.inf if math.isnan(result) else result
-
-
-def sum_of(numbers: Iterable[float | None]) -> float | None:
-    """The sum of constants, None where one of them is not constant, inf where one is out of range."""
-    total = 0.0
-    for number in numbers:
-        if number is None:
-            return None
-        total += number
-    return total if math.isfinite(total) else math.inf
 
 
 def power_terms(base: Value, exponent: Value) -> int:
@@ -130,28 +100,31 @@ def _top(expr: sympy.Basic, levels: int) -> Iterator[sympy.Basic]:
 def _fault_of(part: sympy.Basic) -> str | None:
     if part.is_Rational:
         bits = max(int(part.p).bit_length(), int(part.q).bit_length())
-        if bits > _BITS or (part.p and not 1 / _LARGEST <= abs(_as_float(part)) <= _LARGEST):
+        if bits > _BITS or (part.p and not 1 / _LARGEST <= abs(as_float(part)) <= _LARGEST):
             return f"has a number out of range; numbers lie between {1 / _LARGEST:g} and {_LARGEST:g}"
+    elif isinstance(part, sympy.Min | sympy.Max) and len(part.args) > EXTREMES:
+        return f"has {len(part.args)} arguments in Min or Max; at most {EXTREMES} are allowed"
     elif part.is_Number or part is sympy.zoo:
         return "is not finite"
     elif part is sympy.I:
         return "is not real"
-    elif part.is_Pow and part.exp.is_Rational and abs(part.exp) > EXPONENT:
-        return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
+    elif part.is_Pow and part.exp.is_Rational:
+        if abs(part.exp) > EXPONENT:
+            return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
+        if part.base.is_Rational and part.base.is_negative:
+            return "is not real"
     return None
 
 
-def check_value(value: Value) -> str | None:
+def check_value(expr: sympy.Expr, terms: int) -> str | None:
     """What is wrong with a part just built; None where it is finite, real and small enough.
 
     Only the top levels are looked at: what lies deeper was checked when it was built.
     """
-    if value.terms > TERMS:
-        return (
-            f"would have up to {value.terms if value.terms < 10**9 else 'over 10^9'} terms when expanded; "
-            + (f"at most {TERMS} are allowed")
-        )
-    for part in _top(value.expr, 3):
+    if terms > TERMS:
+        number = terms if terms < 10**9 else "over 10^9"
+        return f"would have up to {number} terms when expanded; at most {TERMS} are allowed"
+    for part in _top(expr, 3):
         fault = _fault_of(part)
         if fault:
             return fault
@@ -164,6 +137,8 @@ def check_finished(expr: sympy.Expr) -> str | None:
         fault = _fault_of(part)
         if fault:
             return fault
+        if part.is_Pow and part.base == 0:
+            return f"has the power {part}, which is not defined for every value"
         if not isinstance(part, _ALLOWED):
             return "is not real for every value of its names; take abs() of what stands under a root"
     return None

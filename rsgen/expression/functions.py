@@ -9,15 +9,14 @@ from typing import Any
 
 import sympy
 
-from rsgen.expression.bounds import EXPONENT, Value
+from rsgen.expression.bounds import EXPONENT, EXTREMES, Value, as_float
 
-__all__ = ["FUNCTION_TABLE", "Function", "check_arguments"]
+__all__ = ["FUNCTION_TABLE", "Function", "check_arguments", "constant_number"]
 
-_MOST_EXTREMES = 8
 _LARGEST_BESSEL = 1000.0
 
 
-def _first(terms: Sequence[int]) -> int:
+def _multiplied(terms: Sequence[int]) -> int:
     return math.prod(terms)
 
 
@@ -31,14 +30,19 @@ def _chosen(terms: Sequence[int]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of the language; ``terms`` tells how many terms it has from those of its arguments."""
+    """A function of the language.
+
+    ``make`` builds it (as an instance of ``head``, where ``make`` itself is no SymPy class), ``number`` is
+    its value for floats, ``terms`` bounds its terms after expansion from those of its arguments.
+    """
 
     make: Callable[..., Any]
-    number: Callable[..., float] | None
+    number: Callable[..., float]
     fewest: int
     most: int
     usage: str
-    terms: Callable[[Sequence[int]], int] = _first
+    terms: Callable[[Sequence[int]], int] = _multiplied
+    head: type[sympy.Basic] | None = None
 
 
 def _sign(value: float) -> float:
@@ -49,17 +53,50 @@ def _step(value: float) -> float:
     return 0.5 * (1.0 + _sign(value))
 
 
-def _one(name: str, make: Callable[..., Any], number: Callable[..., float] | None, **more: Any) -> Function:
+def _bessel(name: str, usage: str) -> Function:
+    make = getattr(sympy, name)
+
+    def number(order: float, argument: float) -> float:
+        import mpmath
+
+        return float(getattr(mpmath, name)(order, argument))
+
+    def plain(order: sympy.Expr, argument: sympy.Expr) -> sympy.Expr:
+        # SymPy turns the argument's sign by a factor (-a)**n/a**n, which stays; its value is (-1)**n
+        even = order % 2 == 0
+        sign = 1 if even or order > 0 or name == "besseli" else -1
+        if argument.could_extract_minus_sign():
+            argument, sign = -argument, sign if even else -sign
+        return sign * make(abs(order), argument)
+
+    return Function(plain, number, 2, 2, usage, head=make)
+
+
+def _absolute(argument: sympy.Expr) -> sympy.Expr:
+    """The absolute value with abs(x/b) as abs(x)/abs(b), which SymPy leaves as abs(x)*abs(1/b)."""
+    return sympy.Mul(*map(_plain_absolute, sympy.Mul.make_args(sympy.Abs(argument))))
+
+
+def _plain_absolute(factor: sympy.Expr) -> sympy.Expr:
+    inner = factor.args[0] if isinstance(factor, sympy.Abs) else None
+    if isinstance(inner, sympy.Abs):
+        return inner
+    if inner is not None and inner.is_Pow and inner.exp.is_Integer:
+        return sympy.Abs(inner.base) ** inner.exp
+    return factor
+
+
+def _one(name: str, make: Callable[..., Any], number: Callable[..., float], **more: Any) -> Function:
     return Function(make, number, 1, 1, f"{name}(a)", **more)
 
 
 FUNCTION_TABLE: dict[str, Function] = {
-    "abs": _one("abs", sympy.Abs, abs, terms=_switched),
-    "Abs": _one("abs", sympy.Abs, abs, terms=_switched),
+    "abs": _one("abs", _absolute, abs, terms=_switched, head=sympy.Abs),
+    "Abs": _one("abs", _absolute, abs, terms=_switched, head=sympy.Abs),
     "sign": _one("sign", sympy.sign, _sign, terms=_switched),
     "Heaviside": _one("Heaviside", sympy.Heaviside, _step, terms=_switched),
-    "Min": Function(sympy.Min, min, 2, _MOST_EXTREMES, f"Min(a, b), at most {_MOST_EXTREMES}", _chosen),
-    "Max": Function(sympy.Max, max, 2, _MOST_EXTREMES, f"Max(a, b), at most {_MOST_EXTREMES}", _chosen),
+    "Min": Function(sympy.Min, min, 2, EXTREMES, f"Min(a, b), at most {EXTREMES}", _chosen),
+    "Max": Function(sympy.Max, max, 2, EXTREMES, f"Max(a, b), at most {EXTREMES}", _chosen),
     "sqrt": _one("sqrt", sympy.sqrt, math.sqrt),
     "exp": _one("exp", sympy.exp, math.exp),
     "log": Function(sympy.log, math.log, 1, 1, "log(a), the natural logarithm; log(a)/log(10) for base 10"),
@@ -74,8 +111,8 @@ FUNCTION_TABLE: dict[str, Function] = {
     "sinh": _one("sinh", sympy.sinh, math.sinh),
     "cosh": _one("cosh", sympy.cosh, math.cosh),
     "tanh": _one("tanh", sympy.tanh, math.tanh),
-    "besselj": Function(sympy.besselj, None, 2, 2, "besselj(order, a)"),
-    "besseli": Function(sympy.besseli, None, 2, 2, "besseli(order, a)"),
+    "besselj": _bessel("besselj", "besselj(order, a)"),
+    "besseli": _bessel("besseli", "besseli(order, a)"),
     "gamma": _one("gamma", sympy.gamma, math.gamma),
 }
 
@@ -95,8 +132,51 @@ def check_arguments(name: str, values: Sequence[Value]) -> str | None:
         return "is a function of a number with too many digits"
     if name in ("besselj", "besseli"):
         order, argument = numbers
-        if order is None or not values[0].expr.is_Rational or abs(order) > EXPONENT:
-            return f"has no number up to {EXPONENT} as its order; write {name}(1, a)"
+        if order is None or not values[0].expr.is_Integer or abs(order) > EXPONENT:
+            return f"has no whole number up to {EXPONENT} as its order; write {name}(1, a)"
         if argument is not None and abs(argument) > _LARGEST_BESSEL:
             return f"is out of range; numbers up to {_LARGEST_BESSEL:g} are allowed in {name}"
     return None
+
+
+_NUMBERS: dict[type[sympy.Basic], Callable[..., float]] = {sympy.Pow: math.pow} | {
+    function.head or function.make: function.number for function in FUNCTION_TABLE.values()
+}
+
+
+def constant_number(expr: sympy.Expr) -> float:
+    """The value of an expression without names, inf where any part of it exceeds the range of floats.
+
+    SymPy evaluates such expressions itself, with as many digits as it takes; with this value known, it is
+    never given one on which that does not end.
+
+    Raises
+    ------
+    ArithmeticError
+        The expression is not real or not defined.
+    """
+    if expr.is_Rational:
+        return as_float(expr)
+    if expr is sympy.pi:
+        return math.pi
+    if expr is sympy.E:
+        return math.e
+    numbers = [constant_number(arg) for arg in expr.args]
+    if expr.is_Add:
+        total = sum(numbers)
+    elif expr.is_Mul:
+        total = math.prod(numbers)
+    elif expr.func not in _NUMBERS:
+        raise ArithmeticError
+    elif any(map(math.isinf, numbers)):
+        return math.inf
+    else:
+        if isinstance(expr, sympy.Heaviside):
+            numbers = numbers[:1]
+        try:
+            total = _NUMBERS[expr.func](*numbers)
+        except OverflowError:
+            return math.inf
+        except ValueError as error:
+            raise ArithmeticError from error
+    return math.inf if math.isnan(total) else float(total)

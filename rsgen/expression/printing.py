@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from decimal import Decimal
 from enum import IntEnum
 from typing import ClassVar
 
@@ -13,11 +12,12 @@ import sympy
 from rsgen.errors import ExpressionError
 from rsgen.expression.names import shown
 from rsgen.expression.ordering import is_negative, oriented, split_product, split_sum
+from rsgen.expression.scanning import DIGITS
 
 __all__ = ["Level", "Printer", "decimal_text"]
 
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
-_EXACT_DIGITS = 30
+_LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Heaviside: "Heaviside", sympy.Min: "Min", sympy.Max: "Max",
     sympy.exp: "exp", sympy.log: "log", sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan",
@@ -37,8 +37,8 @@ class Level(IntEnum):
     ATOM = 4
 
 
-def _decimal(number: sympy.Rational) -> Decimal | None:
-    """The number as an exact decimal, None where it has none of a reasonable length."""
+def _digits(number: sympy.Rational) -> tuple[str, int] | None:
+    """Significant digits and decimal exponent of a positive number, None where it has no short decimal."""
     q, twos, fives = int(number.q), 0, 0
     while q % 2 == 0:
         q, twos = q // 2, twos + 1
@@ -47,15 +47,13 @@ def _decimal(number: sympy.Rational) -> Decimal | None:
     if q != 1:
         return None
     places = max(twos, fives)
-    digits = int(number.p) * 10**places // int(number.q)
-    text = str(abs(digits)).rstrip("0")
-    if len(text) > _EXACT_DIGITS:
-        return None
-    return Decimal((int(digits < 0), tuple(map(int, str(abs(digits)))), -places)).normalize()
+    whole = str(int(number.p) * 10**places // int(number.q))
+    digits = whole.rstrip("0")
+    return (digits, len(whole) - 1 - places) if len(digits) <= DIGITS else None
 
 
 def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
-    """Mantissa and exponent of a number that reads better as a decimal than as a fraction, else None.
+    """Mantissa and exponent of a positive number that reads better as a decimal, else None.
 
     Examples
     --------
@@ -65,27 +63,27 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     ('4.697', '21')
     """
     p, q = int(number.p), int(number.q)
-    short = abs(p) < 10**_PLAIN_DIGITS and q < 10**_PLAIN_DIGITS
-    if short and (q == 1 or (q % 5 and q <= 1024)):
+    if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _LARGEST_DENOMINATOR)):
         return None
-    value = None if short and q % 5 else _decimal(number)
-    if value is None:
+    found = _digits(number)
+    if found is None:
         return None
-    digits = "".join(map(str, value.as_tuple().digits))
-    exponent = value.adjusted()
+    digits, exponent = found
     if q == 1 and len(digits) > _PLAIN_DIGITS + 2:
         return None
-    if -4 <= exponent < _PLAIN_DIGITS:
-        return f"{value:f}", ""
-    sign = "-" if value < 0 else ""
-    return sign + digits[0] + ("." + digits[1:] if len(digits) > 1 else ""), str(exponent)
+    if 0 <= exponent < _PLAIN_DIGITS:
+        whole, fraction = digits[: exponent + 1].ljust(exponent + 1, "0"), digits[exponent + 1 :]
+        return whole + ("." + fraction if fraction else ""), ""
+    if -4 <= exponent < 0:
+        return "0." + "0" * (-exponent - 1) + digits, ""
+    return digits[0] + ("." + digits[1:] if len(digits) > 1 else ""), str(exponent)
 
 
 class Printer(ABC):
     """Writes an expression; the forms of products, powers, calls and cases are the subclass's own."""
 
-    separable_number = False
-    """Whether a number below the line must not stand beside a single sum (reading would multiply it out)."""
+    reads_back = False
+    """Whether ``parse`` must find the same expression: it multiplies a number or minus sign into a sum."""
 
     def write(self, expr: sympy.Basic, level: Level = Level.ANY) -> str:
         """The written form of any part of a formula, in parentheses where its surroundings need them."""
@@ -135,42 +133,33 @@ class Printer(ABC):
 
     def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
         product = split_product(expr)
-        above, below = list(product.constants), list(product.constants_below)
-        number = product.number
-        scientific = decimal_text(number)
-        p, q = (
-            (number, sympy.Integer(1)) if scientific else (sympy.Integer(number.p), sympy.Integer(number.q))
-        )
-        fraction_below = [*below, *product.factors_below]
-        apart = self.separable_number and q != 1 and len(fraction_below) == 1 and fraction_below[0].is_Add
-        lead = [p] if p != 1 else []
-        under = [q] if q != 1 else []
-        pieces: list[str] = []
-        one_line = product.factors_below or (product.factors and not lead and not above)
-        if one_line and not apart:
-            pieces.append(self.quotient([*lead, *above, *product.factors], [*under, *fraction_below]))
+        above, below, number = product.constants, product.constants_below, product.number
+        factors = list(product.factors)
+        if product.negative and self.reads_back:
+            factors.sort(key=lambda factor: bool(factor.is_Add))
+        decimal = decimal_text(number) is not None
+        lead = [number] if decimal else [sympy.Integer(number.p)] if number.p != 1 else []
+        under = [sympy.Integer(number.q)] if number.q != 1 and not decimal else []
+        lower = [*below, *product.factors_below]
+        apart = self.reads_back and under and len(lower) == 1 and lower[0].is_Add
+        whole = product.factors_below or (factors and not lead and not above)
+        if whole and not apart:
+            upper = [*lead, *above, *factors]
+            text = self.quotient(upper, [*under, *lower])
         else:
-            if lead or under or above or below:
-                pieces.append(self.quotient([*lead, *above], [*under, *below]))
-            if product.factors or product.factors_below:
-                pieces.append(self.quotient(list(product.factors), list(product.factors_below)))
-        if not pieces:
-            pieces = [self.number(sympy.Integer(1))]
-        text = self.juxtaposed(pieces)
+            upper = [*lead, *above] or factors
+            split = [([*lead, *above], [*under, *below]), (factors, list(product.factors_below))]
+            text = self.juxtaposed([self.quotient(*half) for half in split if half[0] or half[1]] or ["1"])
         if product.negative:
-            return self.negated(
-                text, product.factors if not (lead or under or above or below) else ()
-            ), Level.SUM
-        return text, self._term_level(lead, under, above, below, product.factors, product.factors_below)
+            return self.negated(text, bool(upper) and bool(upper[0].is_Add) and not apart), Level.SUM
+        return text, self._term_level([*lead, *above, *factors], [*under, *lower])
 
-    def _term_level(self, *groups: Sequence[sympy.Expr]) -> Level:
-        lead, under, above, below, factors, factors_below = groups
-        alone = [*lead, *above, *factors]
-        if under or below or factors_below or len(alone) > 1:
+    def _term_level(self, upper: Sequence[sympy.Expr], lower: Sequence[sympy.Expr]) -> Level:
+        if lower or len(upper) > 1:
             return Level.PRODUCT
-        if alone and not alone[0].is_Rational:
-            return self._form(alone[0])[1]
-        return self.number_level(alone[0]) if alone else Level.ATOM
+        if not upper or upper[0].is_Rational:
+            return Level.ATOM
+        return self._form(upper[0])[1]
 
     def condition(self, condition: sympy.Basic, inner: bool = False) -> str:
         """A condition of cases, the state on the left of each comparison."""
@@ -193,13 +182,9 @@ class Printer(ABC):
         sympy.Ge: ">=",
     }
 
-    def negated(self, text: str, factors: Sequence[sympy.Expr]) -> str:
-        """A minus sign in front of a product that begins with ``factors[0]``, if there is one."""
+    def negated(self, text: str, sum_in_front: bool) -> str:
+        """A minus sign in front of a product."""
         return "-" + text
-
-    def number_level(self, number: sympy.Rational) -> Level:
-        """How tightly a written positive number holds together."""
-        return Level.ATOM
 
     def parenthesised(self, text: str) -> str:
         """The text in parentheses."""

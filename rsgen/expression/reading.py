@@ -17,12 +17,10 @@ from rsgen.expression.bounds import (
     check_finished,
     check_power,
     check_value,
-    constant_value,
-    number_value,
+    decimal_value,
     power_terms,
-    sum_of,
 )
-from rsgen.expression.functions import FUNCTION_TABLE, check_arguments
+from rsgen.expression.functions import FUNCTION_TABLE, check_arguments, constant_number
 from rsgen.expression.hints import unknown_function, unknown_name
 from rsgen.expression.names import CONSTANTS, FUNCTIONS, shown, symbol
 from rsgen.expression.scanning import DEPTH, refusal, scan
@@ -121,11 +119,14 @@ class _Reader:
         except _SYMPY_FAULTS:
             raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
 
-    def checked(self, node: ast.expr, value: Value) -> Value:
-        fault = check_value(value)
+    def checked(self, node: ast.expr, expr: sympy.Expr, terms: int) -> Value:
+        fault = check_value(expr, terms)
         if fault:
             raise self.fault(node, f"{self.snippet(node)} {fault}")
-        return value
+        try:
+            return Value(expr, constant_number(expr) if expr.is_number else None, terms)
+        except ArithmeticError:
+            raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
 
     def value(self, node: ast.expr, depth: int) -> Value:
         if depth > DEPTH:
@@ -139,8 +140,7 @@ class _Reader:
                 inner = self.value(node.operand, depth + 1)
                 if isinstance(node.op, ast.UAdd):
                     return inner
-                number = None if inner.number is None else -inner.number
-                return self.checked(node, Value(-inner.expr, number, inner.terms))
+                return self.checked(node, -inner.expr, inner.terms)
             case ast.BinOp(op=ast.Add() | ast.Sub()):
                 return self.sum(node, depth)
             case ast.BinOp(op=ast.Mult() | ast.Div()):
@@ -172,7 +172,7 @@ class _Reader:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             where = "; it stands only as the last condition in Piecewise" if node.value is True else ""
             raise self.fault(node, f"{self.snippet(node)} is not a number{where}")
-        return self.checked(node, number_value(self.source[node.col_offset : node.end_col_offset]))
+        return self.checked(node, decimal_value(self.source[node.col_offset : node.end_col_offset]), 1)
 
     def name(self, node: ast.Name) -> Value:
         name = node.id
@@ -199,32 +199,23 @@ class _Reader:
         return [first, *((op, right, self.value(right, depth + 1)) for op, right in reversed(links))]
 
     def sum(self, node: ast.BinOp, depth: int) -> Value:
-        signed = [
-            Value(-value.expr, None if value.number is None else -value.number, value.terms)
-            if isinstance(op, ast.Sub)
-            else value
-            for op, _, value in self.chain(node, (ast.Add, ast.Sub), depth)
-        ]
-        expr = self.built(node, sympy.Add, *(value.expr for value in signed))
-        number = sum_of(value.number for value in signed)
-        return self.checked(node, Value(expr, number, sum(value.terms for value in signed)))
+        terms: list[sympy.Expr] = []
+        count = 0
+        for op, _, value in self.chain(node, (ast.Add, ast.Sub), depth):
+            terms.append(-value.expr if isinstance(op, ast.Sub) else value.expr)
+            count += value.terms
+        return self.checked(node, self.built(node, sympy.Add, *terms), count)
 
     def product(self, node: ast.BinOp, depth: int) -> Value:
         factors: list[sympy.Expr] = []
-        number: float | None = 1.0
-        terms = 1
+        count = 1
         for op, where, value in self.chain(node, (ast.Mult, ast.Div), depth):
             divide = isinstance(op, ast.Div)
-            if divide and (value.expr == 0 or value.number == 0):
+            if divide and value.expr == 0:
                 raise self.fault(where, f"division by {self.snippet(where)}, which is zero")
             factors.append(1 / value.expr if divide else value.expr)
-            if number is not None:
-                number = constant_value(
-                    lambda a, b, over=divide: a / b if over else a * b, (number, value.number)
-                )
-            terms *= value.terms
-        expr = self.built(node, sympy.Mul, *factors)
-        return self.checked(node, Value(expr, number, terms))
+            count *= value.terms
+        return self.checked(node, self.built(node, sympy.Mul, *factors), count)
 
     def power(self, node: ast.BinOp, depth: int) -> Value:
         base, exponent = self.value(node.left, depth + 1), self.value(node.right, depth + 1)
@@ -233,12 +224,8 @@ class _Reader:
         fault = check_power(base, exponent)
         if fault:
             raise self.fault(node, f"{self.snippet(node)} {fault}")
-        try:
-            number = constant_value(math.pow, (base.number, exponent.number))
-        except ArithmeticError:
-            raise self.fault(node, f"{self.snippet(node)} is not real") from None
         expr = self.built(node, sympy.Pow, base.expr, exponent.expr)
-        return self.checked(node, Value(expr, number, power_terms(base, exponent)))
+        return self.checked(node, expr, power_terms(base, exponent))
 
     def call(self, node: ast.Call, depth: int) -> Value:
         if not isinstance(node.func, ast.Name):
@@ -257,12 +244,8 @@ class _Reader:
         fault = check_arguments(name, values)
         if fault:
             raise self.fault(node, f"{self.snippet(node)} {fault}")
-        try:
-            number = constant_value(function.number, tuple(value.number for value in values))
-        except ArithmeticError:
-            raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
         expr = self.built(node, function.make, *(value.expr for value in values))
-        return self.checked(node, Value(expr, number, function.terms([value.terms for value in values])))
+        return self.checked(node, expr, function.terms([value.terms for value in values]))
 
     def piecewise(self, node: ast.Call, depth: int) -> Value:
         usage = "write Piecewise((value, condition), ..., (value, True))"
@@ -287,7 +270,7 @@ class _Reader:
             pairs.append((value.expr, condition))
             terms += value.terms * weight
         expr = self.built(node, sympy.Piecewise, *pairs)
-        return self.checked(node, Value(expr, None, terms))
+        return self.checked(node, expr, terms)
 
     def condition(self, node: ast.expr, depth: int) -> tuple[Any, int, int]:
         """A condition, how many comparisons it has, and how many terms stand on their sides."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy
 
 from rsgen.expression.printing import Level, Printer, decimal_text
+from rsgen.expression.scanning import DIGITS
 
 __all__ = ["TextPrinter", "write"]
 
@@ -16,19 +17,26 @@ class TextPrinter(Printer):
 
     times = "*"
     raised = "**"
-    separable_number = True
+    reads_back = True
 
     def name(self, name: str) -> str:
         """As it is."""
         return name
 
     def number(self, number: sympy.Rational) -> str:
-        """12, 0.75, 5.92e3."""
-        scientific = decimal_text(number)
-        if scientific is None:
-            return str(number)
-        mantissa, exponent = scientific
-        return f"{mantissa}e{exponent}" if exponent else mantissa
+        """12, 0.75, 5.92e3; what has more digits than may be read is written as a sum of such numbers."""
+        decimal = decimal_text(number)
+        if decimal is not None:
+            mantissa, exponent = decimal
+            return f"{mantissa}e{exponent}" if exponent else mantissa
+        digits = str(number)
+        if len(digits) <= DIGITS:
+            return digits
+        groups = [
+            (int(digits[max(0, end - DIGITS) : end]), len(digits) - end)
+            for end in range(len(digits), 0, -DIGITS)
+        ]
+        return f"({' + '.join(f'{group}e{place}' for group, place in reversed(groups) if group)})"
 
     def _factor(self, factor: sympy.Expr) -> str:
         return self.number(factor) if factor.is_Rational else self.write(factor, Level.POWER)
@@ -45,9 +53,9 @@ class TextPrinter(Printer):
         bottom = self.times.join(self._factor(factor) for factor in below)
         return f"{top}/{bottom}" if len(below) == 1 else f"{top}/({bottom})"
 
-    def negated(self, text: str, factors: Sequence[sympy.Expr]) -> str:
-        """-a*b; a sum in front keeps its sign to itself when it is read."""
-        return ("-1*" if factors and factors[0].is_Add else "-") + text
+    def negated(self, text: str, sum_in_front: bool) -> str:
+        """-a*b; a sum in front would take the sign to itself when it is read."""
+        return ("-1*" if sum_in_front else "-") + text
 
     def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:
         """sqrt(a), a**3, a**(1/3)."""
