@@ -12,7 +12,7 @@ from rsgen.identification.points import Points
 from rsgen.identification.regression import Linearisation, Regression, fit
 from rsgen.identification.waveform import Balance, hold_amplitude
 
-__all__ = ["BalanceFit", "fit_balance", "slaved_harmonics"]
+__all__ = ["FittedModel", "fit_balance", "slaved_harmonics"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -22,8 +22,8 @@ _SAMPLES_SWITCHED = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BalanceFit:
-    """A fit of the balance.
+class FittedModel:
+    """A fit to every point.
 
     Parameters
     ----------
@@ -31,16 +31,17 @@ class BalanceFit:
         Its ``parameters`` are those of the law in order, then the mass where it is free.
     values, mass
         The same, taken apart.
-    balance
-        Predicted force and harmonics at the estimate, X_1 of phase zero.
+    force, harmonics
+        (n,) [N] and (n, H+1) [m]: predicted at the estimate, relative to a fundamental of phase zero.
     turn
-        (n,) phase of the true fundamental [rad]: measured harmonic h is the predicted one times exp(i h turn).
+        (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
     """
 
     regression: Regression
     values: Array
     mass: float
-    balance: Balance
+    force: ComplexArray
+    harmonics: ComplexArray
     turn: Array
 
 
@@ -62,7 +63,7 @@ def fit_balance(
     order: int,
     reject: bool = True,
     steps: int = 25,
-) -> BalanceFit:
+) -> FittedModel:
     """Fit law parameters (and mass) to force, fundamental, mean and harmonics of all points at once.
 
     Parameters
@@ -154,11 +155,12 @@ def fit_balance(
     regression = fit(linearise, first, own, reject=reject, steps=steps)
     balance = predict(regression.parameters, regression.own)
     found = regression.parameters
-    return BalanceFit(
+    return FittedModel(
         regression,
         found[: len(values)],
         float(found[-1]) if mass_free else mass,
-        balance,
+        balance.force,
+        balance.harmonics,
         phase + regression.own[:, 1],
     )
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.balance_fit import BalanceFit
+from rsgen.identification.balance_fit import FittedModel
 from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.points import Points
 from rsgen.identification.regression import Regression
 from rsgen.identification.result import Estimate, Resonance
-from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 
 __all__ = ["find_warnings", "untold_reason"]
@@ -29,9 +28,7 @@ _NOTICEABLE = 1e-3
 _FEW = 5
 
 
-def untold_reason(
-    name: str, law: ForceLaw, points: Points, regression: Regression, count: int, mass_free: bool
-) -> str:
+def untold_reason(name: str, law: ForceLaw, points: Points, regression: Regression, mass_free: bool) -> str:
     """Say why a parameter is not told by the test, or "" where it is."""
     names = (*law.parameters, "m") if mass_free else law.parameters
     i = names.index(name)
@@ -64,15 +61,15 @@ def untold_reason(
 
 def find_warnings(
     surface: ResponseSurface,
-    model: Model,
     points: Points,
+    used: NDArray[np.bool_],
     law: ForceLaw,
-    refined: BalanceFit,
+    chosen: Points,
+    refined: FittedModel,
     resonances: tuple[Resonance, ...],
     estimates: tuple[Estimate, ...],
 ) -> tuple[str, ...]:
     """Collect the sentences about data and fit that a reader should know before using the numbers."""
-    used = refined.regression.used
     sentences = [estimate.remark for estimate in estimates if estimate.remark]
     if any(sentence for sentence in sentences):
         shift = _small_shift(resonances)
@@ -89,7 +86,7 @@ def find_warnings(
             "the refined fit did not converge: compare with the first-order estimates and doubt both"
         )
     noise = refined.regression.noise
-    if noise > _NOTICEABLE and _neighbour_correlation(points, refined) > _SYSTEMATIC:
+    if noise > _NOTICEABLE and _neighbour_correlation(chosen, refined) > _SYSTEMATIC:
         sentences.append(
             f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, not "
             "noise; intervals are too narrow, try another law"
@@ -152,12 +149,12 @@ def _small_shift(resonances: tuple[Resonance, ...]) -> str:
     return ""
 
 
-def _neighbour_correlation(points: Points, refined: BalanceFit) -> float:
+def _neighbour_correlation(points: Points, refined: FittedModel) -> float:
     """Correlation of the signed misfit of the force between neighbours in frequency of one run."""
     rotated = points.force * np.exp(-1j * refined.turn)
-    misfit = (rotated - refined.balance.force) / np.abs(points.force)
+    misfit = (rotated - refined.force) / np.abs(points.force)
     order = np.lexsort((points.omega, points.sweep, points.level))
-    order = order[refined.regression.used[order] & np.isfinite(misfit[order])]
+    order = order[np.isfinite(misfit[order])]
     same = (points.level[order][1:] == points.level[order][:-1]) & (
         points.sweep[order][1:] == points.sweep[order][:-1]
     )

@@ -21,8 +21,12 @@ Array = NDArray[np.float64]
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
 
-_GAIN = 1e-5
-"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 of its error."""
+_GAIN = 1e-4
+"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 error."""
+
+_HALVINGS = 6
+_FOLLOWED = 0.98
+"""A step after which fewer of the points can still be predicted is too long."""
 
 _ROUND_OFF = 1e-12
 """Effect of a parameter on the prediction, relative to that of the largest, which is only round-off."""
@@ -77,6 +81,8 @@ class Regression:
         Degrees of freedom left for the noise.
     converged
         False where the steps did not become small.
+    strength
+        (q,) root mean square change of the prediction by a unit of each parameter, in units of the expected noise.
     """
 
     parameters: Array
@@ -88,6 +94,7 @@ class Regression:
     used: NDArray[np.bool_]
     freedom: int
     converged: bool
+    strength: Array
 
 
 def fit(
@@ -201,27 +208,24 @@ def _descend(
         relative = np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0)
         cost = float(np.sum(line.residual[good] ** 2))
         expected = float(np.sum((rest - np.einsum("nmk,nk->nm", line.by_own, own_change))[good] ** 2))
-        taken = False
-        for halving in range(8):
-            part = 0.5**halving
-            trial = linearise(parameters + part * change, own + part * np.clip(own_change, -1, 1))
-            still = np.isfinite(trial.residual).all(axis=1)
-            lost = np.count_nonzero(good & ~still)
-            if lost > 0.02 * np.count_nonzero(good):
-                continue
-            both = good & still
-            if float(np.sum(trial.residual[both] ** 2)) <= float(np.sum(line.residual[both] ** 2)):
-                parameters, own, line = (
-                    parameters + part * change,
-                    own + part * np.clip(own_change, -1, 1),
-                    trial,
-                )
-                taken = True
-                break
         gain = (cost - expected) * residual[good].size / max(expected, 1e-300)
-        if not taken or relative < small or gain < _GAIN:
+        if gain < _GAIN:
+            return parameters, own, line, True
+        own_change = np.clip(own_change, -1, 1)
+        realised = -1.0
+        for part in 0.5 ** np.arange(_HALVINGS):
+            trial = linearise(parameters + part * change, own + part * own_change)
+            both = good & np.isfinite(trial.residual).all(axis=1)
+            if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
+                continue
+            before, after = (float(np.sum(each.residual[both] ** 2)) for each in (line, trial))
+            if after <= before:
+                parameters, own, line = parameters + part * change, own + part * own_change, trial
+                realised = (before - after) * residual[good].size / max(after, 1e-300)
+                break
+        if realised < _GAIN or relative < small:
             # no better point along the step: round-off decides, or the step was already tiny
-            return parameters, own, line, taken or relative < 1e-6 or gain < 1.0
+            return parameters, own, line, realised >= 0 or relative < 1e-6 or gain < 1.0
     return parameters, own, line, False
 
 
@@ -273,6 +277,16 @@ def _summary(
     covariance[lost] = np.nan
     covariance[:, lost] = np.nan
     misfit = np.sqrt(np.sum(residual**2, axis=1) / each)
+    strength = np.sqrt(np.sum(line.by_parameter[used] ** 2, axis=(0, 1)) / max(np.count_nonzero(used), 1))
     return Regression(
-        parameters, own, covariance, null, float(np.sqrt(variance)), misfit, used, freedom, converged
+        parameters,
+        own,
+        covariance,
+        null,
+        float(np.sqrt(variance)),
+        misfit,
+        used,
+        freedom,
+        converged,
+        strength,
     )

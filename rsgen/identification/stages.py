@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rsgen.identification.balance_fit import BalanceFit, fit_balance
+from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.dynamic_stiffness import (
     Equations,
     LinearSolution,
@@ -17,6 +17,7 @@ from rsgen.identification.dynamic_stiffness import (
 )
 from rsgen.identification.force_law import ForceLaw, compile_law
 from rsgen.identification.identifiability import find_warnings, untold_reason
+from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
@@ -30,11 +31,23 @@ Array = NDArray[np.float64]
 _ORDERS = (9, 15, 23)
 """Harmonics carried in the balance, raised until the last one no longer matters."""
 
+_QUICK = 400
+"""Points that suffice to come near the estimate; all points then need one or two steps more."""
+
 _TAIL = 1e-9
 """Relative size at which the last harmonic no longer matters in exact data."""
 
+_NOISY = 1e-3
+"""Misfit of the balance beyond which it is noise, not the truncated waveform."""
+
+_WORSE = 1.05
+"""The simulator may not fit worse than the balance; if it does, it follows other branches."""
+
 _GROSS = 5.0
 """Starting values give less weight to points that disagree by more than so many typical misfits."""
+
+_TYPICAL = 0.04
+"""Relative misfit of starting values that is never called gross: first order may be as wrong."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,20 +83,22 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     points = select_points(surface, model)
     law = compile_law(model.force)
     start = _start(points, law, model.mass)
-    refined = _refined(points, law, start, model.mass)
-    used = refined.regression.used
+    balanced = _refined(points, law, start, model.mass)
+    used = balanced.regression.used
     kept = points.select(used)
+    balanced = _narrowed(balanced, used)
+    refined, chosen = _polished(kept, model, law, balanced)
     first = _fit(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
-    bias = _first_order_bias(kept, law, refined, first, model.mass)
+    bias = _first_order_bias(chosen, law, refined, first, model.mass)
     paper, resonances = _paper(kept, law, model.mass, refined.mass)
     reasons = {
-        name: untold_reason(name, law, points, refined.regression, len(law.parameters), model.mass is None)
+        name: untold_reason(name, law, points, refined.regression, model.mass is None)
         for name in _names(law, model)
     }
     estimates = _estimates(_of_fit(refined), law, model, reasons)
+    # the expected noise has unit size in real and imaginary part each
     noise = refined.regression.noise * np.sqrt(2)
-    misfit = refined.regression.misfit
-    residual = float(np.sqrt(np.mean(misfit[used] ** 2))) if used.any() else float("nan")
+    misfit = refined.regression.misfit[refined.regression.used]
     return Identification(
         model=model,
         paper=_estimates(paper, law, model, {}),
@@ -93,13 +108,13 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         covariance=refined.regression.covariance,
         resonances=resonances,
         curve=_curve(surface, model, points, used, refined.mass),
-        residual=residual,
+        residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
         levels=np.unique(points.level),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(noise)),
-        warnings=find_warnings(surface, model, points, law, refined, resonances, estimates),
+        warnings=find_warnings(surface, points, used, law, chosen, refined, resonances, estimates),
     )
 
 
@@ -121,7 +136,7 @@ def _start(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
     for _ in range(3):
         solution = solve_equations(equations, law, mass)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
-        typical = max(1.4826 * float(np.median(misfit)), 1e-3)
+        typical = max(1.4826 * float(np.median(misfit)), _TYPICAL)
         factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
             break
@@ -138,40 +153,64 @@ def _fit(
     order: int,
     *,
     reject: bool,
-) -> BalanceFit:
+) -> FittedModel:
     return fit_balance(points, law, values, mass, mass_free=given is None, order=order, reject=reject)
 
 
-def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float | None) -> BalanceFit:
+def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float | None) -> FittedModel:
     """All harmonics that matter."""
     values, mass = start.values, start.mass
+    few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points
     for order in _ORDERS:
-        refined = _fit(points, law, values, mass, given, order, reject=True)
+        refined = _fit(few, law, values, mass, given, order, reject=True)
         values, mass = refined.values, refined.mass
-        harmonics = np.abs(refined.balance.harmonics[refined.regression.used])
+        harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
         if law.switched or last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points))):
             break
-    return refined
+    return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
 
 
-def _of_fit(found: BalanceFit) -> _Values:
+def _narrowed(found: FittedModel, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> FittedModel:
+    return replace(
+        found, force=found.force[chosen], harmonics=found.harmonics[chosen], turn=found.turn[chosen]
+    )
+
+
+def _polished(
+    points: Points, model: Model, law: ForceLaw, balanced: FittedModel
+) -> tuple[FittedModel, Points]:
+    """Replace the balance by the simulator where the law has jumps or corners; with the points it used."""
+    if not law.rough:
+        return balanced, points
+    noise = balanced.regression.noise
+    accuracy = 1e-5 if noise > _NOISY else 1e-7
+    # exact data need no averaging
+    some = np.arange(len(points)) if noise > _NOISY else points.spread(_QUICK)
+    chosen = points.select(some)
+    polished = fit_output(chosen, model, law, _narrowed(balanced, some), accuracy=accuracy)
+    if polished is None or not polished.regression.noise <= _WORSE * noise:
+        return balanced, points
+    kept = polished.regression.used
+    return _narrowed(polished, kept), chosen.select(kept)
+
+
+def _of_fit(found: FittedModel) -> _Values:
     return _Values(found.values, found.mass, found.regression.covariance, found.regression.freedom)
 
 
 def _first_order_bias(
-    points: Points, law: ForceLaw, refined: BalanceFit, first: BalanceFit, given: float | None
+    points: Points, law: ForceLaw, refined: FittedModel, first: FittedModel, given: float | None
 ) -> Array:
     """What the first-order fit makes of the refined model's own, noise-free response."""
-    used = refined.regression.used
-    turn = np.exp(1j * refined.turn[used])
+    turn = np.exp(1j * refined.turn)
     count = points.harmonics.shape[1]
-    harmonics = np.zeros((len(points), max(count, refined.balance.harmonics.shape[1])), dtype=complex)
-    predicted = refined.balance.harmonics[used]
+    predicted = refined.harmonics
+    harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
     harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
     if not np.isfinite(harmonics).all():
         return np.full(len(refined.regression.parameters), np.nan)
-    exact = replace(points, force=refined.balance.force[used] * turn, harmonics=harmonics[:, :count])
+    exact = replace(points, force=refined.force * turn, harmonics=harmonics[:, :count])
     again = _fit(exact, law, first.values, first.mass, given, 1, reject=False)
     return np.asarray(again.regression.parameters - refined.regression.parameters)
 
