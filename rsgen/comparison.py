@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite, nan, sqrt
+from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
+from rsgen.identification.force_law import compile_law
 
 __all__ = ["FORCE_KEYS", "Comparison", "Row", "compare"]
 
+Array = NDArray[np.float64]
+
 FORCE_KEYS = ("stiffness_force", "damping_force")
-"""Keys of ``accept`` that judge whole forces: largest deviation over the tested range, relative to the largest."""
+"""Keys of ``accept`` that judge a whole force: its largest deviation over the tested range, relative to its
+largest value. The stiffness force is n(x, 0), the damping force n(0, v)."""
 
 _FORCE_POINTS = 401
 
@@ -35,7 +39,7 @@ class Row:
     paper, first_order, refined
         The three estimates; for forces the value is the largest absolute identified force [N].
     relative_error
-        |refined - true| / |true|, for forces the largest deviation over the largest true force; NaN without truth.
+        |refined - true| / |true|, for forces largest deviation over largest true force; NaN without truth.
     paper_error, first_order_error
         The same for the other two estimates.
     tolerance
@@ -70,5 +74,122 @@ def compare(
     truth: Mapping[str, float] | None = None,
     accept: Mapping[str, float] | None = None,
 ) -> Comparison:
-    """Hold the estimates against the truth."""
-    raise NotImplementedError
+    """Hold the estimates against the truth.
+
+    Parameters
+    ----------
+    identification
+        What was identified.
+    truth
+        True values by parameter name, "m" for the mass; None or a part where they are not known.
+    accept
+        Largest relative error of the refined estimate, by parameter name or by a name of FORCE_KEYS.
+
+    Returns
+    -------
+    Comparison
+        One row a parameter in the order of the refined estimates, then one a judged force.
+
+    Raises
+    ------
+    RsgenError
+        A name in ``accept`` is no parameter and no force, or has no truth to be held against.
+    """
+    truth, accept = dict(truth or {}), dict(accept or {})
+    estimates = identification.refined
+    names = [estimate.name for estimate in estimates]
+    unknown = sorted(set(accept) - set(names) - set(FORCE_KEYS))
+    if unknown:
+        raise RsgenError(
+            f"accept: {', '.join(unknown)}: not identified; allowed are {', '.join([*names, *FORCE_KEYS])}"
+        )
+    blind = sorted(name for name in accept if name in names and name not in truth)
+    missing = [name for name in identification.model.parameters if name not in truth]
+    if set(accept) & set(FORCE_KEYS) and missing:
+        blind += missing
+    if blind:
+        raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
+    rows = [
+        _parameter_row(refined, paper, first, truth.get(refined.name, nan), accept.get(refined.name))
+        for refined, paper, first in zip(
+            estimates, identification.paper, identification.first_order, strict=True
+        )
+    ]
+    if not missing:
+        rows += [
+            row
+            for key in FORCE_KEYS
+            if (row := _force_row(identification, truth, key, accept.get(key))) is not None
+        ]
+    return Comparison(tuple(rows), all(row.passed for row in rows))
+
+
+def _kept(error: float, tolerance: float | None) -> bool:
+    return tolerance is None or (isfinite(error) and error <= tolerance)
+
+
+def _parameter_row(
+    refined: Estimate, paper: Estimate, first: Estimate, true: float, tolerance: float | None
+) -> Row:
+    # a true zero leaves only the absolute error to judge
+    scale = abs(true) or 1.0
+    errors = [abs(estimate.value - true) / scale for estimate in (refined, paper, first)]
+    return Row(
+        name=refined.name,
+        unit=refined.unit,
+        true=true,
+        paper=paper,
+        first_order=first,
+        refined=refined,
+        relative_error=errors[0],
+        paper_error=errors[1],
+        first_order_error=errors[2],
+        tolerance=tolerance,
+        passed=_kept(errors[0], tolerance),
+    )
+
+
+def _force_row(
+    identification: Identification, truth: Mapping[str, float], key: str, tolerance: float | None
+) -> Row | None:
+    """Hold a whole force against the true one over the tested range; None where it is zero."""
+    true = _force(identification, key, truth)
+    largest = float(np.max(np.abs(true)))
+    if largest == 0 and tolerance is None:
+        return None
+    found, errors = [], []
+    for estimates in (identification.refined, identification.paper, identification.first_order):
+        force = _force(identification, key, {estimate.name: estimate.value for estimate in estimates})
+        found.append(Estimate(key, float(np.max(np.abs(force))), nan, (nan, nan), "N"))
+        errors.append(float(np.max(np.abs(force - true))) / (largest or 1.0))
+    return Row(
+        name=key,
+        unit="N",
+        true=largest,
+        paper=found[1],
+        first_order=found[2],
+        refined=found[0],
+        relative_error=errors[0],
+        paper_error=errors[1],
+        first_order_error=errors[2],
+        tolerance=tolerance,
+        passed=_kept(errors[0], tolerance),
+    )
+
+
+def _force(identification: Identification, key: str, values: Mapping[str, float]) -> Array:
+    """Stiffness force n(x, 0) or damping force n(0, v), both without n(0, 0), over the tested range."""
+    law = compile_law(identification.model.force)
+    point = np.array([values[name] for name in law.parameters])
+    curve = identification.curve
+    chosen = curve.used if curve.used.any() else np.ones(len(curve.used), dtype=bool)
+    size = curve.amplitude[chosen]
+    rest = np.zeros(_FORCE_POINTS)
+    if key == "stiffness_force":
+        reach = np.linspace(-1, 1, _FORCE_POINTS) * float(size.max())
+        x, v = reach, rest
+    else:
+        reach = np.linspace(-1, 1, _FORCE_POINTS) * float((2 * np.pi * curve.frequency[chosen] * size).max())
+        x, v = rest, reach
+    # half a step at zero would leave a jump's mean value there, for both forces alike
+    return law.force(x, v, point) - law.force(rest, rest, point)

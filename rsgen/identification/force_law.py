@@ -240,7 +240,10 @@ def _rough(piece: Piece) -> bool:
     (switch,) = piece.switches
     variable = next(symbol for symbol in switch.function.free_symbols if symbol.name == switch.variable)
     onset = [piece.term, piece.term.diff(variable)]
-    return any(term.subs(variable, switch.threshold).simplify() not in (0, sympy.nan) for term in onset)
+    values = [term.subs(variable, switch.threshold) for term in onset]
+    # 0**(q - 1) with q unknown: an exponent is taken to be above one, as a lower one would be seen as a jump
+    values = [value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero) for value in values]
+    return any(value.simplify() not in (0, sympy.nan) for value in values)
 
 
 def _plain(expression: sympy.Expr) -> sympy.Expr:
