@@ -68,9 +68,7 @@ class NormalForm:
     @property
     def switches(self) -> tuple[Switch, ...]:
         """Every switch of the law once, in a stable order; those inside functions of a term included."""
-        outer = [switch for piece in self.pieces for switch in piece.switches]
-        inner = [s for piece in self.pieces for key in inner_switches(piece.term) for s in _switches(key)]
-        return tuple(dict.fromkeys(outer + inner))
+        return _all_switches(self.pieces)
 
     @property
     def base(self) -> sympy.Expr:
@@ -144,6 +142,13 @@ def _renamed(key: Key, names: dict[sympy.Symbol, sympy.Symbol]) -> Key:
         None if key.v is None else key.v.xreplace(names),
         frozenset(function.xreplace(names) for function in key.others),
     )
+
+
+@lru_cache(maxsize=512)
+def _all_switches(pieces: tuple[Piece, ...]) -> tuple[Switch, ...]:
+    outer = [switch for piece in pieces for switch in piece.switches]
+    inner = [s for piece in pieces for key in inner_switches(piece.term) for s in _switches(key)]
+    return tuple(dict.fromkeys(outer + inner))
 
 
 def _order(key: Key) -> tuple[object, ...]:

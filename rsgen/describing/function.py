@@ -142,7 +142,8 @@ class DescribingFunction:
         """Give stiffness, damping and mean force for given means; (n,) arrays, parameters (n,) or scalars."""
         closed, remainder = self.closed, self.remainder
         as_assumed = all(np.all(values[name] > 0) for name in self.positive)
-        if closed is not None and not (as_assumed and (closed.mean != 0 or not np.any(mean))):
+        centred = closed is not None and closed.mean == 0
+        if not as_assumed or (centred and np.any(mean)):
             closed, remainder = None, self.force
         total = [np.zeros(X.shape) for _ in range(3)]
         if closed is not None:
@@ -182,7 +183,8 @@ class DescribingFunction:
         zero = np.zeros(unique.shape[1])
         parts = self.harmonics(unique[0], zero, unique[1], values)
         size = np.abs(parts[0]) + np.abs(parts[1]) * unique[1] + np.abs(parts[2]) / unique[0]
-        return solve_mean(force, unique[0], size)[inverse.ravel()]
+        flat = any(s.variable == "x" for s in normal_form(self.force).switches)
+        return solve_mean(force, unique[0], size, flat)[inverse.ravel()]
 
     def _repr_latex_(self) -> str:
         """Show the formulas in a notebook."""

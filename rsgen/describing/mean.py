@@ -44,7 +44,7 @@ def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
     return None
 
 
-def solve_mean(balance: Balance, X: Array, stiffness: Array) -> Array:
+def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Array:
     """Find the mean of every cycle: the nearest one to rest at which the mean force passes through zero.
 
     Parameters
@@ -55,6 +55,10 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array) -> Array:
         (n,) amplitudes [m].
     stiffness
         (n,) any force per length of the right size [N/m]: mean forces below 1e-14 of it times X are zero.
+
+    flat
+        Whether the mean force may vanish on a whole range of means (a gap); then the edge of the range that
+        is nearest to rest is the answer.
 
     Returns
     -------
@@ -72,17 +76,19 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array) -> Array:
     rows = np.repeat(open_, len(SCAN))
     forces = balance(trials.ravel(), rows).reshape(trials.shape)
     zeroed = np.where(np.abs(forces) <= floor[open_, None], 0.0, forces)
-    low, high, found = _nearest_rise(trials, zeroed)
+    low, high, found = _nearest_rise(trials, zeroed, flat)
     rows, low, high = open_[found], low[found], high[found]
     result[rows] = _refine(balance, rows, low, high, floor[rows])
     return result
 
 
-def _nearest_rise(trials: Array, forces: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Find the interval nearest to zero on which the force rises through zero (or reaches it)."""
     left, right = forces[:, :-1], forces[:, 1:]
     with np.errstate(invalid="ignore"):
-        rising = ((left < 0) & (right >= 0)) | ((left <= 0) & (right > 0))
+        rising = (left < 0) & (right > 0)
+        if flat:
+            rising |= ((left < 0) & (right == 0)) | ((left == 0) & (right > 0))
     distance = np.where(rising, np.abs(trials[:, :-1] + trials[:, 1:]), np.inf)
     place = np.argmin(distance, axis=1)
     rows = np.arange(len(trials))

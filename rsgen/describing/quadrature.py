@@ -53,7 +53,12 @@ LONGEST = 4.0
 """Longest range of phi that is not cut into four at the start."""
 
 DEEPEST = 40
-MOST_INTERVALS = 300_000
+MOST_INTERVALS = 64
+"""Intervals of one cycle that may be open at once; more means that round-off is being chased near a pole."""
+
+HOPELESS = 1e-7
+"""Error, relative to the integral of the absolute force, from which on a cycle has no finite value."""
+
 CYCLES_AT_ONCE = 8192
 
 
@@ -227,9 +232,11 @@ def _project(
             if depth == 0:
                 size += np.bincount(rows, np.where(broken, 0, fine[3]), n)
             length = (right - left) * (stop - start) / (last - first)
-            allowed = np.maximum(tolerance * size[rows] * np.maximum(length, 0.05), 4e-16 * fine[3])
+            allowed = np.maximum(tolerance * size[rows] * np.maximum(length, 0.05), 4e-15 * fine[3])
             done = (doubt <= allowed) | ~np.isfinite(doubt) | spoiled[rows]
-        if depth == DEEPEST or 2 * np.count_nonzero(~done) > MOST_INTERVALS:
+        if depth > 0:
+            done |= np.bincount(rows[~done], minlength=n)[rows] > MOST_INTERVALS
+        if depth == DEEPEST:
             done[:] = True
         for total, part in zip(sums, fine, strict=True):
             total += np.bincount(rows[done], part[done], n)
@@ -239,6 +246,7 @@ def _project(
         left, right = np.concatenate((left[again], middle)), np.concatenate((middle, right[again]))
         rows = np.tile(rows[again], 2)
         start, stop = np.tile(start[again], 2), np.tile(stop[again], 2)
+    spoiled |= errors > HOPELESS * sums[3]
     sums *= double
     sums[:, spoiled] = np.nan
     if not in_v:

@@ -148,6 +148,8 @@ def _tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
     special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
     if 0 < len(special) <= MOST_COLLECTED:
         formula = sympy.collect(formula, special, sympy.factor_terms)
+    if any(power.exp.free_symbols for power in formula.atoms(sympy.Pow)):
+        formula = sympy.powsimp(formula, combine="exp")
     return formula.xreplace(written)
 
 

@@ -55,13 +55,14 @@ def reduce_law(force: sympy.Expr) -> Form:
     """
     if force.atoms(AppliedUndef) or force.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
         raise ExpressionError(f"law: {force}: every function and number in it must be known, real and finite")
+    for power in force.atoms(sympy.Pow):
+        _check_power(power)
     exact = {f: sympy.Rational(str(f)) for f in force.atoms(sympy.Float)}
     form = without_signs(_form(force.xreplace(exact)))
     return {key: term for key, term in ((k, expanded(t)) for k, t in form.items()) if not term.is_zero}
 
 
 def _form(expression: sympy.Expr) -> Form:
-    _check_powers(expression)
     if not _switches(expression):
         return constant(expression)
     if expression.is_Add:
@@ -86,8 +87,8 @@ def _form(expression: sympy.Expr) -> Form:
     return _function(expression)
 
 
-def _check_powers(expression: sympy.Expr) -> None:
-    if not expression.is_Pow or expression.exp.is_integer or not moves(expression.base):
+def _check_power(expression: sympy.Pow) -> None:
+    if expression.exp.is_integer or not moves(expression.base):
         return
     _, rest = expression.base.as_independent(STATE_X, STATE_V, as_Add=False)
     if rest in (STATE_X, STATE_V):
