@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
-        code = application(args=words or ["--help"], standalone_mode=False)
+        code = application(args=words or ["--help"], prog_name="rsgen", standalone_mode=False)
         sys.stdout.flush()
     except CaseError as fault:
         print_faults(fault.faults)

@@ -234,12 +234,12 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
 
 def report_command(cases: list[Path], out: Path, data: Path | None, json: bool) -> int:
     """Write reports from saved surfaces, then the index; without cases the index alone."""
+    if not out.is_dir():
+        raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
     from rsgen.report import write_index
     from rsgen.study import rewrite_report
 
     runs = []
-    if not cases and not out.is_dir():
-        raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
     if cases:
         files = find_cases(cases)
         with case_progress(len(files), quiet=json) as note:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rsgen.cli.printing import print_json, print_line, print_table
-from rsgen.errors import RsgenError
+from rsgen.cli.printing import print_json, print_line
 
 __all__ = ["derive_command", "laws_command"]
 
@@ -68,13 +67,28 @@ def derive_command(expression: str, json: bool, latex: bool) -> int:
 
 def laws_command(json: bool) -> int:
     """Print the library of force laws."""
-    try:
-        from rsgen import laws
-    except ImportError as fault:
-        raise RsgenError("laws: this version has no library of laws; write the force in the case") from fault
-    entries = [{"name": law.name, "force": str(law.force)} for law in laws.library()]
+    from rsgen.laws import LAWS
+
     if json:
-        print_json(entries)
-    else:
-        print_table(("law", "force"), [(entry["name"], entry["force"]) for entry in entries])
+        print_json(
+            [
+                {
+                    "name": law.name,
+                    "title": law.title,
+                    "force": law.formula,
+                    "parameters": [
+                        {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit}
+                        for entry in law.parameters
+                    ],
+                    "source": law.source,
+                }
+                for law in LAWS
+            ]
+        )
+        return 0
+    width = max(len(law.name) for law in LAWS)
+    for law in LAWS:
+        print_line(f"{law.name:<{width}}  {law.formula}")
+    print_line()
+    print_line("Copy a formula into the force of a case, or into `rsgen derive`.")
     return 0

@@ -106,12 +106,12 @@ def _tested(case: Case) -> ResponseSurface:
 
 
 def _execute(case: Case, out: Path, command: Sequence[str], test: Callable[[Case], ResponseSurface]) -> bool:
+    check_place(case, out)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
     from rsgen.identification import identify
     from rsgen.report import write_report
 
-    check_place(case, out)
     noisy = isinstance(case.test, SimulatedTest) and case.test.noise_relative > 0
     seed = case.test.seed if isinstance(case.test, SimulatedTest) and noisy else None
     with replaced_folder(out, case.name) as folder:
