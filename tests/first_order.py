@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from rsgen.case import Case
+from rsgen.comparison import Comparison, Row
 from rsgen.element import Element
-from rsgen.expression import symbol
+from rsgen.expression import parse, symbol
 from rsgen.identification import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.oscillator import Model
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 
 MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
@@ -160,3 +166,34 @@ def _held_out(surface: ResponseSurface, level: float) -> HeldOutLevel:
         largest_error=0.01,
         missing=0,
     )
+
+
+def cubic_case(title: str = "Softening cubic spring", **changes: Any) -> Case:
+    """A case as its file would give it."""
+    values: dict[str, Any] = {
+        "path": Path("cubic.toml"),
+        "name": "cubic",
+        "title": title,
+        "source": "Liu et al., Eqs. (13), (14)",
+        "text": 'schema = 1\nname = "cubic"\n',
+        "sha256": "0" * 64,
+        "oscillator": None,
+        "model": cubic_model(),
+        "test": SimulatedTest(level=np.linspace(1, 12, 8), frequency=np.linspace(8.5, 11.5, 61)),
+        "truth": {"m": MASS, "k1": K1, "kn1": KN1, "c1": C1},
+        "printed": {"stiffness": parse("k1 + 3/4*kn1*X**2"), "damping": parse("c1")},
+    }
+    return Case(**{**values, **changes})
+
+
+def cubic_comparison(identification: Identification, tolerance: float | None = 1e-6) -> Comparison:
+    """Every estimate against the truth."""
+    truth = {"k1": K1, "kn1": KN1, "c1": C1}
+    rows = []
+    estimates = zip(identification.paper, identification.first_order, identification.refined, strict=True)
+    for paper, first, refined in estimates:
+        true = truth[refined.name]
+        errors = [abs(estimate.value / true - 1) for estimate in (refined, paper, first)]
+        passed = tolerance is None or errors[0] <= tolerance
+        rows.append(Row(refined.name, refined.unit, true, paper, first, refined, *errors, tolerance, passed))
+    return Comparison(tuple(rows), all(row.passed for row in rows))

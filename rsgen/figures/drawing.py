@@ -77,6 +77,12 @@ class Drawing:
     caption: str
     alternative: str
 
+    def __post_init__(self) -> None:
+        # the layout is made once: made anew at each saving it would creep by fractions of a point
+        with _style():
+            self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")
+
     def render(self, kind: str = "svg") -> bytes:
         """Give the file content, the same bytes for the same figure.
 
