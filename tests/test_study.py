@@ -12,15 +12,19 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
+from rsgen.measurement import read_measurement
 from rsgen.study import MANIFEST, CaseRun, read_manifest, rewrite_report, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
 from rsgen.study.one import current_result
 
+ROOT = Path(__file__).parent.parent
+DATA = Path(os.environ.get("RSGEN_DATA", ROOT.parent / "shared" / "data"))
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
 
 CASE = """\
@@ -317,3 +321,37 @@ def test_killing_the_command_keeps_the_earlier_result(
     assert read_manifest(tmp_path / "out" / "small") is not None
     recover(tmp_path / "out", "small")
     assert not list((tmp_path / "out").glob(".small*"))
+
+
+# ---------------------------------------------------------------- a real structure
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (DATA / "wire" / "example6.txt").is_file(),
+    reason="the measured wire is not here; set RSGEN_DATA to the folder that holds wire/example6.txt",
+)
+def test_the_vibrating_wire_from_file_to_report(tmp_path: Path) -> None:
+    path = Path(__file__).parent / "cases" / "wire.toml"
+    case = load_case(path, data=DATA)
+    surface = read_measurement(case.test)
+    # the head of the file: 12 drives, each up and down but the last, which was stopped after going up
+    assert len(surface.levels) == 12
+    runs = {(level, str(sweep)) for level, sweep in zip(surface.level, surface.sweep, strict=True)}
+    assert len(runs) == 23
+    # the resonance of the wire falls with the drive
+    peaks = [
+        surface.frequency[mask][np.argmax(surface.amplitude[mask])]
+        for mask in (surface.level == surface.levels[0], surface.level == surface.levels[-2])
+    ]
+    assert peaks[0] > peaks[1] > 1600
+    run = run_case(path, tmp_path / "out", data=DATA)
+    assert run.faults == ()
+    assert run.passed
+    result = json.loads((run.folder / "result.json").read_text())
+    assert result["surface"]["origin"] == "measured"
+    assert len(result["equivalent"]["stiffness"]) == len(result["equivalent"]["amplitude"]) > 1000
+    assert all(row["true"] is None for row in result["parameters"])
+    found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
+    assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=1.0)
+    assert found["k2"] < 0 < found["c2"]

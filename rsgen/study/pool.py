@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from types import FrameType
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
@@ -24,8 +26,21 @@ def _prepare_worker(workers: int) -> None:
     share = str(max(1, (os.cpu_count() or 1) // workers))
     for variable in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, share)
+    # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
     # a worker whose parent was killed would wait for ever
     threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+_working = threading.Event()
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    if _working.is_set():
+        # unwinds through the case, which removes its unfinished folder
+        raise KeyboardInterrupt
+    os._exit(1)
 
 
 def _end_with_parent() -> None:
@@ -36,11 +51,13 @@ def _end_with_parent() -> None:
 
 
 def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) -> CaseRun | None:
+    _working.set()
     try:
         return run_case(path, out, force=True, data=data, command=command)
     except KeyboardInterrupt:
-        # the terminal tells every process; the parent answers for all
         return None
+    finally:
+        _working.clear()
 
 
 def _sort(paths: Iterable[Path], out: Path, force: bool, data: Path | None, finished: Report) -> list[Path]:
