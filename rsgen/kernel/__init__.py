@@ -1,0 +1,9 @@
+"""Force laws as compiled functions: SymPy to readable Python to machine code, cached on disk."""
+
+from __future__ import annotations
+
+from rsgen.kernel.compiled import Kernel, March, compile_kernel
+from rsgen.kernel.generation import generate, parameter_order
+from rsgen.kernel.store import cache_folder
+
+__all__ = ["Kernel", "March", "cache_folder", "compile_kernel", "generate", "parameter_order"]

@@ -1,0 +1,182 @@
+"""A force law in normal form becomes readable Python source that numba compiles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import sympy
+
+from rsgen.element import NormalForm, Piece, Switch, normal_form
+from rsgen.errors import RsgenError
+from rsgen.expression import symbol, write
+from rsgen.kernel.arithmetic import Body
+
+__all__ = ["generate", "parameter_order"]
+
+_TEMPLATE = "kernel/kernel.py.j2"
+_SIGNATURE = (
+    "void(float64[:,::1], float64[:,:,::1], float64[:,::1], float64[::1], float64, float64[::1], "
+    "float64[:,::1], int64, int64, int64, float64[:,::1], float64[:,::1])"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Located:
+    """A switch whose zeros the kernel locates, as the template writes it."""
+
+    index: int
+    text: str
+    code: str
+    code_new: str
+    rate_code: str
+    threshold: str
+    jumps: bool
+
+
+def _templates() -> Path:
+    package = Path(__file__).parent.parent
+    for folder in (package / "templates", package.parent / "templates"):
+        if (folder / _TEMPLATE).is_file():
+            return folder
+    raise RsgenError("templates: not found in the package or beside it; install rsgen again")
+
+
+def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
+    """Names of the parameters in the order in which the kernel takes their values."""
+    return tuple(sorted({free.name for free in force.free_symbols} - {"x", "v"}))
+
+
+def _touching(form: NormalForm, switch: Switch) -> list[sympy.Expr]:
+    return [piece.term for piece in form.pieces if switch in piece.switches]
+
+
+def _at(term: sympy.Expr, switch: Switch) -> sympy.Expr:
+    return sympy.expand(term.subs(symbol(str(switch.variable)), switch.threshold))
+
+
+def _is_smooth(form: NormalForm, switch: Switch) -> bool:
+    """Tell whether force and slope are continuous across a switch: it needs no event then."""
+    if switch.variable is None:
+        return False
+    variable = symbol(switch.variable)
+    return all(
+        _at(term, switch) == 0 and _at(sympy.diff(term, variable), switch) == 0
+        for term in _touching(form, switch)
+    )
+
+
+def _jumps(form: NormalForm, switch: Switch) -> bool:
+    return switch.variable == "v" and any(_at(term, switch) != 0 for term in _touching(form, switch))
+
+
+def _located(form: NormalForm, names: dict[sympy.Symbol, str], every: bool) -> dict[Switch, _Located]:
+    x, v, a = symbol("x"), symbol("v"), sympy.Dummy("a", real=True)
+    switches = dict.fromkeys(switch for piece in form.pieces for switch in piece.switches)
+    found: dict[Switch, _Located] = {}
+    for switch in switches:
+        if not every and _is_smooth(form, switch):
+            continue
+        rate = sympy.diff(switch.function, x) * v + sympy.diff(switch.function, v) * a
+
+        def code(expression: sympy.Expr, x_name: str, v_name: str) -> str:
+            return Body({**names, x: x_name, v: v_name, a: "a"}, inline=True).write(expression)
+
+        found[switch] = _Located(
+            index=len(found),
+            text=write(switch.function),
+            code=code(switch.function, "x", "v"),
+            code_new=code(switch.function, "xn", "vn"),
+            rate_code=code(rate, "x", "v"),
+            threshold=code(switch.threshold, "x", "v") if switch.threshold is not None else "0.0",
+            jumps=_jumps(form, switch),
+        )
+    return found
+
+
+def _gate(piece: Piece, located: dict[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
+    gates = [f"g{located[s].index}" for s in piece.switches if s in located]
+    inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
+    return gates, inside
+
+
+def _force_body(
+    form: NormalForm, names: dict[sympy.Symbol, str], located: dict[Switch, _Located]
+) -> list[str]:
+    x, v = symbol("x"), symbol("v")
+    body = Body({**names, x: "x", v: "v"})
+    terms = [_factored(piece.term, x, v) for piece in form.pieces]
+    shared, terms = sympy.cse(terms, symbols=sympy.numbered_symbols("s", real=True), order="canonical")
+    for number, (stand_in, expression) in enumerate(shared):
+        code = body.write(expression)
+        body.name(stand_in, f"s{number}")
+        body.assign(f"s{number}", code)
+    parts = []
+    for piece, term in zip(form.pieces, terms, strict=True):
+        code = body.write(term)
+        gates, inside = _gate(piece, located, body)
+        if inside:
+            code = f"({code} if {' & '.join(inside)} else 0.0)"
+        parts.append("*".join([*gates, code]))
+    body.lines.append("return " + (" + ".join(parts) or "0.0"))
+    return body.lines
+
+
+def _factored(term: sympy.Expr, x: sympy.Symbol, v: sympy.Symbol) -> sympy.Expr:
+    """Write polynomials in x and v with one product a power, parameters gathered."""
+    if term.is_polynomial(x, v):
+        polynomial = sympy.Poly(term, x, v)
+        return sympy.Add(*(c * x**i * v**j for (i, j), c in polynomial.terms()))
+    return term
+
+
+@lru_cache(maxsize=64)
+def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
+    """Write the kernel of a force law as Python source.
+
+    Parameters of the law appear as p0, p1, ... in the order of ``parameter_order``; their own names only
+    stand in the text at the top. Laws with a jump or a corner get events, and friction a true stick state;
+    smooth laws have none of that code.
+
+    Parameters
+    ----------
+    force
+        n(x, v) [N].
+    locate_all
+        Also locate where only the curvature of the law jumps, as in v|v|: for accuracies beyond 1e-6.
+
+    Raises
+    ------
+    ExpressionError
+        The law holds a function that no law may use.
+    """
+    import jinja2  # only generation needs it
+
+    form = normal_form(force)
+    order = parameter_order(force)
+    names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
+    located = _located(form, names, locate_all)
+    environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
+        loader=jinja2.FileSystemLoader(_templates()),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    parameters = "".join(f", p{number}" for number in range(len(order)))
+    gates = "".join(f", g{entry.index}" for entry in located.values())
+    return environment.get_template(_TEMPLATE).render(
+        law=_comment(write(force)),
+        parameters=[(f"p{number}", name) for number, name in enumerate(order)],
+        names=[f"p{number}" for number in range(len(order))],
+        arguments=parameters,
+        gates=gates,
+        located=list(located.values()),
+        force_body=_force_body(form, names, located),
+        signature=_SIGNATURE,
+    )
+
+
+def _comment(text: str) -> str:
+    """Let a formula stand in a docstring: the writer's alphabet, nothing that could end it."""
+    allowed = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_+-*/().,<>=&| ")
+    return "".join(c if c in allowed else "?" for c in text)
