@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rsgen.case import case_schema, find_cases, load_case, name_clashes
 from rsgen.case.measured import path_fault
@@ -281,6 +283,53 @@ def test_hostile_titles(tmp_path: Path, entry: dict[str, Any]) -> None:
         assert load_case(path).title == text
     else:
         refused(path)
+
+
+TEXTS = [path.read_text(encoding="utf-8") for path in CASES]
+SNIPPETS = [
+    "[",
+    "]",
+    '"',
+    "=",
+    "\n",
+    "e9",
+    "-",
+    "nan",
+    "''",
+    "[truth]",
+    "{}",
+    "x",
+    "\x00",
+    "1e400",
+    "true",
+    ".",
+    "#",
+]
+
+
+@given(
+    st.sampled_from(TEXTS),
+    st.lists(
+        st.tuples(st.floats(0, 1), st.integers(0, 6), st.sampled_from(SNIPPETS)), min_size=1, max_size=4
+    ),
+)
+@settings(max_examples=150, derandomize=True, deadline=None)
+def test_a_damaged_case_is_a_case_or_a_case_error(
+    tmp_path_factory: pytest.TempPathFactory, text: str, damages: list[tuple[float, int, str]]
+) -> None:
+    for place, length, snippet in damages:
+        start = int(place * len(text))
+        text = text[:start] + snippet + text[start + length :]
+    path = tmp_path_factory.getbasetemp() / "damaged.toml"
+    path.write_text(text, encoding="utf-8")
+    faults: tuple[str, ...] = ()
+    try:
+        load_case(path)
+    except CaseError as error:
+        faults = error.faults or ("no sentence",)
+    for fault in faults:
+        assert fault.startswith("damaged.toml: ")
+        assert fault.isprintable()
 
 
 # ---------------------------------------------------------------- measured cases

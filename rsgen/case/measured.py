@@ -51,7 +51,14 @@ def path_fault(text: str) -> str | None:
 def _resolve(text: str, folders: tuple[Path, ...], faults: list[str]) -> Path:
     for folder in folders:
         path = folder / text
-        if path.exists():
+        try:
+            there = path.exists()
+        except OSError as fault:
+            faults.append(
+                f"test.file: cannot be looked for: {fault.strerror}; a file that may be read is needed"
+            )
+            return path
+        if there:
             if not path.resolve().is_relative_to(folder.resolve()):
                 faults.append(f"test.file: {quote(text)} leads out of its folder; a file inside it is needed")
             return path
