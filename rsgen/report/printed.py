@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from rsgen.case import Case
-from rsgen.describing import derive
+from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.expression import symbol
 from rsgen.figures import force_function, number_text, quantity_text
 from rsgen.identification import Identification
@@ -19,11 +16,6 @@ from rsgen.oscillator import Model
 from rsgen.report.free_vibration import free_frequency
 
 __all__ = ["PrintedFormula", "check_printed"]
-
-Floats = NDArray[np.float64]
-
-_AGREES = 1e-9
-"""Largest relative deviation of a formula that agrees: round-off of two ways to write the same thing."""
 
 _POINTS = 240
 _UNITS = {"stiffness": "N/m", "damping": "N*s/m"}
@@ -57,102 +49,94 @@ class PrintedFormula:
     sentences: tuple[str, ...]
 
 
-def _function(expression: sympy.Expr, names: tuple[str, ...]) -> Callable[..., Any]:
-    # dummies: names of the generated code are never names of a file
-    function: Callable[..., Any] = sympy.lambdify(
-        [symbol(name) for name in names], expression, modules="numpy", dummify=True
-    )
-    return function
+def _number(formula: sympy.Expr, values: dict[str, float], X: float, X0: float, omega: float) -> float:
+    """Evaluate a printed formula at one point."""
+    named = {**values, "X": X, "X0": X0, "omega": omega}
+    value = sympy.N(formula.subs({symbol(name): number for name, number in named.items()}))
+    return float(value) if value.is_real else float("nan")
 
 
 def check_printed(case: Case, identification: Identification) -> tuple[PrintedFormula, ...]:
     """Hold every printed formula of a case against the derivation, with the refined values.
 
-    The two are compared as numbers over the tested amplitudes at the lowest, middle and highest frequency.
+    Raises
+    ------
+    RsgenError
+        A formula is of something else than stiffness or damping, or has names that the law does not have.
     """
-    values = {name: float(identification.values[name]) for name in case.model.parameters}
+    model = case.model
+    values = {name: float(identification.values[name]) for name in model.parameters}
     low, high = identification.amplitude_range
     if not (case.printed and np.isfinite(list(values.values())).all() and 0 < low < high):
         return ()
+    derived = derive(model.force)
     amplitude = np.linspace(low, high, _POINTS)
-    omega = 2 * np.pi * np.array([[f] for f in np.linspace(*identification.frequency_range, 3)])
-    derived = derive(case.model.force).evaluate(amplitude, omega, values)
+    omega = 2 * np.pi * float(np.mean(identification.frequency_range))
     checked = []
-    for what, formula in case.printed.items():
-        function = _function(formula, ("X", "X0", "omega", *case.model.parameters))
-        numbers = [values[name] for name in case.model.parameters]
-        with np.errstate(all="ignore"):
-            printed = function(amplitude, derived.mean, omega, *numbers)
-        exact = np.asarray(derived.stiffness if what == "stiffness" else derived.damping)
-        checked.append(
-            _verdict(what, formula, np.broadcast_to(np.real(printed), exact.shape), exact, amplitude)
-        )
-    shifted = bool(np.nanmax(np.abs(derived.mean) / amplitude, initial=0.0) > 1e-6)
-    return tuple(_with_period(item, case.model, identification) if shifted else item for item in checked)
+    for item in compare_printed(derived, case.printed, values, amplitude, omega):
+        verdict = PrintedFormula(item.what, item.formula, item.agrees, item.largest_deviation, "", ())
+        if not item.agrees and "X" in item.where:
+            verdict = _place(verdict, derived, values, float(item.where["X"]), omega)
+        if item.what == "stiffness" and derived.mean != 0:
+            verdict = _with_period(verdict, derived, model, identification, omega)
+        checked.append(verdict)
+    return tuple(checked)
 
 
-def _verdict(
-    what: str, formula: sympy.Expr, printed: Floats, exact: Floats, amplitude: Floats
+def _place(
+    item: PrintedFormula, derived: DescribingFunction, values: dict[str, float], X: float, omega: float
 ) -> PrintedFormula:
-    scale = np.where(exact == 0, np.nanmax(np.abs(exact), initial=0.0) or 1.0, np.abs(exact))
-    deviation = np.abs(printed - exact) / scale
-    if not np.isfinite(deviation).any():
-        return PrintedFormula(
-            what, formula, False, float("nan"), "", ("It has no value over the tested range.",)
-        )
-    row, column = np.unravel_index(int(np.nanargmax(deviation)), deviation.shape)
-    largest = float(deviation[row, column])
-    if largest < _AGREES:
-        return PrintedFormula(what, formula, True, largest, "", ())
-    unit = _UNITS.get(what, "")
-    place = quantity_text(float(amplitude[column]), "m", 3)
-    first = amplitude[int(np.argmax((deviation > _AGREES).any(axis=0)))]
+    """Say how much and where a formula departs, in units that people read."""
+    exact = derived.evaluate([X], omega, values)
+    own = float((exact.stiffness if item.what == "stiffness" else exact.damping)[0])
+    printed = _number(item.formula, values, X, float(exact.mean[0]), omega)
+    unit = _UNITS[item.what]
+    place = f"X = {quantity_text(X, 'm', 3)}"
     words = (
-        f"The largest deviation is {number_text(100 * largest, 3)} % of the derived value, at X = "
-        f"{place}: printed "
-        f"{quantity_text(float(printed[row, column]), unit)}, derived "
-        f"{quantity_text(float(exact[row, column]), unit)}. "
-        f"The two part from X = {quantity_text(float(first), 'm', 3)} on."
+        f"The largest deviation over the tested range is {number_text(100 * item.largest_deviation, 3)} "
+        "% of the "
+        f"derived value, at {place}: printed {quantity_text(printed, unit)}, derived "
+        f"{quantity_text(own, unit)}."
     )
-    return PrintedFormula(what, formula, False, largest, f"X = {place}", (words,))
+    return replace(item, where=place, sentences=(words,))
 
 
-def _with_period(item: PrintedFormula, model: Model, identification: Identification) -> PrintedFormula:
-    """Add what free vibration says, the judge between two formulas for a law that pushes the mean off "
-    "zero."""
-    if item.what != "stiffness":
-        return item
+def _with_period(
+    item: PrintedFormula,
+    derived: DescribingFunction,
+    model: Model,
+    identification: Identification,
+    omega: float,
+) -> PrintedFormula:
+    """Add what free vibration says: it judges between formulas for a law that pushes the mean off zero."""
     values = {name: float(identification.values[name]) for name in model.parameters}
-    high = identification.amplitude_range[1]
-    mass = identification.mass
-    force = force_function(model, values)
-    still = np.zeros(1)
+    high, mass = identification.amplitude_range[1], identification.mass
+    force, still = force_function(model, values), np.zeros(1)
     exact = free_frequency(lambda x: float(force(np.array([x]), still)[0]), mass, high)
-    omega = np.array([2 * np.pi * np.mean(identification.frequency_range)])
-    derived = derive(model.force).evaluate(np.array([high]), omega, values)
-    numbers = [values[name] for name in model.parameters]
-    function = _function(item.formula, ("X", "X0", "omega", *model.parameters))
+    balanced = derived.evaluate([high], omega, values)
+    mean = float(balanced.mean[0])
     stiffness = {
-        "the printed formula, taken about zero mean,": float(function(high, 0.0, float(omega[0]), *numbers)),
-        "the derivation with the mean": float(derived.stiffness[0]),
+        "the printed formula": _number(item.formula, values, high, mean, omega),
+        "the derivation with the mean": float(balanced.stiffness[0]),
     }
-    if not np.isfinite(exact) or min(stiffness.values()) <= 0:
+    if not (np.isfinite(exact) and all(k > 0 for k in stiffness.values())):
         return item
     said = []
     for name, k in stiffness.items():
-        frequency = np.sqrt(k / mass) / (2 * np.pi)
+        frequency = float(np.sqrt(k / mass)) / (2 * np.pi)
         said.append(
             f"{name} gives {quantity_text(k, 'N/m')} and so {number_text(frequency, 5)} Hz "
-            f"({100 * (frequency / exact - 1):+.2f} % in frequency, "
-            f"{100 * ((frequency / exact) ** 2 - 1):+.2f} % in stiffness)"
+            f"({_signed(frequency / exact - 1)} in frequency, "
+            f"{_signed((frequency / exact) ** 2 - 1)} in stiffness)"
         )
     words = (
         f"Free vibration of the identified spring has exactly {number_text(exact, 5)} Hz, by energy "
-        "between its two turning "
-        f"points; {'; '.join(said)}. The law pushes the mean to "
-        f"{quantity_text(float(derived.mean[0]), 'm', 3)} at "
+        "between its "
+        f"two turning points; {'; '.join(said)}. The law pushes the mean to {quantity_text(mean, 'm', 3)} at "
         f"X = {quantity_text(high, 'm', 3)}."
     )
-    return PrintedFormula(
-        item.what, item.formula, item.agrees, item.largest_deviation, item.where, (*item.sentences, words)
-    )
+    return replace(item, sentences=(*item.sentences, words))
+
+
+def _signed(change: float) -> str:
+    return f"{100 * change:+.2f} %".replace("-", "−")
