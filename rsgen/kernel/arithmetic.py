@@ -64,7 +64,8 @@ class Body:
             A function occurs that no law may use.
         """
         if isinstance(expression, sympy.Symbol):
-            return self._names[expression]
+            name: str = self._names[expression]
+            return name
         if expression.is_number and not expression.has(*_FUNCTIONS):
             value = float(expression)
             return repr(value) if value >= 0 else f"({value!r})"

@@ -15,6 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -39,8 +40,8 @@ def cache_folder() -> Path:
 
 def _key(source: str) -> str:
     import numba
-    from llvmlite import binding
 
+    binding = import_module("llvmlite.binding")  # what numba itself compiles with
     parts = (
         _FORMAT,
         source,
@@ -113,6 +114,11 @@ def _build(home: Path, target: Path, source: str, name: str) -> ModuleType:
         raise
 
 
+def _loaded(module: ModuleType) -> Callable[..., Any]:
+    march: Callable[..., Any] = module.march
+    return march
+
+
 def load_kernel(source: str) -> Callable[..., Any]:
     """Load the compiled ``march`` of a kernel source; compile it first where the cache has none.
 
@@ -124,28 +130,24 @@ def load_kernel(source: str) -> Callable[..., Any]:
     key = _key(source)
     name = f"rsgen_kernel_{key}"
     if name in sys.modules:
-        march: Callable[..., Any] = sys.modules[name].march
-        return march
+        return _loaded(sys.modules[name])
     home = cache_folder()
     target = home / key
     if _healthy(target, source):
         try:
-            march = _import(target, name).march
-            return march
+            return _loaded(_import(target, name))
         except Exception:
             # whatever numba dislikes in its own file, the source is still here
             sys.modules.pop(name, None)
     try:
         home.mkdir(parents=True, exist_ok=True)
-        march = _build(home, target, source, name).march
-        return march
+        return _loaded(_build(home, target, source, name))
     except OSError as fault:
         try:
             with tempfile.TemporaryDirectory(prefix="rsgen-kernel-") as spare:
-                march = _build(Path(spare), Path(spare) / key, source, name).march
-                return march
+                return _loaded(_build(Path(spare), Path(spare) / key, source, name))
         except OSError:
             raise RsgenError(
-                f"{home}: compiled kernels cannot be kept here ({fault.strerror}); set RSGEN_CACHE to a folder "
-                "that can be written"
+                f"{home}: compiled kernels cannot be kept here ({fault.strerror}); "
+                "set RSGEN_CACHE to a folder that can be written"
             ) from fault

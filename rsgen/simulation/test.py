@@ -43,7 +43,7 @@ class SimulatedTest:
     frequency
         [Hz], positive.
     sweep
-        "rest": every point starts from rest; "up" or "down": the state is carried from frequency to frequency.
+        "rest": every point from rest; "up" or "down": the state is carried from frequency to frequency.
     harmonics
         How many harmonics of the displacement are kept besides the mean.
     accuracy

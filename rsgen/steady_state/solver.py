@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from numpy.typing import ArrayLike
+from dataclasses import fields
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
+from rsgen.steady_state.period_map import PeriodMap
+from rsgen.steady_state.refinement import refine
+from rsgen.steady_state.settling import settle
 from rsgen.steady_state.solution import SteadyStates
 
-__all__ = ["solve_steady_states"]
+__all__ = ["LOOSEST", "MOST_HARMONICS", "TIGHTEST", "solve_steady_states"]
+
+TIGHTEST, LOOSEST = 1e-9, 1e-2  # accuracies that can be asked for
+MOST_HARMONICS = 64
+_CURVATURE = 1e-7  # below this accuracy, jumps of the curvature of a law are located too
+_BATCH = 16384  # points worked on at once: bounds the memory
 
 
 def solve_steady_states(
@@ -41,4 +54,64 @@ def solve_steady_states(
     RsgenError
         Shapes do not fit, a frequency is not positive, harmonics or accuracy are out of range.
     """
-    raise NotImplementedError
+    F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
+    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    _check(F, f, harmonics, accuracy)
+    y = None if start is None else np.asarray(start, dtype=np.float64)
+    if y is not None and y.shape != (len(f), 2):
+        raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
+    if y is not None and not np.isfinite(y).all():
+        raise RsgenError("start: must be finite everywhere")
+    kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
+    values = np.array([oscillator.values[name] for name in kernel.parameters])
+    parts = [slice(low, low + _BATCH) for low in range(0, max(len(f), 1), _BATCH)]
+    done = [
+        _solve_batch(
+            PeriodMap(kernel, oscillator.mass, values, F[part], 2 * np.pi * f[part]),
+            None if y is None else y[part],
+            harmonics,
+            accuracy,
+        )
+        for part in parts
+    ]
+    return done[0] if len(done) == 1 else _join(done)
+
+
+def _check(
+    force: NDArray[np.complex128], frequency: NDArray[np.float64], harmonics: int, accuracy: float
+) -> None:
+    if force.shape != frequency.shape or force.ndim != 1:
+        raise RsgenError(f"force, frequency: shapes {force.shape}, {frequency.shape}; must be (n,) both")
+    if not np.isfinite(force).all():
+        raise RsgenError("force: must be finite everywhere")
+    if not np.all(np.isfinite(frequency) & (frequency > 0)):
+        raise RsgenError("frequency: must be positive and finite everywhere [Hz]")
+    if not 1 <= harmonics <= MOST_HARMONICS:
+        raise RsgenError(f"harmonics: {harmonics}; must be 1 to {MOST_HARMONICS}")
+    if not TIGHTEST <= accuracy <= LOOSEST:
+        raise RsgenError(f"accuracy: {accuracy!r}; must be {TIGHTEST:g} to {LOOSEST:g}")
+
+
+def _solve_batch(
+    period_map: PeriodMap, start: NDArray[np.float64] | None, harmonics: int, accuracy: float
+) -> SteadyStates:
+    omega = period_map.omega
+    y = np.zeros((len(omega), 2))
+    if start is not None:
+        y[:, 0], y[:, 1] = start[:, 0], start[:, 1] / omega
+    # far unstable motions overflow on their way; the outcome says so
+    with np.errstate(over="ignore", invalid="ignore"):
+        settling = settle(period_map, y, from_rest=start is None)
+        refined = refine(period_map, settling, harmonics, accuracy)
+    state = np.column_stack([refined.y[:, 0], refined.y[:, 1] * omega])
+    unsettled = refined.outcome != 0
+    refined.harmonics[unsettled] = complex(np.nan, np.nan)
+    refined.peak[unsettled] = np.nan
+    return SteadyStates(
+        refined.harmonics, refined.peak, state, refined.residual, refined.outcome, refined.error
+    )
+
+
+def _join(parts: list[SteadyStates]) -> SteadyStates:
+    names = [entry.name for entry in fields(SteadyStates)]
+    return SteadyStates(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

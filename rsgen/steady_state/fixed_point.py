@@ -1,0 +1,83 @@
+"""Newton's method on the period map, with the Jacobian from two neighbouring orbits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+
+__all__ = ["FixedPoints", "correction", "find_fixed_points", "is_attracting", "norm"]
+
+_OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
+_ITERATIONS = 6
+_SINGULAR = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FixedPoints:
+    """What Newton's method made of k points: ``y`` (k, 2), ``jacobian`` (k, 2, 2), ``found`` (k,)."""
+
+    y: Floats
+    jacobian: Floats
+    found: NDArray[np.bool_]
+
+
+def norm(y: Floats) -> Floats:
+    """Length of the last axis."""
+    length: Floats = np.hypot(y[..., 0], y[..., 1])
+    return length
+
+
+def correction(jacobian: Floats, residual: Floats) -> Floats:
+    """Solve (I - J) d = P(y) - y for (k,) points; where it is singular, d = the residual itself."""
+    a, b = 1 - jacobian[:, 0, 0], -jacobian[:, 0, 1]
+    c, d = -jacobian[:, 1, 0], 1 - jacobian[:, 1, 1]
+    det = a * d - b * c
+    regular = np.abs(det) > _SINGULAR
+    safe = np.where(regular, det, 1.0)
+    r0, r1 = residual[:, 0], residual[:, 1]
+    step = np.column_stack([(d * r0 - b * r1) / safe, (a * r1 - c * r0) / safe])
+    return np.where(regular[:, None], step, residual)
+
+
+def is_attracting(jacobian: Floats) -> NDArray[np.bool_]:
+    """Tell where both eigenvalues of J are inside the unit circle (Jury's conditions)."""
+    trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
+    det = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
+    inside: NDArray[np.bool_] = (np.abs(det) < 1) & (np.abs(trace) < 1 + det)
+    return inside
+
+
+def find_fixed_points(
+    period_map: PeriodMap, points: Indices, y: Floats, steps: NDArray[np.int64], tolerance: float
+) -> FixedPoints:
+    """Look for fixed points near ``y``; found: the last correction is below ``tolerance`` of the size."""
+    k = len(points)
+    y = y.copy()
+    jacobian = np.zeros((k, 2, 2))
+    found = np.zeros(k, dtype=bool)
+    floor = period_map.scale[points]
+    reach = norm(y) + floor
+    active = np.arange(k)
+    for _ in range(_ITERATIONS):
+        here = y[active]
+        size = np.maximum(norm(here), floor[active])
+        offset = (_OFFSET * size)[:, None]
+        trial = np.concatenate([here, here + offset * [1.0, 0.0], here + offset * [0.0, 1.0]])
+        after = period_map.carry(np.tile(points[active], 3), trial, np.tile(steps[active], 3), 1).state
+        image, right, up = np.split(after, 3)
+        slope = np.stack([(right - image) / offset, (up - image) / offset], axis=2)
+        move = correction(slope, image - here)
+        length = norm(move)
+        sane = np.isfinite(length) & (norm(here + move) < 10 * reach[active])
+        y[active[sane]] += move[sane]
+        jacobian[active] = slope
+        done = sane & (length <= tolerance * size)
+        found[active[done]] = True
+        active = active[sane & ~done]
+        if not len(active):
+            break
+    return FixedPoints(y, jacobian, found)

@@ -1,0 +1,121 @@
+"""From the coarse fixed point to the asked accuracy: finer steps where the error estimate wants them.
+
+The Jacobian of the coarse map serves the fine ones, so that a refinement costs two or three periods. The
+difference between two step sizes is the error estimate (Richardson), and tells how many steps are needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.steady_state.fixed_point import correction, find_fixed_points, norm
+from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+from rsgen.steady_state.settling import SETTLED, UNSETTLED, Settling
+
+__all__ = ["Refined", "refine"]
+
+_ORDER = 4  # of the integration between events
+_SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
+_MOST_STEPS = 16384
+_GRID = np.array([48 * 2**k for k in range(9)] + [32 * 2**k for k in range(10)])
+_GRID.sort()
+_PERIODS = 8  # with the coarse Jacobian, before a new one is made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refined:
+    """Steady states of n points: ``y`` (n, 2), harmonics, peaks, residual and error relative to X."""
+
+    y: Floats
+    harmonics: NDArray[np.complex128]
+    peak: Floats
+    residual: Floats
+    error: Floats
+    outcome: NDArray[np.int8]
+
+
+def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: float) -> Refined:
+    """Bring every settled point to ``accuracy``; those that cannot be brought there become unsettled."""
+    n = len(settling.y)
+    result = Refined(
+        y=settling.y.copy(),
+        harmonics=np.full((n, harmonics + 1), complex(np.nan, np.nan)),
+        peak=np.full((n, 2), np.nan),
+        residual=np.full(n, np.nan),
+        error=np.full(n, np.nan),
+        outcome=settling.outcome.copy(),
+    )
+    jacobian = settling.jacobian.copy()
+    points = np.flatnonzero(settling.outcome == SETTLED)
+    steps = np.maximum(settling.steps, _grid_above(2.0 * harmonics + 2))
+    _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy)
+    points = points[result.outcome[points] == SETTLED]
+    finer = steps * 2
+    while len(points):
+        last = result.harmonics[points]
+        _solve(period_map, result, jacobian, points, finer, 0.1 * accuracy)
+        result.error[points] = _estimate(result, points, last, finer[points] / steps[points])
+        points = points[result.outcome[points] == SETTLED]
+        points = points[~(result.error[points] <= accuracy)]
+        steps[points] = finer[points]
+        wanted = steps[points] * (result.error[points] / (_SAFETY * accuracy)) ** (1 / _ORDER)
+        finer[points] = _grid_above(wanted)
+        points = points[finer[points] > steps[points]]
+    return result
+
+
+def _grid_above(wanted: float | Floats) -> NDArray[np.int64]:
+    """The next number of steps on offer: few different ones keep the lanes full."""
+    offered: NDArray[np.int64] = _GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)]
+    return offered
+
+
+def _estimate(result: Refined, points: Indices, last: NDArray[np.complex128], ratio: Floats) -> Floats:
+    """Relative error of the fundamental, from what the finer steps changed."""
+    change = np.abs(result.harmonics[points] - last)
+    # a fundamental that hardly moved by chance does not hide what the other harmonics say
+    largest = np.maximum(change[:, 1], 0.25 * change.max(axis=1))
+    amplitude = np.abs(result.harmonics[points, 1])
+    relative = np.divide(largest, amplitude, out=np.zeros_like(largest), where=amplitude > 0)
+    # one order less than between events: crossings located in different steps do not cancel
+    estimate: Floats = relative / (ratio ** (_ORDER - 1) - 1) + result.residual[points]
+    return estimate
+
+
+def _solve(
+    period_map: PeriodMap,
+    result: Refined,
+    jacobian: Floats,
+    points: Indices,
+    steps: NDArray[np.int64],
+    tolerance: float,
+) -> None:
+    """Find the fixed points of the map with these steps, and record their period."""
+    columns = result.harmonics.shape[1] - 1
+    floor = period_map.scale
+    active = points
+    for turn in range(2 * _PERIODS):
+        if not len(active):
+            return
+        if turn == _PERIODS:
+            fixed = find_fixed_points(period_map, active, result.y[active], steps[active], tolerance)
+            result.y[active], jacobian[active] = fixed.y, fixed.jacobian
+        record = columns if turn else None
+        here = result.y[active]
+        march = period_map.carry(active, here, steps[active], 1, record)
+        residual = march.state - here
+        move = correction(jacobian[active], residual)
+        size = np.maximum(norm(here), floor[active])
+        done = np.zeros(len(active), dtype=bool)
+        if record is not None:
+            done = norm(move) <= tolerance * size
+            mine = active[done]
+            result.harmonics[mine] = march.harmonics[done]
+            result.peak[mine] = march.peak[done]
+            result.residual[mine] = (norm(residual) / size)[done]
+        result.y[active] = here + np.where(np.isfinite(move), move, 0.0)
+        active = active[~done]
+    result.outcome[active] = UNSETTLED

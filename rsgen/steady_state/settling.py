@@ -1,0 +1,97 @@
+"""From a start to the neighbourhood of the steady state that the motion itself would reach.
+
+Transients are carried for a few periods, then Newton's method looks for the fixed point. It is believed
+only if it attracts and if the last periods already obeyed its linear map: then the motion is inside its
+basin, and no further transient could lead elsewhere. All others are carried on, twice as long each time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.steady_state.fixed_point import find_fixed_points, is_attracting, norm
+from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+
+__all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
+
+SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
+COARSE = 32  # steps a period: enough to tell branches apart; accuracy comes afterwards
+_STIFF = 8  # times as many steps before a motion is called unbounded
+_FROM_REST = (16, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_TOLERANCE = 1e-7  # last Newton correction, of the amplitude
+_LINEAR = 0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
+_STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian says
+_TWICE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settling:
+    """Where n points settled on the coarse map: state ``y`` (n, 2), ``jacobian``, ``steps``, ``outcome``."""
+
+    y: Floats
+    jacobian: Floats
+    steps: NDArray[np.int64]
+    outcome: NDArray[np.int8]
+
+
+def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool) -> Settling:
+    """Carry n points from ``start`` (n, 2) until each has settled or is known not to."""
+    n = len(start)
+    result = Settling(
+        y=start.copy(),
+        jacobian=np.zeros((n, 2, 2)),
+        steps=np.full(n, COARSE),
+        outcome=np.full(n, UNSETTLED, dtype=np.int8),
+    )
+    active = np.arange(n)
+    for periods in _FROM_REST if from_rest else _FROM_START:
+        active = _one_round(period_map, result, active, periods)
+        if not len(active):
+            break
+    return result
+
+
+def _one_round(period_map: PeriodMap, result: Settling, active: Indices, periods: int) -> Indices:
+    before = result.y[active]
+    march = period_map.carry(active, before, result.steps[active], periods)
+    bounded = np.isfinite(march.state).all(axis=1)
+    for _ in range(2):
+        lost = np.flatnonzero(~bounded & (result.steps[active] < COARSE * _STIFF**2))
+        if not len(lost):
+            break
+        # too few steps make a stiff law explode: that is no answer yet
+        result.steps[active[lost]] *= _STIFF
+        again = period_map.carry(active[lost], before[lost], result.steps[active[lost]], periods)
+        march.state[lost], march.trail[lost] = again.state, again.trail
+        bounded = np.isfinite(march.state).all(axis=1)
+    result.y[active] = march.state
+    result.outcome[active[~bounded]] = DIVERGED
+    active, y, trail = active[bounded], march.state[bounded], march.trail[bounded]
+    settled = _accept(period_map, result, active, y, trail)
+    size = np.maximum(norm(y), period_map.scale[active])
+    twice = ~settled & (norm(y - trail[:, 0]) < _TWICE * size) & (norm(y - trail[:, 1]) > 1e3 * _TWICE * size)
+    result.outcome[active[twice]] = PERIOD_TWO
+    return active[~settled & ~twice]
+
+
+def _accept(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, trail: Floats
+) -> NDArray[np.bool_]:
+    """Record the points whose fixed point is certain; True for these."""
+    fixed = find_fixed_points(period_map, active, y, result.steps[active], _TOLERANCE)
+    size = np.maximum(norm(fixed.y), period_map.scale[active])
+    earlier = trail[:, 0] - fixed.y
+    predicted = np.einsum("kij,kjl,kl->ki", fixed.jacobian, fixed.jacobian, earlier)
+    departure = norm(y - fixed.y - predicted)
+    linear = (departure <= _LINEAR * norm(earlier) + 1e-6 * size) & (norm(earlier) < size)
+    sure = fixed.found & is_attracting(fixed.jacobian) & linear
+    result.y[active[sure]] = fixed.y[sure]
+    still = ~sure & (norm(y - trail[:, 1]) <= _STILL * size) & (norm(y - trail[:, 0]) <= _STILL * size)
+    settled: NDArray[np.bool_] = sure | still
+    result.jacobian[active[settled]] = fixed.jacobian[settled]
+    result.outcome[active[settled]] = SETTLED
+    return settled
