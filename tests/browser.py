@@ -99,7 +99,7 @@ class Page:
                 return dict(message.get("result", message))
 
     async def show(
-        self, address: str, width: int = 1200, height: int = 900, *, dark: bool = False, media: str = "screen"
+        self, address: str, width: int = 1200, height: int = 900, *, dark: bool = False, media: str = ""
     ) -> None:
         self.loaded = False
         await self.call(
