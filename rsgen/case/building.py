@@ -15,11 +15,11 @@ from rsgen.case.measured import build_measured
 from rsgen.case.wording import name_fault, quote, suggest, text_fault
 from rsgen.element import Element, make_element
 from rsgen.errors import ExpressionError, RsgenError
-from rsgen.expression import check_name, parse
+from rsgen.expression import check_name, parse, symbol, write
 from rsgen.measurement import MeasuredTest
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest
-from rsgen.units import parameter_units, quantity
+from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
 __all__ = ["Parts", "build"]
 
@@ -55,6 +55,7 @@ class _Builder:
         self.folders = folders
         self.parts = Parts()
         self.faults = self.parts.faults
+        self.units_fit = True
 
     def quantity(self, path: str, value: float | str, unit: str) -> float | None:
         """Turn a value into SI, or note a fault."""
@@ -104,6 +105,7 @@ class _Builder:
             units = dict(parameter_units(force))
         except RsgenError as fault:
             self.faults.append(f"element: {_reason(fault)}")
+            self.units_fit = False
             units = {}
         names = sorted({name for element in elements for name in element.parameters})
         for name in names:
@@ -113,19 +115,21 @@ class _Builder:
         return {name: units.get(name, "") for name in names}
 
     def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
+        """Turn every true value into SI; its unit must make every term of the law a force."""
+        before = len(self.faults)
         table = self.document.truth or {}
+        force = sympy.Add(*(element.force for element in elements))
         values: dict[str, float] = {}
         for name, value in table.items():
-            if name in units:
-                number = (
-                    self.quantity(f"truth.{name}", value, units[name])
-                    if units[name]
-                    else self._bare(name, value)
-                )
-                if number is not None:
-                    values[name] = number
-            else:
+            if name not in units:
                 self.faults.append(f"truth.{self._key(name)}: {self._unknown(name, units)}")
+                continue
+            try:
+                values[name] = quantity(value, units[name] or None)
+            except RsgenError as fault:
+                term = next((part for part in sympy.Add.make_args(force) if part.has(symbol(name))), force)
+                why = f"; {write(term)} must be a force" if units[name] and "needed" in str(fault) else ""
+                self.faults.append(f"truth.{name}: {_reason(fault)}{why}")
         for number, element in enumerate(elements, start=1):
             for name in element.parameters:
                 if name not in table and name != MASS:
@@ -133,17 +137,12 @@ class _Builder:
                     self.faults.append(
                         f"element.{number}.force: {quote(name)} has no value in [truth]; {known}"
                     )
+        if len(self.faults) == before and self.units_fit:
+            # where the law alone does not tell the units, those of the values must at least fit together
+            given = {name: unit_of(value) for name, value in table.items()}
+            contradictions = unit_faults(force, {name: unit for name, unit in given.items() if unit})
+            self.faults += [f"truth: {sentence}" for sentence in contradictions]
         return values
-
-    def _bare(self, name: str, value: float | str) -> float | None:
-        # where the law does not tell the unit, a text is taken by its own
-        if not isinstance(value, str):
-            return float(value)
-        try:
-            return quantity(value, None)
-        except RsgenError as fault:
-            self.faults.append(f"truth.{name}: {_reason(fault)}")
-            return None
 
     @staticmethod
     def _key(name: str) -> str:
@@ -279,7 +278,8 @@ class _Builder:
         hold_out = self.hold_out(parts.test)
         if self.faults:
             return parts
-        parts.units = MappingProxyType({**units, MASS: "kg"})
+        # "1" is how units calls a plain number; downstream that is no unit
+        parts.units = MappingProxyType({**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"})
         parts.model = Model(elements, mass=None if simulated else mass, hold_out=hold_out)
         if simulated and mass is not None:
             parts.oscillator = Oscillator(mass, elements, values)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["case_progress", "number", "print_faults", "print_json", "print_line", "print_table"]
 
-_MOST_FAULTS = 50
+_MOST_FAULTS = 500
 
 
 def _plain(text: str) -> str:
