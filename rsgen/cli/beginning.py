@@ -66,6 +66,24 @@ spread = 0.05                        # forces closer than 5 % are one level; or 
 """
 
 
+# a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped
+_VALUES = {
+    "N/m": "5.92 kN/m",
+    "N/m^3": "2e5 N/m^3",
+    "N/m^5": "1e8 N/m^5",
+    "N*s/m": "3.8 N*s/m",
+    "N*s^2/m^2": "1 N*s^2/m^2",
+    "N": "0.5 N",
+    "m": "20 mm",
+}
+
+
+def _value(unit: str) -> str:
+    if unit in ("", "1"):
+        return "1"
+    return f'"{_VALUES.get(unit, f"1 {unit}")}"'
+
+
 def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
     force = make_element("law", law).force
     velocity = next((symbol for symbol in force.free_symbols if symbol.name == "v"), None)
@@ -121,7 +139,7 @@ def case_text(name: str, law: str, measured: str | None = None) -> str:
     if measured is None:
         lines.append("[truth]                            # what identification must find")
         width = max(map(len, names), default=0)
-        lines += [f'{key:<{width}} = "1 {units.get(key) or ""}"'.replace(' "1 "', " 1") for key in names]
+        lines += [f"{key:<{width}} = {_value(units.get(key, ''))}" for key in names]
         accept = "\n".join(f"{key} = 1e-4" for key in ("m", *names))
         lines += ["", _SIMULATED.format(accept=accept)]
     else:
