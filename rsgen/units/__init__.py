@@ -1,0 +1,12 @@
+"""Units: "5.92 kN/m" to 5920.0 with a check of its dimension, and the units that a force law demands.
+
+``quantity`` turns a value of a case file into SI, ``parameter_units`` deduces the unit of every parameter of
+a force law from the condition that each term is a force, ``unit_faults`` checks declared units against it.
+"""
+
+from rsgen.units.deduction import parameter_units, unit_faults
+from rsgen.units.dimension import Dimension
+from rsgen.units.quantities import quantity, unit_of
+from rsgen.units.reading import read_unit
+
+__all__ = ["Dimension", "parameter_units", "quantity", "read_unit", "unit_faults", "unit_of"]
