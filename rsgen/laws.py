@@ -18,7 +18,7 @@ NAYFEH = "Nayfeh and Mook, Nonlinear Oscillations (1979)"
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a law: its name, what it means, and its SI unit (empty: a pure number or a law's own)."""
+    """A parameter of a law: its name, what it means, and its SI unit (empty: a number or of the power p)."""
 
     name: str
     meaning: str
@@ -78,7 +78,8 @@ LAWS: tuple[Law, ...] = (
     _law("linear-damper", "Viscous damper", "c*v", LIU + ", Eq. (1)", False, ("c", "damping", "N*s/m")),
     _law(
         "cubic-spring", "Cubic spring (Duffing): hardening for k3 > 0, softening for k3 < 0", "k*x + k3*x**3",
-        LIU + ", Eqs. (13), (14)", False, ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness", "N/m^3"),
+        LIU + ", Eqs. (13), (14)", False,
+        ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness", "N/m^3"),
     ),
     _law(
         "quintic-spring", "Quintic spring", "k*x + k5*x**5", LIU + ", Eqs. (15), (16)", False,
@@ -134,7 +135,8 @@ LAWS: tuple[Law, ...] = (
     ),
     _law(
         "one-sided-stop", "Stop on one side beyond a gap, beside a spring", "k0*x + k*Max(0, x - b)",
-        GELB, True, ("k0", "stiffness without contact", "N/m"), _SLOPE, ("b", "gap, negative: preloaded", "m"),
+        GELB, True, ("k0", "stiffness without contact", "N/m"), _SLOPE,
+        ("b", "gap, negative: preloaded", "m"),
     ),
     _law(
         "two-sided-stop", "Stops on both sides beyond different gaps, beside a spring",
@@ -146,7 +148,8 @@ LAWS: tuple[Law, ...] = (
         "piecewise-spring", "Spring whose stiffness changes at plus and minus b",
         "Piecewise((k1*x, abs(x) <= b), (k2*x + (k1 - k2)*b*sign(x), True))",
         LIU + ", Eq. (19); Eq. (20) is misprinted, " + GELB, False,
-        ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m"), ("b", "transition, positive", "m"),
+        ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m"),
+        ("b", "transition, positive", "m"),
     ),
     _law(
         "bilinear-spring", "Spring that is stiffer one way than the other",
@@ -159,7 +162,8 @@ LAWS: tuple[Law, ...] = (
         GELB, False, ("k", "stiffness at rest, positive", "N/m"), ("Fm", "limit of the force, positive", "N"),
     ),
     _law(
-        "preload", "Spring with preload: the force jumps at zero displacement", "F0*sign(x) + k*x", GELB, False,
+        "preload", "Spring with preload: the force jumps at zero displacement", "F0*sign(x) + k*x",
+        GELB, False,
         ("F0", "preload", "N"), ("k", "stiffness", "N/m"),
     ),
     _law(
@@ -176,7 +180,8 @@ LAWS: tuple[Law, ...] = (
     ),
     _law(
         "tanh-joint", "Joint that softens smoothly to a slip force", "k1*x + Fs*tanh(k*x/Fs)", WORDEN, True,
-        ("k1", "stiffness after slip", "N/m"), ("Fs", "slip force", "N"), ("k", "stiffness lost by slip", "N/m"),
+        ("k1", "stiffness after slip", "N/m"), ("Fs", "slip force", "N"),
+        ("k", "stiffness lost by slip", "N/m"),
     ),
     _law(
         "joint-polynomial", "Joint as a polynomial with absolute values", "k*x + k2*x*abs(x) + k3*x**3",

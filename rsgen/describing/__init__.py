@@ -1,11 +1,11 @@
 """Exact describing functions: equivalent stiffness and damping of any force law, each with its proof.
 
 The cycle x = X0 + X sin(phi), v = omega X cos(phi) is split at the angles at which switches of the normal
-form go on and off. ``arcs`` integrates powers of sine and cosine between them, ``powers`` real powers by gamma
-functions, ``bessel`` trigonometric, hyperbolic and exponential laws; ``terms`` says which addend is which and
-``closed`` sums them. ``regimes`` writes the sum as cases in X, ``limits`` its ends, ``mean`` balances
-the mean, ``quadrature`` integrates what has no closed form, ``proof`` compares, ``printed`` holds the
-formulas of a source against ours, and ``derivation`` leads through it.
+form go on and off. ``arcs`` integrates powers of sine and cosine between them, ``powers`` real powers by
+gamma functions, ``bessel`` trigonometric, hyperbolic and exponential laws; ``terms`` says which addend is
+which and ``closed`` sums them. ``regimes`` writes the sum as cases in X, ``limits`` its ends, ``mean``
+balances the mean, ``quadrature`` integrates what has no closed form, ``proof`` compares, ``printed`` holds
+the formulas of a source against ours, and ``derivation`` leads through it.
 """
 
 from rsgen.describing.derivation import derive

@@ -1,10 +1,10 @@
 """Trigonometric, hyperbolic and exponential laws: Bessel functions (Jacobi-Anger expansion).
 
 With J0(z) = 1/(2 pi) integral cos(z sin(phi)) dphi and I0(z) = 1/(2 pi) integral exp(z sin(phi)) dphi
-(Abramowitz and Stegun, 9.1.18 and 9.6.16) every moment sin**m is a derivative in z, and derivatives of
-J0 and I0 are sums of J_k and I_k (9.1.31, 9.6.29). Over the half of a cycle with positive cosine an odd power of
-cosine makes the moment an integral over s = sin(phi), which Legendre polynomials turn into Bessel functions
-of half-integer order (10.1.14, 10.2.36); written so it keeps all digits for small amplitudes.
+(Abramowitz and Stegun, 9.1.18 and 9.6.16) every moment sin**m is a derivative in z, and derivatives of J0
+and I0 are sums of J_k and I_k (9.1.31, 9.6.29). Over the half of a cycle with positive cosine an odd power
+of cosine makes the moment an integral over s = sin(phi), which Legendre polynomials turn into Bessel
+functions of half-integer order (10.1.14, 10.2.36); written so it keeps all digits for small amplitudes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from itertools import product
 
 import sympy
 
-__all__ = ["Wave", "moment", "product_of_waves", "read_wave"]
+__all__ = ["Wave", "elementary", "moment", "product_of_waves", "read_wave"]
 
 _CIRCULAR = (sympy.sin, sympy.cos)
 _EXPONENTIAL = (sympy.exp, sympy.sinh, sympy.cosh)
@@ -146,6 +146,31 @@ def _over_side(kind: type, polynomial: sympy.Poly, z: sympy.Expr) -> sympy.Expr:
             spherical = sympy.besseli(degree + _HALF, z)
         total += factor * sympy.sqrt(2 * sympy.pi / z) * spherical
     return total
+
+
+def elementary(formula: sympy.Expr) -> sympy.Expr:
+    """Write Bessel functions of half-integer order with sin, cos, sinh, cosh (as A&S, 10.1.11).
+
+    Good to read, but small arguments lose digits; numbers are computed with the Bessel functions.
+    """
+
+    def circular(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
+        if not (order - _HALF).is_Integer:
+            return sympy.besselj(order, z)
+        earlier, now = sympy.cos(z) / z, sympy.sin(z) / z
+        for n in range(int(order - _HALF)):
+            earlier, now = now, sympy.expand((2 * n + 1) / z * now - earlier)
+        return sympy.sqrt(2 * z / sympy.pi) * now
+
+    def hyperbolic(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
+        if not (order - _HALF).is_Integer:
+            return sympy.besseli(order, z)
+        earlier, now = sympy.cosh(z) / z, sympy.sinh(z) / z
+        for n in range(int(order - _HALF)):
+            earlier, now = now, sympy.expand(earlier - (2 * n + 1) / z * now)
+        return sympy.sqrt(2 * z / sympy.pi) * now
+
+    return formula.replace(sympy.besselj, circular).replace(sympy.besseli, hyperbolic)
 
 
 def moment(wave: Wave, size: sympy.Expr, mean: sympy.Expr, m: int, n: int, half: bool) -> sympy.Expr | None:

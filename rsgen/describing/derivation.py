@@ -166,6 +166,9 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
     law = _signed(force, names, positive)
     trial = draw_trial(*_spread(law), True, 1)
     centred = _is_centred(trial)
+    if not len(trial.cycle.X):
+        # a law that is finite on no cycle: this finds out whether because of a pole at rest
+        close(law.form, sympy.S.Zero)
     mean = sympy.S.Zero if centred else X0
     if not centred:
         trial = draw_trial(*_spread(law), False, 2)
@@ -271,8 +274,8 @@ def _remarks(
             "parameters and is computed where it is needed."
         )
         yield (
-            f"Free vibration on this law has the period of the stiffness {exact} exactly, at every amplitude; "
-            "the first-order stiffness with its mean comes near that, the one at X0 = 0 does not."
+            f"Free vibration on this law has the period of the stiffness {exact} exactly, at every "
+            "amplitude; the first-order stiffness with its mean comes near that, the one at X0 = 0 does not."
         )
     elif solved is None:
         yield "The mean X0 solves the mean balance as a number, computed where it is needed."

@@ -220,10 +220,10 @@ def _project(
         x = some.mean[:, None] + some.X[:, None] * sine
         v = (some.omega * some.X)[:, None] * cosine
         (value,) = law(x, v, *(p[:, None] for p in some.parameters))
-        weighted = np.broadcast_to(value, phi.shape) * slope * width
-        parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
-        fine = parts @ _WEIGHTS
         with np.errstate(all="ignore"):
+            weighted = np.broadcast_to(value, phi.shape) * slope * width
+            parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
+            fine = parts @ _WEIGHTS
             doubt = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
             # QUADPACK: the difference of the two rules is a pessimist's error
             doubt = np.minimum(doubt, fine[3] * (200 * doubt / fine[3]) ** 1.5)

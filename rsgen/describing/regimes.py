@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import sympy
 
 from rsgen.describing.arcs import Arc, End
+from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import ClosedPart
 from rsgen.expression import symbol
 
@@ -144,7 +145,7 @@ def _cases(
 def _tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
     """Collect what belongs to the same angle, root or Bessel function, so that differences stand together."""
     written = written or {}
-    formula = sympy.expand(formula)
+    formula = sympy.expand(elementary(formula))
     special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
     if 0 < len(special) <= MOST_COLLECTED:
         formula = sympy.collect(formula, special, sympy.factor_terms)

@@ -7,6 +7,7 @@ H(x - a) H(x - b) = H(x - max(a, b)) and H(-s) = 1 - H(s), sums and products of 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import sympy
@@ -38,7 +39,7 @@ STATE_X = symbol("x")
 STATE_V = symbol("v")
 STATES = frozenset((STATE_X, STATE_V))
 
-LARGEST_FORM = 256
+LARGEST_FORM = 96
 """More pieces than any law a person writes has; a form that grows beyond is refused instead of hanging."""
 
 LARGEST_EXPANSION = 2000
@@ -167,6 +168,7 @@ def expanded(term: sympy.Expr) -> sympy.Expr:
     return term
 
 
+@lru_cache(maxsize=4096)
 def _larger(a: sympy.Expr | None, b: sympy.Expr | None) -> sympy.Expr | None:
     if a is None or a == b:
         return b
@@ -210,7 +212,7 @@ def multiply(left: Form, right: Form) -> Form:
     ExpressionError
         The product has more pieces than any sensible law.
     """
-    if len(left) * len(right) > LARGEST_FORM**2:
+    if len(left) * len(right) > 8 * LARGEST_FORM:
         raise ExpressionError(
             f"law: more than {LARGEST_FORM} pieces behind switches; write it with fewer abs, sign, Min, Max"
         )
