@@ -353,3 +353,9 @@ def test_random_laws(law, signs):
 @given(law=FORCE, signs=SIZES)
 def test_five_hundred_random_laws(law, signs):
     check_random_law(law, signs)
+
+
+def test_conditions_on_parameters_alone():
+    derived = derive("Piecewise((k, (k + b < 0.5) & (b > w)), (3*x, True)) + x")
+    found = derived.evaluate([1.0, 2.0], 1.0, {"k": 1.0, "b": 1.0, "w": 2.0})
+    np.testing.assert_allclose(found.stiffness, 4.0)

@@ -353,5 +353,5 @@ def test_the_vibrating_wire_from_file_to_report(tmp_path: Path) -> None:
     assert len(result["equivalent"]["stiffness"]) == len(result["equivalent"]["amplitude"]) > 1000
     assert all(row["true"] is None for row in result["parameters"])
     found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
-    assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=1.0)
-    assert found["k2"] < 0 < found["c2"]
+    assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=2.0)
+    assert found["kn"] < 0 < found["cn"]
