@@ -4,15 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.errors import RsgenError
 from rsgen.identification import Identification
+from rsgen.identification.amplitude_balance import AmplitudeBalance
+from rsgen.identification.points import held_out_mask
 from rsgen.identification.result import frozen_array
 from rsgen.surface import ResponseSurface
 
 __all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict"]
+
+Array = NDArray[np.float64]
+
+_POINTS = 161
+"""Points a branch, denser at both ends, where it turns."""
+
+_MARGIN = 0.05
+"""Curves are drawn so far beyond the tested frequencies."""
+
+_BEYOND = 1.01
+"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
+
+_WIDEST = 0.5
+"""At a fold the band of the amplitude at a frequency opens without end; wider ones are not drawn."""
+
+_NEAR = 0.2
+"""A predicted steady state farther from the measured one, relatively, is another one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +88,7 @@ class HeldOutLevel:
     frequency
         (n,) [Hz], ascending.
     measured, predicted
-        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN where no steady state is found.
+        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN where there is none.
     error
         Root mean square of predicted - measured over that of measured [1].
     largest_error
@@ -120,6 +141,160 @@ def predict(
 ) -> Prediction:
     """Compute the resonance curve of every level; with a surface, score the held-out levels on it.
 
-    ``levels`` [N] defaults to the tested and the held-out ones.
+    At every amplitude X the frequencies are sought at which the balance, with all harmonics, takes the force
+    of the level: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole waveform.
+    So both branches and the unstable one come without continuation.
+
+    Parameters
+    ----------
+    identification
+        The refined estimate is used.
+    levels
+        [N]; None: the tested and the held-out ones.
+    surface
+        Where the held-out levels were measured; None: no score.
+
+    Raises
+    ------
+    RsgenError
+        A level is not positive and finite.
     """
-    raise NotImplementedError
+    model = identification.model
+    if levels is None:
+        levels = sorted({*map(float, identification.levels), *model.hold_out})
+    for level in levels:
+        if not (isfinite(level) and level > 0):
+            raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")
+    balance = AmplitudeBalance(identification)
+    curves = tuple(_curve(identification, balance, float(level)) for level in levels)
+    held_out = _score(identification, balance, surface) if surface is not None else ()
+    return Prediction(
+        curves, held_out, identification.amplitude_range, _remarks(identification, curves, held_out)
+    )
+
+
+def _remarks(
+    identification: Identification, curves: tuple[ResonanceCurve, ...], held_out: tuple[HeldOutLevel, ...]
+) -> tuple[str, ...]:
+    remarks = []
+    low, high = identification.amplitude_range
+    beyond = [curve.level for curve in curves if np.nanmax(curve.amplitude, initial=0.0) > high * _BEYOND]
+    if beyond:
+        remarks.append(
+            f"extrapolation beyond the tested amplitudes ({low:.3g} to {high:.3g} m) at "
+            f"{', '.join(f'{level:g}' for level in beyond)} N: nothing is known of the law there"
+        )
+    empty = [curve.level for curve in curves if len(curve.frequency) == 0]
+    if empty:
+        remarks.append(
+            f"no steady state in the tested frequencies at {', '.join(f'{level:g}' for level in empty)} N"
+        )
+    for item in held_out:
+        if item.missing:
+            remarks.append(
+                f"{item.missing} of {len(item.frequency)} points of the held-out level {item.level:g} N "
+                f"(sweep {item.sweep}) have no predicted steady state near the measured one"
+            )
+    return tuple(remarks)
+
+
+def _curve(identification: Identification, balance: AmplitudeBalance, level: float) -> ResonanceCurve:
+    low, high = (2 * np.pi * f for f in identification.frequency_range)
+    window = (low * (1 - _MARGIN), high * (1 + _MARGIN))
+    parts = [
+        part for span in balance.spans(level, window) for part in _branches(balance, level, span, window)
+    ]
+    columns: list[list[Array]] = [[] for _ in range(6)]
+    folds: list[tuple[float, float]] = []
+    for omega, size in parts:
+        at = balance.solve(size, omega)
+        gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force)
+        spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
+        spread[spread > _WIDEST * size] = np.nan
+        turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
+        share = gain[turn] / (gain[turn] - gain[turn + 1])
+        folds += [
+            (
+                float((omega[i] + s * (omega[i + 1] - omega[i])) / 2 / np.pi),
+                float(size[i] + s * (size[i + 1] - size[i])),
+            )
+            for i, s in zip(turn, share, strict=True)
+        ]
+        values = (
+            omega / (2 * np.pi),
+            size,
+            np.angle(at.force) % (2 * np.pi),
+            gain,
+            size - spread,
+            size + spread,
+        )
+        for column, value in zip(columns, values, strict=True):
+            if column:
+                column.append(np.array([np.nan]))
+            column.append(value)
+    frequency, amplitude, phase, gain, lower, upper = (
+        np.concatenate(column) if column else np.zeros(0) for column in columns
+    )
+    tested = identification.amplitude_range
+    return ResonanceCurve(
+        level=level,
+        frequency=frequency,
+        amplitude=amplitude,
+        phase=phase,
+        stable=gain > 0,
+        extrapolated=(amplitude > tested[1] * _BEYOND) | (amplitude < tested[0] / _BEYOND),
+        lower=np.maximum(lower, 0.0),
+        upper=upper,
+        folds=np.array(folds).reshape(-1, 2),
+    )
+
+
+def _branches(
+    balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
+) -> list[tuple[Array, Array]]:
+    """Points (omega, X) along the curve between two amplitudes: up on the left, down on the right."""
+    blend = (1 - np.cos(np.linspace(0, np.pi, _POINTS))) / 2
+    size = span[0] + (span[1] - span[0]) * blend
+    left, right = (balance.frequencies(size, level, side) for side in (-1, 1))
+    omega = np.concatenate([left, right[::-1]])
+    size = np.concatenate([size, size[::-1]])
+    inside = np.isfinite(omega) & (omega >= window[0]) & (omega <= window[1])
+    cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
+    pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
+    return [(omega[rows], size[rows]) for rows in pieces]
+
+
+def _score(
+    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
+) -> tuple[HeldOutLevel, ...]:
+    model = identification.model
+    chosen = (
+        held_out_mask(surface, model)
+        & surface.settled
+        & (surface.amplitude > 0)
+        & (np.abs(surface.force) > 0)
+    )
+    scored = []
+    for level in np.unique(surface.level[chosen]):
+        for sweep in np.unique(surface.sweep[chosen & (surface.level == level)]):
+            rows = np.flatnonzero(chosen & (surface.level == level) & (surface.sweep == sweep))
+            rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
+            measured = surface.harmonics[rows, 1]
+            predicted = balance.respond(surface.force[rows], surface.omega[rows], np.abs(measured))
+            told = np.isfinite(predicted)
+            miss = np.abs(predicted - measured)[told]
+            scored.append(
+                HeldOutLevel(
+                    level=float(level),
+                    sweep=str(sweep),
+                    frequency=surface.frequency[rows],
+                    measured=measured,
+                    predicted=predicted,
+                    error=float(np.linalg.norm(miss) / np.linalg.norm(measured[told])) if told.any() else nan,
+                    largest_error=float(miss.max() / np.abs(measured).max()) if told.any() else nan,
+                    missing=int(
+                        np.count_nonzero(~told | (np.abs(predicted - measured) > _NEAR * np.abs(measured)))
+                    ),
+                )
+            )
+    return tuple(scored)

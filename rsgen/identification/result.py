@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -26,7 +26,7 @@ __all__ = [
 
 def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     """Copy into an array that nobody can change."""
-    array = np.array(values, dtype=dtype)
+    array: NDArray[Any] = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array
 
@@ -223,6 +223,9 @@ class Identification:
         Forces without a law; None where the points do not suffice.
     ranking
         Candidate laws, best first; empty where none were compared.
+    solution
+        (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
+        parameters that the test does not tell. Predictions use it.
     """
 
     model: Model
@@ -242,9 +245,13 @@ class Identification:
     warnings: tuple[str, ...] = ()
     restoring: RestoringForce | None = None
     ranking: tuple[Candidate, ...] = ()
+    solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        for name in ("covariance", "levels"):
+        if len(self.solution) == 0:
+            values = self.values
+            object.__setattr__(self, "solution", [values[name] for name in self.model.parameters])
+        for name in ("covariance", "levels", "solution"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     @property

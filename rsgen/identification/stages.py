@@ -114,6 +114,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(noise)),
+        solution=refined.values,
         warnings=find_warnings(surface, points, used, law, chosen, refined, resonances, estimates),
     )
 

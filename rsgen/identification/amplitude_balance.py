@@ -1,0 +1,209 @@
+"""The identified structure at a given amplitude: forces, frequencies and responses that belong to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.balance_fit import slaved_harmonics
+from rsgen.identification.force_law import compile_law
+from rsgen.identification.result import Identification
+from rsgen.identification.waveform import Balance, hold_amplitude
+
+__all__ = ["AmplitudeBalance"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_ORDER = 9
+_SAMPLES_SMOOTH = 64
+_SAMPLES_SWITCHED = 256
+_COARSE = 120
+"""Amplitudes at which the least force that holds them is tabulated."""
+
+_SMALLEST = 1e-4
+"""Smallest amplitude of the table, relative to the largest tested."""
+
+_FINE = 25
+_ROUNDS = 12
+_CLOSE = 1e-7
+"""Relative change at which a frequency is found."""
+
+_EXACT = 1e-8
+_DESCENT = 40
+_NORMAL = 1.96
+"""Standard deviations of a 95 % band."""
+
+_NEXT = 0.5
+"""Newton steps from the measured amplitude that lead farther, relatively, have left its branch."""
+
+
+class AmplitudeBalance:
+    """The balance of an identified structure as a function of amplitude and frequency."""
+
+    def __init__(self, identification: Identification) -> None:
+        self._law = compile_law(identification.model.force)
+        self._values = np.array(identification.solution)
+        self._mass = identification.mass
+        self._slaved = slaved_harmonics(self._law, _ORDER)
+        self._samples = _SAMPLES_SWITCHED if self._law.switched else _SAMPLES_SMOOTH
+        self._covariance = np.nan_to_num(identification.covariance)
+        self._largest = identification.amplitude_range[1]
+        self._centre = np.pi * sum(identification.frequency_range)
+        self._tabulate(2 * self._largest)
+
+    def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Balance:
+        """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
+        guess = np.zeros((len(size), _ORDER + 1), dtype=complex) if start is None else start
+        return hold_amplitude(
+            self._law, self._values, self._mass, omega, size, guess, self._slaved, self._samples
+        )
+
+    def force_spread(self, at: Balance) -> Array:
+        """(n,) half width of the 95 % band of the force amplitude [N]."""
+        count = len(self._covariance)
+        slope = (np.conj(at.force)[:, None] * at.force_by[:, :count]).real / np.abs(at.force)[:, None]
+        variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
+        return np.asarray(_NORMAL * np.sqrt(np.maximum(variance, 0.0)))
+
+    def _equivalent(
+        self, size: Array, omega: Array, start: ComplexArray | None
+    ) -> tuple[Array, Array, ComplexArray]:
+        at = self.solve(size, omega, start)
+        stiffness = at.force / size
+        guess = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
+        return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
+
+    def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
+        """(n,) frequency [rad/s] of the resonance at each amplitude, and the force [N] that holds it there.
+
+        NaN where the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
+        """
+        omega, start = np.array(guess), None
+        stiffness = damping = np.full(len(size), np.nan)
+        for _ in range(_ROUNDS):
+            stiffness, damping, start = self._equivalent(size, omega, start)
+            new = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / self._mass)
+            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
+            omega = np.where(np.isfinite(new), new, omega)
+            if change < _CLOSE:
+                break
+        told = stiffness > 0
+        return np.where(told, omega, np.nan), np.where(told, omega * damping * size, np.nan)
+
+    def _tabulate(self, largest: float) -> None:
+        """Keep the backbone up to an amplitude [m]."""
+        size = np.geomspace(_SMALLEST * self._largest, largest, _COARSE)
+        omega, force = self.backbone(size, np.full(len(size), self._typical(self._largest)))
+        self._table = (size, omega, force)
+
+    def _near(self, size: Array) -> Array:
+        """Frequency [rad/s] of the resonance from the table: a good first guess."""
+        table, omega, _ = self._table
+        told = np.isfinite(omega)
+        return np.interp(size, table[told], omega[told]) if told.any() else np.full(len(size), self._centre)
+
+    def _typical(self, size: float) -> float:
+        """Some frequency near the resonance at an amplitude."""
+        omega = self._centre
+        for _ in range(20):
+            stiffness, _, _ = self._equivalent(np.array([size]), np.array([omega]), None)
+            new = float(np.sqrt(abs(stiffness[0]) / self._mass))
+            if not new > 0 or abs(new - omega) < 1e-3 * omega:
+                break
+            omega = new
+        return omega
+
+    def spans(self, level: float, window: tuple[float, float]) -> list[tuple[float, float]]:
+        """Ranges of the amplitude [m] that the level [N] can hold at some frequency, ascending."""
+        for _ in range(8):
+            # enlarge until the level no longer holds the largest amplitude at its resonance
+            size, _, force = self._table
+            if not force[-1] < level:
+                break
+            self._tabulate(2 * float(size[-1]))
+        size, _, force = self._table
+        held = force <= level
+        edges = np.flatnonzero(np.diff(held.astype(int)) != 0)
+        ends = [self._edge(float(size[i]), float(size[i + 1]), level) for i in edges]
+        if held[0]:
+            ends.insert(0, self._lowest(level, window))
+        if held[-1]:
+            ends.append(float(size[-1]))
+        return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=False) if high > low]
+
+    def _edge(self, low: float, high: float, level: float) -> float:
+        """Amplitude between two others at which the level just holds the resonance."""
+        for _ in range(3):
+            size = np.linspace(low, high, _FINE)
+            _, force = self.backbone(size, self._near(size))
+            held = force <= level
+            i = int(np.flatnonzero(np.diff(held.astype(int)) != 0)[0]) if held.any() and not held.all() else 0
+            low, high = float(size[i]), float(size[i + 1])
+        return low if held[i] else high
+
+    def _lowest(self, level: float, window: tuple[float, float]) -> float:
+        """A little less than the smallest amplitude within the window of frequencies."""
+        size = np.full(2, 1e-3 * self._largest)
+        at = self.solve(size, np.array(window))
+        return float(0.8 * np.min(level * size / np.abs(at.force)))
+
+    def frequencies(self, size: Array, level: float, side: int) -> Array:
+        """(n,) frequency [rad/s] below (side -1) or above (+1) the resonance at which the level holds X.
+
+        NaN where there is none.
+        """
+        omega, start = self._near(size), None
+        for _ in range(_ROUNDS):
+            stiffness, damping, start = self._equivalent(size, omega, start)
+            room = np.maximum((level / size) ** 2 - (omega * damping) ** 2, 0.0)
+            square = (stiffness + side * np.sqrt(room)) / self._mass
+            new = np.sqrt(np.where(square > 0, square, np.nan))
+            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
+            omega = np.where(np.isfinite(new), new, omega)
+            if change < _CLOSE:
+                break
+        return np.where(square > 0, omega, np.nan)
+
+    def respond(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
+        """(n,) complex fundamental [m] under the force [N], on the stable branch nearest to ``near`` [m]."""
+        level = np.abs(force)
+        size, ok = self._descend(level, omega, np.array(near))
+        if not ok.all():
+            size[~ok] = self._scan(level[~ok], omega[~ok], near[~ok])
+        told = np.isfinite(size)
+        result = np.full(len(size), np.nan + 0j)
+        if told.any():
+            at = self.solve(size[told], omega[told])
+            result[told] = size[told] * force[told] / level[told] * np.exp(-1j * np.angle(at.force))
+        return result
+
+    def _descend(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
+        start, first = None, np.array(size)
+        gain = np.ones(len(size))
+        miss = np.full(len(size), np.inf)
+        for _ in range(_DESCENT):
+            at = self.solve(size, omega, start)
+            start = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
+            gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force)
+            miss = np.abs(at.force) - level
+            if np.all(np.abs(miss) <= _EXACT * level):
+                break
+            step = miss / np.where(np.abs(gain) > 1e-300, gain, 1e-300)
+            size = size - np.clip(step, -0.2 * size, 0.2 * size)
+        good = (np.abs(miss) <= 1e-6 * level) & (gain > 0) & (np.abs(size / first - 1) < _NEXT)
+        return size, good
+
+    def _scan(self, level: Array, omega: Array, near: Array) -> Array:
+        """Stable amplitude nearest to ``near`` by a scan over all amplitudes; NaN where there is none."""
+        sizes = np.geomspace(1e-3 * self._largest, 3 * self._largest, _COARSE)
+        rows = np.repeat(np.arange(len(level)), len(sizes))
+        force = np.abs(self.solve(np.tile(sizes, len(level)), omega[rows]).force).reshape(len(level), -1)
+        result = np.full(len(level), np.nan)
+        for i, (row, wanted) in enumerate(zip(force, level, strict=True)):
+            up = np.flatnonzero((row[:-1] < wanted) & (row[1:] >= wanted))
+            if len(up):
+                share = (wanted - row[up]) / (row[up + 1] - row[up])
+                roots = sizes[up] + share * (sizes[up + 1] - sizes[up])
+                result[i] = roots[np.argmin(np.abs(np.log(roots / near[i])))]
+        return result
