@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 
-__all__ = ["FixedPoints", "correction", "find_fixed_points", "is_attracting", "norm"]
+__all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm"]
 
 _OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
 _ITERATIONS = 6
@@ -43,12 +43,23 @@ def correction(jacobian: Floats, residual: Floats) -> Floats:
     return np.where(regular[:, None], step, residual)
 
 
-def is_attracting(jacobian: Floats) -> NDArray[np.bool_]:
-    """Tell where both eigenvalues of J are inside the unit circle (Jury's conditions)."""
+def attraction(jacobian: Floats) -> Floats:
+    """How far inside the unit circle the eigenvalues of J are (Jury's conditions); negative: outside."""
     trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
     det = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
-    inside: NDArray[np.bool_] = (np.abs(det) < 1) & (np.abs(trace) < 1 + det)
-    return inside
+    margin: Floats = np.minimum(1 - np.abs(det), 1 + det - np.abs(trace))
+    return margin
+
+
+def jacobians(
+    period_map: PeriodMap, points: Indices, y: Floats, steps: NDArray[np.int64], offset: Floats
+) -> tuple[Floats, Floats]:
+    """Images P(y) and Jacobians of (k,) points, from neighbouring orbits ``offset`` (k,) [m] away."""
+    far = offset[:, None]
+    trial = np.concatenate([y, y + far * [1.0, 0.0], y + far * [0.0, 1.0]])
+    after = period_map.carry(np.tile(points, 3), trial, np.tile(steps, 3), 1).state
+    image, right, up = np.split(after, 3)
+    return image, np.stack([(right - image) / far, (up - image) / far], axis=2)
 
 
 def find_fixed_points(
@@ -65,11 +76,7 @@ def find_fixed_points(
     for _ in range(_ITERATIONS):
         here = y[active]
         size = np.maximum(norm(here), floor[active])
-        offset = (_OFFSET * size)[:, None]
-        trial = np.concatenate([here, here + offset * [1.0, 0.0], here + offset * [0.0, 1.0]])
-        after = period_map.carry(np.tile(points[active], 3), trial, np.tile(steps[active], 3), 1).state
-        image, right, up = np.split(after, 3)
-        slope = np.stack([(right - image) / offset, (up - image) / offset], axis=2)
+        image, slope = jacobians(period_map, points[active], here, steps[active], _OFFSET * size)
         move = correction(slope, image - here)
         length = norm(move)
         sane = np.isfinite(length) & (norm(here + move) < 10 * reach[active])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.steady_state.fixed_point import find_fixed_points, is_attracting, norm
+from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm
 from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
@@ -26,6 +26,7 @@ _TOLERANCE = 1e-7  # last Newton correction, of the amplitude
 _LINEAR = 0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian says
 _TWICE = 1e-6
+_FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7  # of the attraction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +89,13 @@ def _accept(
     predicted = np.einsum("kij,kjl,kl->ki", fixed.jacobian, fixed.jacobian, earlier)
     departure = norm(y - fixed.y - predicted)
     linear = (departure <= _LINEAR * norm(earlier) + 1e-6 * size) & (norm(earlier) < size)
-    sure = fixed.found & is_attracting(fixed.jacobian) & linear
+    sure = fixed.found & linear & (attraction(fixed.jacobian) > 0)
+    faint = np.flatnonzero(sure & (attraction(fixed.jacobian) < _FAINT))
+    if len(faint):
+        # the integration itself damps a little: look with steps so fine that it does not
+        fine = np.full(len(faint), _FAINT_STEPS)
+        _, jacobian = jacobians(period_map, active[faint], fixed.y[faint], fine, _FAINT_OFFSET * size[faint])
+        sure[faint] = attraction(jacobian) > _NEUTRAL
     result.y[active[sure]] = fixed.y[sure]
     still = ~sure & (norm(y - trail[:, 1]) <= _STILL * size) & (norm(y - trail[:, 0]) <= _STILL * size)
     settled: NDArray[np.bool_] = sure | still

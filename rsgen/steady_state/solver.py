@@ -19,7 +19,7 @@ __all__ = ["LOOSEST", "MOST_HARMONICS", "TIGHTEST", "solve_steady_states"]
 
 TIGHTEST, LOOSEST = 1e-9, 1e-2  # accuracies that can be asked for
 MOST_HARMONICS = 64
-_CURVATURE = 1e-7  # below this accuracy, jumps of the curvature of a law are located too
+_CURVATURE = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 _BATCH = 16384  # points worked on at once: bounds the memory
 
 
