@@ -17,7 +17,7 @@ Numeric = Callable[..., tuple[NDArray[np.float64], ...]]
 
 
 def _printer() -> Any:
-    """Make a printer that writes Max and Min pairwise, so that scalars and arrays may meet."""
+    """Make a printer that writes Max, Min, conditions and cases so that numbers and arrays may meet."""
     printer = SciPyPrinter(
         {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": False}
     )
@@ -28,9 +28,19 @@ def _printer() -> Any:
             text = f"{printer._module_format('numpy.' + name)}({text}, {printer._print(argument)})"
         return text
 
+    def cases(expr: sympy.Piecewise) -> str:
+        text = printer._module_format("numpy.nan")
+        for value, condition in reversed(expr.args):
+            where = printer._module_format("numpy.where")
+            text = f"{where}({printer._print(condition)}, {printer._print(value)}, {text})"
+        return str(text)
+
     # SymPy finds the way to print a class by these names
     printer._print_Max = lambda expr: nested("maximum", expr.args)
     printer._print_Min = lambda expr: nested("minimum", expr.args)
+    printer._print_And = lambda expr: nested("logical_and", expr.args)
+    printer._print_Or = lambda expr: nested("logical_or", expr.args)
+    printer._print_Piecewise = cases
     printer._print_Heaviside = lambda expr: nested("heaviside", (expr.args[0], sympy.Rational(1, 2)))
     return printer
 

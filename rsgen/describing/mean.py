@@ -23,6 +23,9 @@ SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64
 
 STEPS = 80
 
+COARSE = 256
+"""Amplitudes whose means are searched for when there are many more."""
+
 
 def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
     """Solve a mean balance that is linear or quadratic in X0 and has no cases.
@@ -69,17 +72,47 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
     floor = 1e-14 * np.abs(stiffness) * X
     at_rest = balance(np.zeros(n), everyone)
     result = np.where(np.abs(at_rest) <= floor, 0.0, np.nan)
-    open_ = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
-    if not len(open_):
-        return result
-    trials = SCAN * X[open_, None]
-    rows = np.repeat(open_, len(SCAN))
-    forces = balance(trials.ravel(), rows).reshape(trials.shape)
-    zeroed = np.where(np.abs(forces) <= floor[open_, None], 0.0, forces)
-    low, high, found = _nearest_rise(trials, zeroed, flat)
-    rows, low, high = open_[found], low[found], high[found]
-    result[rows] = _refine(balance, rows, low, high, floor[rows])
+    wanted = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
+    if len(wanted) > 2 * COARSE:
+        # the mean changes smoothly with X: some are searched for, the others start from their neighbours
+        ordered = wanted[np.argsort(X[wanted], kind="stable")]
+        some = ordered[np.unique(np.linspace(0, len(ordered) - 1, COARSE).astype(np.intp))]
+        _search(balance, some, X, floor, flat, result)
+        others = np.setdiff1d(wanted, some)
+        _follow(balance, others, np.interp(X[others], X[some], result[some]), X, floor, result)
+        wanted = others[np.isnan(result[others])]
+    _search(balance, wanted, X, floor, flat, result)
     return result
+
+
+def _search(
+    balance: Balance, rows: NDArray[np.intp], X: Array, floor: Array, flat: bool, result: Array
+) -> None:
+    """Scan a wide range of means for the nearest rise through zero; enter what is found."""
+    if not len(rows):
+        return
+    trials = SCAN * X[rows, None]
+    forces = balance(trials.ravel(), np.repeat(rows, len(SCAN))).reshape(trials.shape)
+    zeroed = np.where(np.abs(forces) <= floor[rows, None], 0.0, forces)
+    low, high, found = _nearest_rise(trials, zeroed, flat)
+    found_rows = rows[found]
+    result[found_rows] = _refine(balance, found_rows, low[found], high[found], floor[found_rows])
+
+
+def _follow(
+    balance: Balance, rows: NDArray[np.intp], guess: Array, X: Array, floor: Array, result: Array
+) -> None:
+    """Refine good guesses of the mean; guesses that are not good stay open."""
+    for reach in (1e-4, 1e-2):
+        near = np.isfinite(guess) & np.isnan(result[rows])
+        some = rows[near]
+        if not len(some):
+            return
+        width = reach * np.maximum(np.abs(guess[near]), X[some])
+        low, high = guess[near] - width, guess[near] + width
+        rising = (balance(low, some) < -floor[some]) & (balance(high, some) > floor[some])
+        caught = some[rising]
+        result[caught] = _refine(balance, caught, low[rising], high[rising], floor[caught])
 
 
 def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:

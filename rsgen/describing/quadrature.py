@@ -107,6 +107,9 @@ def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cyc
 
 def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> list[Array]:
     """Find where a switch function of x and v changes its sign, by sampling and bisection."""
+    slopes = tuple(function.diff(symbol(state)) for state in ("x", "v"))
+    if not any(slope.has(symbol("x"), symbol("v")) for slope in slopes):
+        return _crossings_of_plane(function, slopes, parameters, cycle)
     evaluate = compiled((function,), (symbol("x"), symbol("v"), *parameters))
 
     def along(phi: Array) -> Array:
@@ -130,6 +133,25 @@ def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle
         same = (along(middle) > 0) == side
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     return list(np.where(found, high, -np.pi / 2).T)
+
+
+def _crossings_of_plane(
+    function: sympy.Expr,
+    slopes: tuple[sympy.Expr, ...],
+    parameters: tuple[sympy.Symbol, ...],
+    cycle: Cycle,
+) -> list[Array]:
+    """Find where a x + b v + c changes its sign: a sine of known size and phase against a constant."""
+    rest = function.subs({symbol("x"): 0, symbol("v"): 0})
+    a, b, c = compiled((*slopes, rest), parameters)(*cycle.parameters)
+    in_phase, ahead = a * cycle.X, b * cycle.omega * cycle.X
+    with np.errstate(all="ignore"):
+        angle = np.arcsin(np.clip(-(c + a * cycle.mean) / np.hypot(in_phase, ahead), -1, 1))
+    phase = np.arctan2(ahead, in_phase)
+    return [
+        (crossing + np.pi / 2) % (2 * np.pi) - np.pi / 2
+        for crossing in (angle - phase, np.pi - angle - phase)
+    ]
 
 
 def project(
