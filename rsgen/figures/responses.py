@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.overview import level_colours, peaks_by_level
@@ -14,11 +13,10 @@ from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface
 
-__all__ = ["draw_held_out", "draw_responses", "draw_time_history"]
+__all__ = ["choose_levels", "draw_held_out", "draw_responses", "draw_time_history"]
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 _SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
-_MOST_LEVELS = 6
 
 
 def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
@@ -47,10 +45,27 @@ def _draw_curve(
         label = None
 
 
-def _chosen(levels: NDArray[np.float64]) -> NDArray[np.float64]:
-    if len(levels) <= _MOST_LEVELS:
-        return levels
-    return np.asarray(levels[np.unique(np.linspace(0, len(levels) - 1, _MOST_LEVELS).round().astype(int))])
+def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
+    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
+
+    Parameters
+    ----------
+    most
+        How many at most: more curves in one figure cannot be told apart.
+
+    Examples
+    --------
+    >>> from rsgen.surface import ResponseSurface
+    >>> n = 9
+    >>> surface = ResponseSurface(range(1, 10), [5.0] * n, [1.0] * n, [[0.0, 1.0]] * n, [[1.0, -1.0]] * n,
+    ...                           ["rest"] * n, [0] * n, [0.0] * n, [0.0] * n, "simulated")
+    >>> choose_levels(surface, 3)
+    [1.0, 5.0, 9.0]
+    """
+    levels = np.unique(surface.level[surface.settled])
+    if len(levels) > most:
+        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
+    return [float(level) for level in levels]
 
 
 def _fold_words(curves: list[ResonanceCurve]) -> str:
@@ -80,7 +95,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     prediction
         The lines; levels without a predicted curve show their points alone.
     """
-    levels = _chosen(surface.levels)
+    levels = choose_levels(_predicted(surface, prediction))
     shown = surface.select(np.isin(surface.level, levels) & surface.settled)
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
@@ -128,6 +143,15 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     share = f"{len(levels)} of {len(surface.levels)} levels"
     text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
     return Drawing("responses", figure, caption, text)
+
+
+def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
+    """Keep the levels for which there is a curve; all where there is none at all."""
+    wanted = [curve.level for curve in prediction.curves if len(curve.frequency)]
+    there = np.array(
+        [bool(np.isclose(level, wanted, rtol=1e-9).any()) for level in surface.level], dtype=bool
+    )
+    return surface.select(there) if there.any() else surface
 
 
 def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:

@@ -13,6 +13,7 @@ from rsgen.comparison import Comparison
 from rsgen.errors import RsgenError
 from rsgen.figures import (
     Drawing,
+    choose_levels,
     draw_collapse,
     draw_damping,
     draw_forces,
@@ -95,7 +96,8 @@ def write_report(
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
     save_surface(place / "surface.h5", surface)
     write_atomic(place / "kernel.py", kernel.generate(case.model.force))
-    prediction = predict(identification, surface=surface)
+    levels = sorted({*choose_levels(surface), *case.model.hold_out})
+    prediction = predict(identification, levels, surface)
     printed = check_printed(case, identification)
     spent = dict(durations or {})
     result = build_result(case, surface, identification, comparison, prediction, printed, spent)

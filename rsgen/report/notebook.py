@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 import nbformat
 from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
-from jupyter_client.manager import AsyncKernelManager
+from jupyter_client.manager import KernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
@@ -175,7 +175,13 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
         What went wrong in which cell, in a sentence; None where everything ran.
     """
     with tempfile.TemporaryDirectory(prefix="rsgen-") as private:
-        manager = AsyncKernelManager(kernel_spec_manager=_ThisPython())
+        # sockets in a private folder: no port is opened, parallel runs cannot meet
+        manager = KernelManager(
+            kernel_spec_manager=_ThisPython(),
+            transport="ipc",
+            ip=f"{private}/s",
+            connection_file=f"{private}/kernel.json",
+        )
         client = NotebookClient(
             notebook, km=manager, timeout=_CELL_SECONDS, record_timing=False, coalesce_streams=True
         )
@@ -193,6 +199,10 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
             fault = f"{error.ename}: {error.evalue}"
         except (CellTimeoutError, DeadKernelError, RuntimeError) as error:
             fault = str(error).splitlines()[0]
+        finally:
+            if manager.has_kernel:
+                manager.shutdown_kernel(now=True)
+            manager.cleanup_resources()
         _clean(notebook)
     if fault is None:
         return None
