@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rsgen.cli.printing import print_json, print_line
+from rsgen.cli.printing import print_block, print_json, print_line
 
 __all__ = ["derive_command", "laws_command"]
 
@@ -42,27 +42,41 @@ def derive_command(expression: str, json: bool, latex: bool) -> int:
         )
         return 0
     show = notation.latex if latex else notation.readable
-    print_line(f"force       n(x, v)     = {show(element.force)}")
-    print_line(f"stiffness   k(X, omega) = {show(function.stiffness)}")
-    print_line(f"damping     c(X, omega) = {show(function.damping)}")
+    rows = [
+        ("force", "n(x, v)", show(element.force)),
+        ("stiffness", "k(X, omega)", show(function.stiffness)),
+        ("damping", "c(X, omega)", show(function.damping)),
+    ]
     if function.mean is not None:
-        print_line(f"mean        X0(X)       = {show(function.mean)}")
+        rows.append(("mean", "X0(X)", show(function.mean)))
     else:
-        print_line(f"mean        X0 from 0   = {show(function.mean_balance)}")
-    for label, sentences in (
-        ("regime", function.regimes),
-        ("limit", function.limits),
-        ("note", function.remarks),
-    ):
-        for sentence in sentences:
-            print_line(f"{label:<11} {sentence}")
+        rows.append(("mean", "0", show(function.mean_balance)))
+    for what, symbol, text in rows:
+        head = f"{what:<11} {symbol:<11} = "
+        print_block(head, text)
+    for regime in function.regimes:
+        print_block(f"{'regime':<11} ", show(regime))
+    for limit in function.limits:
+        symbol = "k" if limit.quantity == "stiffness" else "c"
+        print_block(f"{'limit':<11} {f'{symbol}(X -> {limit.place})':<11} = ", _limit(limit.value, show))
+    for remark in function.remarks:
+        print_block(f"{'note':<11} ", remark)
     if function.closed_form and function.checked_to is not None:
-        print_line(f"proof       agrees with quadrature to {function.checked_to:.1e}")
+        print_block(f"{'proof':<11} ", f"agrees with quadrature to {function.checked_to:.1e}")
     elif not function.closed_form:
-        print_line(
-            "proof       no closed form is known; evaluated by quadrature split at the switching angles"
+        print_block(
+            f"{'proof':<11} ", "no closed form is known; evaluated by quadrature between the switching angles"
         )
     return 0
+
+
+def _limit(value: Any, show: Any) -> str:
+    # oo*sign(k): infinite, with the sign of k
+    return (
+        f"oo, with the sign of {show(value.args[1].args[0])}"
+        if value.is_Mul and value.args[0].is_infinite
+        else str(show(value))
+    )
 
 
 def laws_command(json: bool) -> int:

@@ -14,7 +14,15 @@ if TYPE_CHECKING:
 
     from rsgen.study import CaseRun
 
-__all__ = ["case_progress", "number", "print_faults", "print_json", "print_line", "print_table"]
+__all__ = [
+    "case_progress",
+    "number",
+    "print_block",
+    "print_faults",
+    "print_json",
+    "print_line",
+    "print_table",
+]
 
 _MOST_FAULTS = 500
 
@@ -27,6 +35,14 @@ def _plain(text: str) -> str:
 def print_line(text: str = "") -> None:
     """Print a line of a result."""
     print(_plain(text))
+
+
+def print_block(head: str, text: str) -> None:
+    """Print a label and a text whose further lines stand under its first."""
+    first, *more = text.split("\n")
+    print_line(head + first)
+    for line in more:
+        print_line(" " * len(head) + line)
 
 
 def print_faults(faults: Iterable[str]) -> None:

@@ -168,7 +168,9 @@ def run_cases(
             note(run_case(path, place, force=True, data=folder, command=command))
     else:
         _spread(todo, place, folder, tuple(command), number, note)
-    if any(run.folder for run in runs.values()):
+    changed = any(run.folder and not run.skipped for run in runs.values())
+    missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
+    if changed or (missing and any(run.folder for run in runs.values())):
         from rsgen.report import write_index
 
         write_index(place)
