@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,9 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _ORDER = 9
+_ORDER_WITH_JUMPS = 3
+"""Where friction holds the mass for a while, higher harmonics of a balance do not settle."""
+
 _SAMPLES_SMOOTH = 64
 _SAMPLES_SWITCHED = 256
 _COARSE = 120
@@ -45,7 +51,8 @@ class AmplitudeBalance:
         self._law = compile_law(identification.model.force)
         self._values = np.array(identification.solution)
         self._mass = identification.mass
-        self._slaved = slaved_harmonics(self._law, _ORDER)
+        self._order = _ORDER_WITH_JUMPS if self._law.jumps else _ORDER
+        self._slaved = slaved_harmonics(self._law, self._order)
         self._samples = _SAMPLES_SWITCHED if self._law.switched else _SAMPLES_SMOOTH
         self._covariance = np.nan_to_num(identification.covariance)
         self._largest = identification.amplitude_range[1]
@@ -54,10 +61,20 @@ class AmplitudeBalance:
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Balance:
         """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
-        guess = np.zeros((len(size), _ORDER + 1), dtype=complex) if start is None else start
-        return hold_amplitude(
-            self._law, self._values, self._mass, omega, size, guess, self._slaved, self._samples
-        )
+        guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
+        hold = partial(hold_amplitude, self._law, self._values, self._mass)
+        at = hold(omega, size, guess, self._slaved, self._samples)
+        lost = ~(at.converged & np.isfinite(at.force))
+        if not lost.any():
+            return at
+        # first order where the higher harmonics do not settle
+        mean = tuple(h for h in self._slaved if h == 0)
+        rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
+        merged = {}
+        for entry in fields(Balance):
+            merged[entry.name] = np.array(getattr(at, entry.name))
+            merged[entry.name][lost] = getattr(rough, entry.name)
+        return Balance(**merged)
 
     def force_spread(self, at: Balance) -> Array:
         """(n,) half width of the 95 % band of the force amplitude [N]."""

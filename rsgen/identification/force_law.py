@@ -83,6 +83,8 @@ class ForceLaw:
         True where the law has switches at all.
     rough
         True where the law jumps or has a corner at one of them; x|x| does not.
+    jumps
+        True where it jumps.
     springs
         True where the force depends on x: the mean displacement then follows from the law.
     """
@@ -93,6 +95,7 @@ class ForceLaw:
     odd: bool
     switched: bool
     rough: bool
+    jumps: bool
     springs: bool
     _function: Callable[..., Sequence[Any]]
     _terms: tuple[_Term, ...]
@@ -222,7 +225,8 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
         nonlinear=tuple(i for i in range(len(names)) if i not in linear),
         odd=False,
         switched=bool(steps),
-        rough=any(_rough(piece) for piece in pieces),
+        rough=any(any(_onset(piece)) for piece in pieces),
+        jumps=any(_onset(piece)[0] for piece in pieces),
         springs=bool(force.has(x)),
         _function=function,
         _terms=tuple(terms),
@@ -231,19 +235,20 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
     return _with_symmetry(law)
 
 
-def _rough(piece: Piece) -> bool:
-    """Tell whether a piece sets in with a jump or a corner; where that cannot be told, it does."""
+def _onset(piece: Piece) -> tuple[bool, bool]:
+    """Tell whether a piece sets in with a jump, with a corner; where that cannot be told, with both."""
     if not piece.switches:
-        return False
+        return False, False
     if len(piece.switches) > 1 or piece.switches[0].variable is None:
-        return True
+        return True, True
     (switch,) = piece.switches
     variable = next(symbol for symbol in switch.function.free_symbols if symbol.name == switch.variable)
     onset = [piece.term, piece.term.diff(variable)]
     values = [term.subs(variable, switch.threshold) for term in onset]
     # 0**(q - 1) with q unknown: an exponent is taken to be above one, as a lower one would be seen as a jump
     values = [value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero) for value in values]
-    return any(value.simplify() not in (0, sympy.nan) for value in values)
+    jump, corner = (bool(value.simplify() not in (0, sympy.nan)) for value in values)
+    return jump, corner
 
 
 def _plain(expression: sympy.Expr) -> sympy.Expr:

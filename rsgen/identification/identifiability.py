@@ -64,7 +64,6 @@ def find_warnings(
     points: Points,
     used: NDArray[np.bool_],
     law: ForceLaw,
-    chosen: Points,
     refined: FittedModel,
     resonances: tuple[Resonance, ...],
     estimates: tuple[Estimate, ...],
@@ -86,7 +85,7 @@ def find_warnings(
             "the refined fit did not converge: compare with the first-order estimates and doubt both"
         )
     noise = refined.regression.noise
-    if noise > _NOTICEABLE and _neighbour_correlation(chosen, refined) > _SYSTEMATIC:
+    if noise > _NOTICEABLE and _neighbour_correlation(points, refined, used) > _SYSTEMATIC:
         sentences.append(
             f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, not "
             "noise; intervals are too narrow, try another law"
@@ -149,12 +148,12 @@ def _small_shift(resonances: tuple[Resonance, ...]) -> str:
     return ""
 
 
-def _neighbour_correlation(points: Points, refined: FittedModel) -> float:
+def _neighbour_correlation(points: Points, refined: FittedModel, used: NDArray[np.bool_]) -> float:
     """Correlation of the signed misfit of the force between neighbours in frequency of one run."""
     rotated = points.force * np.exp(-1j * refined.turn)
     misfit = (rotated - refined.force) / np.abs(points.force)
     order = np.lexsort((points.omega, points.sweep, points.level))
-    order = order[np.isfinite(misfit[order])]
+    order = order[used[order] & np.isfinite(misfit[order])]
     same = (points.level[order][1:] == points.level[order][:-1]) & (
         points.sweep[order][1:] == points.sweep[order][:-1]
     )

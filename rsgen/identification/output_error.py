@@ -143,8 +143,7 @@ def fit_output(
         residual[~np.isfinite(by).all(axis=(1, 2)) | ~np.isfinite(own_slope).all(axis=1)] = np.nan
         return Linearisation(residual, np.stack([own_slope, own_turn], axis=2), by)
 
-    own = np.stack([np.log(np.abs(start.force)), start.turn + np.angle(start.force) - phase], axis=1)
-    own[:, 1] = (own[:, 1] + np.pi) % (2 * np.pi) - np.pi
+    own = np.stack([np.log(level), np.zeros(len(points))], axis=1)
     regression = fit(linearise, start.regression.parameters, own, steps=6)
     if np.count_nonzero(regression.used) < 0.5 * len(points):
         return None

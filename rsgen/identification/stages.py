@@ -83,13 +83,13 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     points = select_points(surface, model)
     law = compile_law(model.force)
     start = _start(points, law, model.mass)
-    balanced = _refined(points, law, start, model.mass)
-    used = balanced.regression.used
+    refined = _refined(points, law, start, model.mass)
+    if law.rough:
+        refined = _polished(points, model, law, refined)
+    used = refined.regression.used
     kept = points.select(used)
-    balanced = _narrowed(balanced, used)
-    refined, chosen = _polished(kept, model, law, balanced)
     first = _fit(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
-    bias = _first_order_bias(chosen, law, refined, first, model.mass)
+    bias = _first_order_bias(kept, law, refined, first, model.mass)
     paper, resonances = _paper(kept, law, model.mass, refined.mass)
     reasons = {
         name: untold_reason(name, law, points, refined.regression, model.mass is None)
@@ -115,7 +115,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(noise)),
         solution=refined.values,
-        warnings=find_warnings(surface, points, used, law, chosen, refined, resonances, estimates),
+        warnings=find_warnings(surface, points, used, law, refined, resonances, estimates),
     )
 
 
@@ -172,28 +172,16 @@ def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float 
     return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
 
 
-def _narrowed(found: FittedModel, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> FittedModel:
-    return replace(
-        found, force=found.force[chosen], harmonics=found.harmonics[chosen], turn=found.turn[chosen]
-    )
-
-
-def _polished(
-    points: Points, model: Model, law: ForceLaw, balanced: FittedModel
-) -> tuple[FittedModel, Points]:
-    """Replace the balance by the simulator where the law has jumps or corners; with the points it used."""
-    if not law.rough:
-        return balanced, points
+def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel) -> FittedModel:
+    """Replace the balance by the simulator where the law has jumps or corners."""
     noise = balanced.regression.noise
     accuracy = 1e-5 if noise > _NOISY else 1e-7
-    # exact data need no averaging
-    some = np.arange(len(points)) if noise > _NOISY else points.spread(_QUICK)
-    chosen = points.select(some)
-    polished = fit_output(chosen, model, law, _narrowed(balanced, some), accuracy=accuracy)
-    if polished is None or not polished.regression.noise <= _WORSE * noise:
-        return balanced, points
-    kept = polished.regression.used
-    return _narrowed(polished, kept), chosen.select(kept)
+    polished = fit_output(points, model, law, balanced, accuracy=accuracy)
+    if polished is None:
+        return balanced
+    both = polished.regression.used & balanced.regression.used
+    misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (polished, balanced)]
+    return polished if misfit[0] <= _WORSE * misfit[1] else balanced
 
 
 def _of_fit(found: FittedModel) -> _Values:
@@ -204,14 +192,15 @@ def _first_order_bias(
     points: Points, law: ForceLaw, refined: FittedModel, first: FittedModel, given: float | None
 ) -> Array:
     """What the first-order fit makes of the refined model's own, noise-free response."""
-    turn = np.exp(1j * refined.turn)
+    used = refined.regression.used
+    turn = np.exp(1j * refined.turn[used])
     count = points.harmonics.shape[1]
-    predicted = refined.harmonics
+    predicted = refined.harmonics[used]
     harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
     harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
     if not np.isfinite(harmonics).all():
         return np.full(len(refined.regression.parameters), np.nan)
-    exact = replace(points, force=refined.force * turn, harmonics=harmonics[:, :count])
+    exact = replace(points, force=refined.force[used] * turn, harmonics=harmonics[:, :count])
     again = _fit(exact, law, first.values, first.mass, given, 1, reject=False)
     return np.asarray(again.regression.parameters - refined.regression.parameters)
 
