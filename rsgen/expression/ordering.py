@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -10,7 +11,17 @@ import sympy
 
 from rsgen.expression.names import STATES, symbol
 
-__all__ = ["Product", "depends_on_state", "natural", "oriented", "split_product", "split_sum"]
+__all__ = [
+    "Product",
+    "common_denominator",
+    "depends_on_state",
+    "interval",
+    "is_negative",
+    "natural",
+    "oriented",
+    "split_product",
+    "split_sum",
+]
 
 _AMPLITUDES = frozenset(symbol(name) for name in ("x", "v", "X", "X0"))
 _STATE_SYMBOLS = frozenset(symbol(name) for name in STATES)
@@ -55,12 +66,21 @@ def _degree(expr: sympy.Basic) -> Fraction:
 
 
 def split_sum(expr: sympy.Expr) -> list[sympy.Expr]:
-    """The terms of a sum in a person's order; a positive one comes first where there is any."""
+    """The terms of a sum in a person's order; a positive one comes first where there is any.
+
+    Low degrees come first, k1 + 3/4*kn1*X**2, but states come before bare parameters, x**2 + b**2.
+    """
+    terms = sympy.Add.make_args(expr)
+    named = [term for term in terms if term.free_symbols]
+    with_state = [term for term in named if depends_on_state(term)]
+    states_first = len(with_state) < len(named) and all(
+        term.free_symbols <= _STATE_SYMBOLS for term in with_state
+    )
     terms = sorted(
-        sympy.Add.make_args(expr),
+        terms,
         key=lambda term: (
             term.is_number,
-            abs(_degree(term)),
+            -abs(_degree(term)) if states_first else abs(_degree(term)),
             term.has(sympy.Function),
             natural(str(without_number(term))),
         ),
@@ -99,8 +119,8 @@ def _place(factor: sympy.Expr) -> tuple[int, int, list[tuple[int, int, str]]]:
         kind = 2
     elif base.is_Symbol:
         kind = 0
-    elif isinstance(base, sympy.Piecewise):
-        kind = 5
+    elif isinstance(base, sympy.sign | sympy.Heaviside | sympy.Piecewise):
+        kind = 6 if isinstance(base, sympy.Piecewise) else 5
     elif base.is_Add:
         kind = 4 if depends_on_state(base) else 1
     else:
@@ -133,7 +153,26 @@ def split_product(expr: sympy.Expr) -> Product:
 
 
 def oriented(relation: sympy.Basic) -> sympy.Basic:
-    """A comparison with the state on its left: abs(x) <= b rather than b >= abs(x)."""
-    if depends_on_state(relation.rhs) and not depends_on_state(relation.lhs) and relation.func in _FLIPPED:
-        return _FLIPPED[relation.func](relation.rhs, relation.lhs, evaluate=False)
+    """A comparison with the state on its left and without a minus sign: x > -b rather than -x < b."""
+    if relation.func not in _FLIPPED:
+        return relation
+    if depends_on_state(relation.rhs) and not depends_on_state(relation.lhs):
+        relation = _FLIPPED[relation.func](relation.rhs, relation.lhs, evaluate=False)
+    if not relation.lhs.is_Add and is_negative(relation.lhs):
+        relation = _FLIPPED[relation.func](-relation.lhs, -relation.rhs, evaluate=False)
     return relation
+
+
+def common_denominator(expr: sympy.Expr) -> int:
+    """The number below the line under which a sum is written, 1 where its terms stay apart."""
+    below = {int(term.as_coeff_Mul()[0].q) if term.as_coeff_Mul()[0].is_Rational else 1 for term in expr.args}
+    return below.pop() if len(below) == 1 else 1
+
+
+def interval(relations: Sequence[sympy.Basic]) -> tuple[sympy.Basic | type[sympy.Basic], ...] | None:
+    """Two comparisons of one thing from below and from above as lower, <, thing, <, upper; else None."""
+    below = [part for part in relations if isinstance(part, sympy.Gt | sympy.Ge)]
+    above = [part for part in relations if isinstance(part, sympy.Lt | sympy.Le)]
+    if len(relations) != 2 or not below or not above or below[0].lhs != above[0].lhs:
+        return None
+    return below[0].rhs, _FLIPPED[below[0].func], below[0].lhs, above[0].func, above[0].rhs

@@ -11,7 +11,14 @@ import sympy
 
 from rsgen.errors import ExpressionError
 from rsgen.expression.names import shown
-from rsgen.expression.ordering import is_negative, oriented, split_product, split_sum
+from rsgen.expression.ordering import (
+    common_denominator,
+    interval,
+    is_negative,
+    oriented,
+    split_product,
+    split_sum,
+)
 from rsgen.expression.scanning import DIGITS
 
 __all__ = ["Level", "Printer", "decimal_text"]
@@ -19,7 +26,7 @@ __all__ = ["Level", "Printer", "decimal_text"]
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
 _LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
-    sympy.Abs: "abs", sympy.sign: "sign", sympy.Heaviside: "Heaviside", sympy.Min: "Min", sympy.Max: "Max",
+    sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
     sympy.exp: "exp", sympy.log: "log", sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan",
     sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan", sympy.atan2: "atan2", sympy.sinh: "sinh",
     sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.besselj: "besselj", sympy.besseli: "besseli",
@@ -88,6 +95,10 @@ class Printer(ABC):
     def write(self, expr: sympy.Basic, level: Level = Level.ANY) -> str:
         """The written form of any part of a formula, in parentheses where its surroundings need them."""
         text, own = self._form(expr)
+        if expr.is_Add and level <= Level.SUM:
+            below = common_denominator(expr)
+            if below != 1 and decimal_text(sympy.Rational(1, below)) is None:
+                return self.shared(expr * below, sympy.Integer(below))
         return self.parenthesised(text) if own < level else text
 
     def _form(self, expr: sympy.Basic) -> tuple[str, Level]:
@@ -98,7 +109,7 @@ class Printer(ABC):
         if expr is sympy.pi:
             return self.constant_pi(), Level.ATOM
         if expr is sympy.E:
-            return self.call("exp", [sympy.Integer(1)]), Level.ATOM
+            return self.call("exp", [sympy.Integer(1)])
         if expr.is_Add:
             return self._sum(expr), Level.SUM
         if expr.is_Mul or expr.is_Rational or (expr.is_Pow and expr.exp.is_Rational and expr.exp.is_negative):
@@ -106,19 +117,15 @@ class Printer(ABC):
         if expr.is_Pow:
             return self.power(expr.base, expr.exp)
         if isinstance(expr, sympy.Piecewise):
-            if expr.args[-1].cond != True:  # noqa: E712  SymPy's true is equal to True, not the same
-                raise ExpressionError(f"{shown(str(expr))} has no value where none of its conditions holds")
             return self.cases([(pair.expr, pair.cond) for pair in expr.args])
-        if isinstance(expr, sympy.Heaviside) and expr.args[1] != sympy.Rational(1, 2):
-            raise ExpressionError(f"{shown(str(expr))} is not in the language; only Heaviside(0) = 1/2 is")
+        if isinstance(expr, sympy.Heaviside) and expr.args[1] == sympy.Rational(1, 2):
+            return self.call("Heaviside", expr.args[:1])
+        if isinstance(expr, sympy.Min | sympy.Max):
+            ordered = sorted(expr.args, key=lambda arg: (not arg.free_symbols, self.write(arg)))
+            return self.call(_NAMES[expr.func], ordered)
         if expr.func in _NAMES:
-            args = list(expr.args)
-            if isinstance(expr, sympy.Heaviside):
-                args = args[:1]
-            elif isinstance(expr, sympy.Min | sympy.Max):
-                args.sort(key=lambda arg: (not arg.free_symbols, self.write(arg)))
-            return self.call(_NAMES[expr.func], args), Level.ATOM
-        raise ExpressionError(f"{shown(str(expr))} is not in the language of formulas")
+            return self.call(_NAMES[expr.func], expr.args)
+        return self.foreign(expr)
 
     def _sum(self, expr: sympy.Expr) -> str:
         text = ""
@@ -158,20 +165,30 @@ class Printer(ABC):
         if lower or len(upper) > 1:
             return Level.PRODUCT
         if not upper or upper[0].is_Rational:
-            return Level.ATOM
+            return self.number_level(upper[0]) if upper else Level.ATOM
         return self._form(upper[0])[1]
 
     def condition(self, condition: sympy.Basic, inner: bool = False) -> str:
-        """A condition of cases, the state on the left of each comparison."""
+        """A condition of cases, the state on the left of each comparison, an interval as a < x < b."""
         if isinstance(condition, sympy.And | sympy.Or):
-            word = self.both if isinstance(condition, sympy.And) else self.either
-            parts = sorted(self.condition(part, inner=True) for part in condition.args)
-            text = word.join(parts)
+            both = isinstance(condition, sympy.And)
+            parts = [oriented(part) for part in condition.args]
+            between = interval(parts) if both else None
+            if between:
+                return self._chained(*between)
+            text = (self.both if both else self.either).join(
+                sorted(self.condition(part, inner=True) for part in parts)
+            )
             return self.parenthesised(text) if inner else text
-        if not isinstance(condition, sympy.Lt | sympy.Le | sympy.Gt | sympy.Ge):
-            raise ExpressionError(f"the condition {shown(str(condition))} is not in the language of formulas")
+        if condition.func not in self.relations:
+            return self.foreign(condition)[0]
         turned = oriented(condition)
-        return f"{self.write(turned.lhs)} {self.relations[turned.func]} {self.write(turned.rhs)}"
+        return self._chained(turned.lhs, turned.func, turned.rhs)
+
+    def _chained(self, *parts: sympy.Basic | type[sympy.Basic]) -> str:
+        return " ".join(
+            self.relations[part] if isinstance(part, type) else self.write(part) for part in parts
+        )
 
     both = " and "
     either = " or "
@@ -181,6 +198,10 @@ class Printer(ABC):
         sympy.Gt: ">",
         sympy.Ge: ">=",
     }
+
+    def number_level(self, number: sympy.Rational) -> Level:
+        """How tightly a written positive number holds together."""
+        return Level.ATOM
 
     def negated(self, text: str, sum_in_front: bool) -> str:
         """A minus sign in front of a product."""
@@ -193,6 +214,10 @@ class Printer(ABC):
     def constant_pi(self) -> str:
         """The ratio of circumference to diameter."""
         return "pi"
+
+    def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:
+        """What is not in the language."""
+        raise ExpressionError(f"{shown(str(expr))} is not in the language of formulas")
 
     @abstractmethod
     def name(self, name: str) -> str:
@@ -210,12 +235,16 @@ class Printer(ABC):
     def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
         """Factors above and below a fraction line; both may be empty."""
 
+    def shared(self, above: sympy.Expr, below: sympy.Integer) -> str:
+        """A sum above one fraction line."""
+        return self.quotient([above], [below])
+
     @abstractmethod
     def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:
         """A power whose exponent is no negative number."""
 
     @abstractmethod
-    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> str:
+    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> tuple[str, Level]:
         """A function of the language."""
 
     @abstractmethod

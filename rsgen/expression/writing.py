@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import sympy
 
+from rsgen.errors import ExpressionError
 from rsgen.expression.printing import Level, Printer, decimal_text
 from rsgen.expression.scanning import DIGITS
 
@@ -63,13 +64,15 @@ class TextPrinter(Printer):
             return f"sqrt({self.write(base)})", Level.ATOM
         return self.write(base, Level.ATOM) + self.raised + self.write(exponent, Level.ATOM), Level.POWER
 
-    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> str:
+    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> tuple[str, Level]:
         """sin(a)."""
-        return f"{name}({', '.join(self.write(argument) for argument in arguments)})"
+        return f"{name}({', '.join(self.write(argument) for argument in arguments)})", Level.ATOM
 
     def cases(self, branches: Sequence[tuple[sympy.Expr, sympy.Basic]]) -> tuple[str, Level]:
         """Piecewise((a, x < b), (c, True))."""
-        *conditional, (otherwise, _) = branches
+        *conditional, (otherwise, last) = branches
+        if last != True:  # noqa: E712  SymPy's true is equal to True, not the same
+            raise ExpressionError("a Piecewise without a last branch (value, True) has no value everywhere")
         pairs = [f"({self.write(value)}, {self.condition(when)})" for value, when in conditional]
         return f"Piecewise({', '.join([*pairs, f'({self.write(otherwise)}, True)'])})", Level.ATOM
 
