@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rsgen import kernel
@@ -25,7 +26,7 @@ from rsgen.figures import (
     draw_surface,
     draw_time_history,
 )
-from rsgen.identification import Identification
+from rsgen.identification import Estimate, Identification
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.report.index import write_index
@@ -61,6 +62,33 @@ def draw_all(
     return drawings
 
 
+def _with_units(
+    case: Case, identification: Identification, comparison: Comparison
+) -> tuple[Identification, Comparison]:
+    """Give every estimate the unit that the case knows; identification sees laws and knows none."""
+
+    def named(estimate: Estimate) -> Estimate:
+        return estimate if estimate.unit else replace(estimate, unit=case.units.get(estimate.name, ""))
+
+    rows = tuple(
+        replace(
+            row,
+            unit=row.unit or case.units.get(row.name, ""),
+            paper=None if row.paper is None else named(row.paper),
+            first_order=None if row.first_order is None else named(row.first_order),
+            refined=named(row.refined),
+        )
+        for row in comparison.rows
+    )
+    known = replace(
+        identification,
+        paper=tuple(map(named, identification.paper)),
+        first_order=tuple(map(named, identification.first_order)),
+        refined=tuple(map(named, identification.refined)),
+    )
+    return known, replace(comparison, rows=rows)
+
+
 def write_report(
     folder: str | Path,
     case: Case,
@@ -94,9 +122,10 @@ def write_report(
         place.mkdir(exist_ok=True)
     except OSError as fault:
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    identification, comparison = _with_units(case, identification, comparison)
     save_surface(place / "surface.h5", surface)
     write_atomic(place / "kernel.py", kernel.generate(case.model.force))
-    levels = sorted({*choose_levels(surface), *case.model.hold_out})
+    levels = sorted({*choose_levels(surface, 5), *case.model.hold_out})
     prediction = predict(identification, levels, surface)
     printed = check_printed(case, identification)
     spent = dict(durations or {})

@@ -13,9 +13,11 @@ from typing import Any
 import jinja2
 import nbformat
 from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
-from jupyter_client.manager import KernelManager
+from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from traitlets import default
+from traitlets.config import Config
 
 import rsgen
 from rsgen.case import Case
@@ -149,6 +151,24 @@ class _ThisPython(KernelSpecManager):
         return KernelSpec(argv=command, display_name="Python 3", language="python")
 
 
+class _PrivateKernel(AsyncKernelManager):
+    """A kernel of this Python; nbclient makes, ends and clears it up by itself."""
+
+    @default("kernel_spec_manager")
+    def _this_python(self) -> KernelSpecManager:
+        return _ThisPython(parent=self)
+
+
+def _private_sockets(folder: str) -> Config:
+    """Put the kernel's sockets into a private folder: no port is opened, parallel runs cannot meet."""
+    config = Config()
+    config.KernelManager.connection_file = str(Path(folder, "kernel.json"))
+    if os.name == "posix":
+        config.KernelManager.transport = "ipc"
+        config.KernelManager.ip = str(Path(folder, "s"))
+    return config
+
+
 def _clean(notebook: nbformat.NotebookNode) -> None:
     """Drop what changes from run to run: times and the machine's version of Python."""
     notebook.metadata.pop("widgets", None)
@@ -174,16 +194,14 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
     str or None
         What went wrong in which cell, in a sentence; None where everything ran.
     """
-    with tempfile.TemporaryDirectory(prefix="rsgen-") as private:
-        # sockets in a private folder: no port is opened, parallel runs cannot meet
-        manager = KernelManager(
-            kernel_spec_manager=_ThisPython(),
-            transport="ipc",
-            ip=f"{private}/s",
-            connection_file=f"{private}/kernel.json",
-        )
+    with tempfile.TemporaryDirectory(prefix="rsgen-", ignore_cleanup_errors=True) as private:
         client = NotebookClient(
-            notebook, km=manager, timeout=_CELL_SECONDS, record_timing=False, coalesce_streams=True
+            notebook,
+            kernel_manager_class=_PrivateKernel,
+            config=_private_sockets(private),
+            timeout=_CELL_SECONDS,
+            record_timing=False,
+            coalesce_streams=True,
         )
         # the user's own start-up files must not take part, and figures need no window
         surroundings: dict[str, Any] = {
@@ -199,10 +217,6 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
             fault = f"{error.ename}: {error.evalue}"
         except (CellTimeoutError, DeadKernelError, RuntimeError) as error:
             fault = str(error).splitlines()[0]
-        finally:
-            if manager.has_kernel:
-                manager.shutdown_kernel(now=True)
-            manager.cleanup_resources()
         _clean(notebook)
     if fault is None:
         return None

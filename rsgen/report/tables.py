@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
@@ -37,7 +36,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """A heading and its cells; ``passed`` adds a verdict where it is not None."""
+    """A heading and its cells; ``passed`` is the verdict of a table with one column more than cells."""
 
     cells: tuple[str | Cell, ...]
     passed: bool | None = None
@@ -112,7 +111,7 @@ def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
     else:
         relative = row.refined.standard_error / abs(row.refined.value) if row.refined.value else math.nan
         cells.append(Cell(error_text(relative)))
-    return TableRow(tuple(cells), row.passed if judged else None)
+    return TableRow(tuple(cells), None if row.tolerance is None else row.passed)
 
 
 def estimate_table(identification: Identification) -> Table:
@@ -221,8 +220,3 @@ def ranking_table(identification: Identification) -> Table | None:
     return Table(
         "Candidate laws, best first", ("Law", "Force", "Error on unseen points", "BIC", "Verdict"), rows
     )
-
-
-def facts(entries: Mapping[str, object]) -> Sequence[tuple[str, str]]:
-    """Give name and value pairs as text."""
-    return [(name, str(value)) for name, value in entries.items()]
