@@ -265,6 +265,8 @@ ENGINEER = (
     "k*sinh(x/a)*cosh(x/a)",
     "c*v*exp(-(v/w)**2) + x",
     "k*x - F/(4 - x)**2",
+    "k*x + F*Heaviside(v - 2*x**2 - 0.9)",
+    "k*x + Piecewise((F, x*x > v), (3*v, True))",
 )
 
 

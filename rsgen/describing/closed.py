@@ -101,6 +101,10 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
         X0, or zero for a law known to move about zero.
     """
     parts: dict[Arc, list[Triple]] = {}
+    levels = [s.threshold for s in form.switches if s.threshold is not None]
+    if any(e.has(sympy.Piecewise) for e in (*levels, *(piece.term for piece in form.pieces))):
+        # parameters that are cases of other parameters make formulas that nobody reads, and slowly
+        return None
     for piece in form.pieces:
         places: dict[str, sympy.Expr] = {}
         for switch in piece.switches:

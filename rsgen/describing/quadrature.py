@@ -6,6 +6,7 @@ that thousands of amplitudes cost little more than the hardest of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from rsgen.expression import symbol
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]
 
 Array = NDArray[np.float64]
+Along = Callable[[Array, NDArray[np.intp]], Array]
+"""A function along cycles: angles (m, s), numbers of the cycles (m,)."""
 
 # Gauss-Kronrod pair with 10 and 21 nodes (Piessens et al., QUADPACK, 1983), positive half
 _NODES = np.array([
@@ -51,6 +54,12 @@ TOLERANCE = 1e-13
 
 LONGEST = 4.0
 """Longest range of phi that is not cut into four at the start."""
+
+SAMPLES = 193
+"""Samples of a cycle among which crossings of a general switch function are looked for."""
+
+ZOOMS = 6
+"""Times that a dip between two samples is looked at four times closer."""
 
 DEEPEST = 40
 MOST_INTERVALS = 64
@@ -112,27 +121,52 @@ def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle
         return _crossings_of_plane(function, slopes, parameters, cycle)
     evaluate = compiled((function,), (symbol("x"), symbol("v"), *parameters))
 
-    def along(phi: Array) -> Array:
-        shape = (slice(None), None)
-        x = cycle.mean[shape] + cycle.X[shape] * np.sin(phi)
-        v = (cycle.omega * cycle.X)[shape] * np.cos(phi)
-        (value,) = evaluate(x, v, *(p[shape] for p in cycle.parameters))
+    def along(phi: Array, rows: NDArray[np.intp]) -> Array:
+        some = _some(cycle, rows)
+        x = some.mean[:, None] + some.X[:, None] * np.sin(phi)
+        v = (some.omega * some.X)[:, None] * np.cos(phi)
+        (value,) = evaluate(x, v, *(p[:, None] for p in some.parameters))
         return np.broadcast_to(value, phi.shape)
 
-    grid = np.broadcast_to(np.linspace(-np.pi / 2, 3 * np.pi / 2, 193), (len(cycle.X), 193))
-    positive = along(grid) > 0
-    changes = positive[:, 1:] != positive[:, :-1]
-    most = int(changes.sum(axis=1).max(initial=0))
-    order = np.argsort(~changes, axis=1, kind="stable")[:, :most]
-    found = np.take_along_axis(changes, order, axis=1)
-    low = np.take_along_axis(grid[:, :-1], order, axis=1)
-    high = np.take_along_axis(grid[:, 1:], order, axis=1)
-    side = np.take_along_axis(positive, order, axis=1)
+    phi = np.broadcast_to(np.linspace(-np.pi / 2, 3 * np.pi / 2, SAMPLES), (len(cycle.X), SAMPLES))
+    level = along(phi, np.arange(len(cycle.X)))
+    rows, columns = np.nonzero((level[:, 1:] > 0) != (level[:, :-1] > 0))
+    low, high = phi[rows, columns], phi[rows, columns + 1]
+    touching = _dips(along, phi, level)
+    rows = np.concatenate((rows, np.repeat(touching[0], 2)))
+    low = np.concatenate((low, np.stack((touching[1], touching[2]), axis=1).ravel()))
+    high = np.concatenate((high, np.stack((touching[2], touching[3]), axis=1).ravel()))
+    side = along(low[:, None], rows)[:, 0] > 0
     for _ in range(52):
         middle = (low + high) / 2
-        same = (along(middle) > 0) == side
+        same = (along(middle[:, None], rows)[:, 0] > 0) == side
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return list(np.where(found, high, -np.pi / 2).T)
+    order = np.argsort(rows, kind="stable")
+    rows, high = rows[order], high[order]
+    place = np.arange(len(rows)) - np.searchsorted(rows, rows)
+    found = np.full((int(place.max(initial=-1)) + 1, len(cycle.X)), -np.pi / 2)
+    found[place, rows] = high
+    return list(found)
+
+
+def _dips(along: Along, phi: Array, level: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Find where a function dips through zero and back between two samples: row, start, inside, stop."""
+    sign = np.where(level > 0, 1.0, -1.0)
+    size = np.abs(level)
+    dip = (sign[:, 1:-1] == sign[:, :-2]) & (sign[:, 1:-1] == sign[:, 2:])
+    dip &= (size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:])
+    rows, columns = np.nonzero(dip)
+    start, stop, side = phi[rows, columns], phi[rows, columns + 2], sign[rows, columns + 1]
+    low, high = start, stop
+    middle = phi[rows, columns + 1]
+    every = np.arange(len(rows))
+    for _ in range(ZOOMS):
+        points = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 9)
+        best = np.argmin(side[:, None] * along(points, rows), axis=1)
+        middle = points[every, best]
+        low, high = points[every, np.maximum(best - 1, 0)], points[every, np.minimum(best + 1, 8)]
+    through = side * along(middle[:, None], rows)[:, 0] < 0
+    return rows[through], start[through], middle[through], stop[through]
 
 
 def _crossings_of_plane(
