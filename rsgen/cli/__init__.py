@@ -46,6 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words = list(sys.argv[1:] if arguments is None else arguments)
         code = application(args=words or ["--help"], prog_name="rsgen", standalone_mode=False)
         sys.stdout.flush()
+        if code == INTERRUPTED:
+            # the command line library has turned Ctrl-C into this code without a word
+            raise KeyboardInterrupt
     except CaseError as fault:
         print_faults(fault.faults)
         code = FAULTY

@@ -14,6 +14,7 @@ from types import FrameType
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
+from rsgen.study.folder import recover
 from rsgen.study.one import CaseRun, check_place, current_result, run_case
 
 __all__ = ["run_cases"]
@@ -26,9 +27,6 @@ def _prepare_worker(workers: int) -> None:
     share = str(max(1, (os.cpu_count() or 1) // workers))
     for variable in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, share)
-    # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
     # a worker whose parent was killed would wait for ever
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -51,6 +49,10 @@ def _end_with_parent() -> None:
 
 
 def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) -> CaseRun | None:
+    # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers. Set for
+    # each case, because executing a notebook sets both back
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
     _working.set()
     try:
         return run_case(path, out, force=True, data=data, command=command)
@@ -60,8 +62,10 @@ def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) ->
         _working.clear()
 
 
-def _sort(paths: Iterable[Path], out: Path, force: bool, data: Path | None, finished: Report) -> list[Path]:
-    """Report faulty and finished cases at once; give the paths of those that must be run."""
+def _sort(
+    paths: Iterable[Path], out: Path, force: bool, data: Path | None, finished: Report
+) -> dict[Path, str]:
+    """Report faulty and finished cases at once; give paths and names of those that must be run."""
     cases: list[Case] = []
     for path in paths:
         try:
@@ -73,7 +77,7 @@ def _sort(paths: Iterable[Path], out: Path, force: bool, data: Path | None, fini
         except RsgenError as fault:
             finished(CaseRun(path, path.stem, faults=(str(fault),)))
     clashes = name_clashes(cases)
-    todo = []
+    todo: dict[Path, str] = {}
     for case in cases:
         earlier = None if force else current_result(case, out)
         if case.path in clashes:
@@ -81,12 +85,17 @@ def _sort(paths: Iterable[Path], out: Path, force: bool, data: Path | None, fini
         elif earlier is not None:
             finished(earlier)
         else:
-            todo.append(case.path)
+            todo[case.path] = case.name
     return todo
 
 
 def _spread(
-    todo: list[Path], out: Path, data: Path | None, command: tuple[str, ...], workers: int, finished: Report
+    todo: dict[Path, str],
+    out: Path,
+    data: Path | None,
+    command: tuple[str, ...],
+    workers: int,
+    finished: Report,
 ) -> None:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker, initargs=(workers,))
@@ -110,6 +119,9 @@ def _spread(
         for process in list((pool._processes or {}).values()):
             process.terminate()
         pool.shutdown(wait=True, cancel_futures=True)
+        for name in todo.values():
+            # what a worker had no time to remove
+            recover(out, name)
         raise
     pool.shutdown(wait=True)
 
