@@ -212,7 +212,7 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
         }
         fault: str | None = None
         try:
-            client.execute(cwd=str(folder), env=surroundings)
+            client.execute(cwd=str(folder), env=surroundings, cleanup_kc=True)
         except CellExecutionError as error:
             fault = f"{error.ename}: {error.evalue}"
         except (CellTimeoutError, DeadKernelError, RuntimeError) as error:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.case import Case
@@ -65,6 +66,11 @@ def _row(row: Row) -> dict[str, Any]:
     }
 
 
+def _written(formula: sympy.Expr) -> str | None:
+    """Write a formula in rsgen's language; None where an integral remains, which the language has not."""
+    return None if formula.has(sympy.Integral) else write(formula)
+
+
 def _elements(case: Case) -> list[dict[str, Any]]:
     entries = []
     for element in case.model.elements:
@@ -73,8 +79,8 @@ def _elements(case: Case) -> list[dict[str, Any]]:
             {
                 "name": element.name,
                 "force": write(element.force),
-                "stiffness": write(function.stiffness),
-                "damping": write(function.damping),
+                "stiffness": _written(function.stiffness),
+                "damping": _written(function.damping),
                 "closed_form": function.closed_form,
                 "checked_to": _finite(function.checked_to),
             }
