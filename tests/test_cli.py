@@ -132,6 +132,14 @@ def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["parameters"] == ["c2", "k1", "kn1"]
 
 
+def test_derive_without_closed_form(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", "k*tanh(x/b)", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["closed_form"] is False
+    assert answer["stiffness"] is None
+    assert answer["damping"] == "0"
+
+
 def test_derive_reads_as_a_person_writes(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("derive", "k1*x + kn1*x**3") == 0
     assert "k1 + 3/4 kn1 X^2" in capsys.readouterr().out

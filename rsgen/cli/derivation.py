@@ -20,6 +20,15 @@ def _derivation(expression: str) -> tuple[Any, Any, float]:
     return element, function, time.perf_counter() - started
 
 
+def _written(formula: Any) -> str | None:
+    """Write a formula in rsgen's language; None where an integral remains, which the language has not."""
+    from sympy import Integral
+
+    from rsgen.expression import write
+
+    return None if formula.has(Integral) else write(formula)
+
+
 def derive_command(expression: str, json: bool, latex: bool) -> int:
     """Print law, stiffness, damping, mean balance, regimes, limits and proof."""
     from rsgen import notation
@@ -30,10 +39,10 @@ def derive_command(expression: str, json: bool, latex: bool) -> int:
         print_json(
             {
                 "force": write(element.force),
-                "stiffness": write(function.stiffness),
-                "damping": write(function.damping),
-                "mean_balance": write(function.mean_balance),
-                "mean": None if function.mean is None else write(function.mean),
+                "stiffness": _written(function.stiffness),
+                "damping": _written(function.damping),
+                "mean_balance": _written(function.mean_balance),
+                "mean": None if function.mean is None else _written(function.mean),
                 "closed_form": bool(function.closed_form),
                 "checked_to": function.checked_to,
                 "parameters": list(element.parameters),
