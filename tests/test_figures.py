@@ -177,7 +177,7 @@ def test_engineering_scale_keeps_the_value(value: float, unit: str) -> None:
     scale = choose_scale([value, -value / 3, np.nan], unit)
     assert np.log10(scale.factor) % 3 == pytest.approx(0, abs=1e-9)
     shown = value / scale.factor
-    prefixes = {"m": 1e-12, "N": 1e-9, "N/m": 1e-3, "N*s/m": 1e-6, "kg": 1e-9}
+    prefixes = {"m": 1e-12, "N": 1e-12, "N/m": 1e-6, "N*s/m": 1e-12, "kg": 1e-12}
     if value >= prefixes[unit]:
         assert shown >= 0.999
 

@@ -147,7 +147,7 @@ def render_page(
         "name": case.name,
         "source": case.source,
         "contents": _CONTENTS,
-        "passed": comparison.passed,
+        "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
         "verdict": verdict_sentence(comparison),
         "outcome": identification.outcome,
         "verdict_table": verdict_table(comparison),
