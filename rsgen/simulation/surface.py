@@ -8,6 +8,7 @@ import numpy as np
 
 from rsgen.errors import RsgenError
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
 from rsgen.simulation.test import SimulatedTest
 from rsgen.simulation.time_integration import integrate
@@ -41,9 +42,10 @@ def simulate(
     RsgenError
         The test asks for a combination that does not exist.
     """
-    if test.control == "response" or test.method == "harmonic-balance":
-        raise RsgenError(f"test: method {test.method!r} with control {test.control!r} is not there yet")
-    states = integrate(oscillator, test, progress)
+    if test.control == "response":
+        raise RsgenError("test.control: 'response' is not there yet")
+    solve = balance_grid if test.method == "harmonic-balance" else integrate
+    states = solve(oscillator, test, progress)
     level = np.repeat(test.level, len(test.frequency))
     surface = ResponseSurface(
         level=level,

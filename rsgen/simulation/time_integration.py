@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,7 @@ def _from_rest(
         )
         if progress is not None:
             progress(min(low + _POINTS_A_REPORT, len(force)) / len(force))
-    return _ordered(parts, np.arange(len(force)))
+    return SteadyStates.joined(parts)
 
 
 def _sweep(
@@ -71,11 +70,4 @@ def _sweep(
     rank = np.empty(len(order), dtype=np.intp)
     rank[order] = np.arange(len(order))
     levels = np.arange(len(test.level))
-    return _ordered(parts, (rank[None, :] * len(levels) + levels[:, None]).ravel())
-
-
-def _ordered(parts: list[SteadyStates], order: NDArray[np.intp]) -> SteadyStates:
-    names = [entry.name for entry in fields(SteadyStates)]
-    return SteadyStates(
-        **{name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names}
-    )
+    return SteadyStates.joined(parts, (rank[None, :] * len(levels) + levels[:, None]).ravel())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -52,3 +53,10 @@ class SteadyStates:
     def settled(self) -> NDArray[np.bool_]:
         """(n,) True where the response repeats with the period of the force."""
         return np.equal(self.outcome, 0)
+
+    @classmethod
+    def joined(cls, parts: Sequence[SteadyStates], order: NDArray[np.intp] | None = None) -> SteadyStates:
+        """Put parts one after the other, then take the points in an order."""
+        names = [entry.name for entry in fields(cls)]
+        whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(**(whole if order is None else {name: array[order] for name, array in whole.items()}))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -74,7 +72,7 @@ def solve_steady_states(
         )
         for part in parts
     ]
-    return done[0] if len(done) == 1 else _join(done)
+    return done[0] if len(done) == 1 else SteadyStates.joined(done)
 
 
 def _check(
@@ -110,8 +108,3 @@ def _solve_batch(
     return SteadyStates(
         refined.harmonics, refined.peak, state, refined.residual, refined.outcome, refined.error
     )
-
-
-def _join(parts: list[SteadyStates]) -> SteadyStates:
-    names = [entry.name for entry in fields(SteadyStates)]
-    return SteadyStates(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

@@ -1,0 +1,305 @@
+"""Harmonic balance by alternating between frequency and time: the oracle that shares nothing with the kernel.
+
+The displacement is a sum of harmonics; the law is evaluated on its waveform and projected back; Newton's
+method makes the balance of every harmonic vanish. Good where few harmonics say all, poor where a law jumps: a
+jump in v leaves errors of the order of 1/H^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.describing.compiled import Numeric, compiled
+from rsgen.errors import RsgenError
+from rsgen.expression import symbol
+from rsgen.oscillator import Oscillator
+from rsgen.simulation.test import SimulatedTest
+from rsgen.steady_state import SteadyStates
+
+__all__ = ["balance_grid", "solve_harmonic_balance"]
+
+Floats = NDArray[np.float64]
+
+_ITERATIONS = 40
+_CONVERGED = 1e-12  # last Newton correction, of the amplitude
+_SAMPLES_A_HARMONIC = 16  # of the waveform: polynomials to the power 15 are projected without aliasing
+_CHUNK = 512  # points solved at once: bounds the memory of the Jacobians
+_HALVINGS = 6  # of a Newton step that does not bring the balance down
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Basis:
+    """Waveforms from coefficients q = (X0, Re X1, -Im X1, Re X2, ...): x = displacement @ q and so on.
+
+    A product g(phase) x has the coefficients M q, where M takes the Fourier coefficients of g at the sums and
+    the differences of the orders: ``same`` and ``sum`` are their places, with a sign each. ``turn`` @ q are
+    the coefficients of the derivative by the phase.
+    """
+
+    displacement: Floats
+    velocity: Floats
+    order: Floats
+    turn: Floats
+    same: NDArray[np.intp]
+    sum: NDArray[np.intp]
+    same_sign: Floats
+    sum_sign: Floats
+
+    @property
+    def samples(self) -> int:
+        return len(self.displacement)
+
+
+@lru_cache(maxsize=8)
+def _basis(harmonics: int) -> _Basis:
+    samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), 256)
+    phase = 2 * np.pi * np.arange(samples) / samples
+    shape = np.ones((samples, 2 * harmonics + 1))
+    rate = np.zeros((samples, 2 * harmonics + 1))
+    order = np.zeros(2 * harmonics + 1)
+    for h in range(1, harmonics + 1):
+        shape[:, 2 * h - 1], shape[:, 2 * h] = np.cos(h * phase), np.sin(h * phase)
+        rate[:, 2 * h - 1], rate[:, 2 * h] = -h * np.sin(h * phase), h * np.cos(h * phase)
+        order[2 * h - 1 : 2 * h + 1] = h
+    turn = np.zeros((len(order), len(order)))
+    for h in range(1, harmonics + 1):
+        turn[2 * h - 1, 2 * h], turn[2 * h, 2 * h - 1] = h, -h
+    is_sine = (np.arange(len(order)) > 0) & (np.arange(len(order)) % 2 == 0)
+    whole = order.astype(np.intp)
+    difference = whole[None, :] - whole[:, None]
+    row, column = is_sine[:, None], is_sine[None, :]
+    mixed = row != column
+    # cos a cos b, sin a sin b: cosines of a - b and a + b; mixed: sines
+    sines = np.where(mixed, 2 * harmonics + 1, 0)
+    same_sign = np.where(mixed, np.sign(difference) * np.where(column, 1, -1), 1)
+    sum_sign = np.where(row & column, -1, 1)
+    half = np.where(whole == 0, 0.5, 1.0)[:, None]
+    return _Basis(
+        shape,
+        rate,
+        order,
+        turn,
+        np.abs(difference) + sines,
+        whole[None, :] + whole[:, None] + sines,
+        0.5 * half * same_sign,
+        0.5 * half * sum_sign,
+    )
+
+
+def _project(basis: _Basis, waveform: Floats) -> Floats:
+    """Coefficients (n, 2H+1) of waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : int(basis.order[-1]) + 1] * (2 / basis.samples)
+    return _to_coefficients(spectrum / np.where(np.arange(spectrum.shape[1]) == 0, 2, 1))
+
+
+def _product(basis: _Basis, waveform: Floats) -> Floats:
+    """Matrices (n, 2H+1, 2H+1) that multiply by waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : 2 * int(basis.order[-1]) + 1] * (2 / basis.samples)
+    parts = np.hstack([spectrum.real, -spectrum.imag])
+    matrix: Floats = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
+    return matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Law:
+    """n(x, v) and its two slopes as numpy functions, mass included."""
+
+    mass: float
+    functions: Numeric
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, oscillator: Oscillator) -> _Law:
+        x, v = symbol("x"), symbol("v")
+        law = oscillator.force
+        slopes = (law, _slope(law, x), _slope(law, v))
+        names = oscillator.parameters
+        functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
+        return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
+
+    def __call__(self, x: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        n, by_x, by_v = self.functions(x, v, *self.values)
+        return n + 0 * x, by_x + 0 * x, by_v + 0 * x
+
+
+def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
+    """The derivative between jumps: the impulse at a jump is left out, Newton's method does without."""
+    slope = sympy.diff(law, variable)
+    return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
+
+
+def _balance(law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    """Residual (n, 2H+1) [N] and Jacobian (n, 2H+1, 2H+1) [N/m] of the balance of every harmonic."""
+    x = q @ basis.displacement.T
+    v = omega[:, None] * (q @ basis.velocity.T)
+    force, by_x, by_v = law(x, v)
+    inertia = law.mass * (omega[:, None] * basis.order) ** 2
+    residual = _project(basis, force) - inertia * q - load
+    jacobian = _product(basis, by_x) + _product(basis, omega[:, None] * by_v) @ basis.turn
+    jacobian[:, np.arange(len(basis.order)), np.arange(len(basis.order))] -= inertia
+    return residual, jacobian
+
+
+def _newton(
+    law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
+    q = q.copy()
+    done = np.zeros(len(q), dtype=bool)
+    active = np.arange(len(q))
+    smallest = 1e-9 * np.linalg.norm(load, axis=1) / (law.mass * omega**2)
+    for _ in range(_ITERATIONS):
+        residual, jacobian = _balance(law, basis, q[active], load[active], omega[active])
+        here = np.linalg.norm(residual, axis=1)
+        try:
+            step = -np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            break
+        size = np.linalg.norm(q[active], axis=1) + smallest[active]
+        done[active] = np.linalg.norm(step, axis=1) <= _CONVERGED * size
+        factor = np.ones(len(active))
+        for _ in range(_HALVINGS):
+            trial, _ = _balance(law, basis, q[active] + factor[:, None] * step, load[active], omega[active])
+            worse = ~(np.linalg.norm(trial, axis=1) <= here * (1 + 1e-9)) & ~done[active]
+            if not worse.any():
+                break
+            factor[worse] /= 2
+        q[active] += factor[:, None] * step
+        active = active[~done[active]]
+        if not len(active):
+            break
+    return q, done
+
+
+def _to_harmonics(q: Floats) -> NDArray[np.complex128]:
+    return np.hstack([q[:, :1].astype(np.complex128), q[:, 1::2] - 1j * q[:, 2::2]])
+
+
+def _to_coefficients(harmonics: NDArray[np.complex128]) -> Floats:
+    q = np.empty((len(harmonics), 2 * harmonics.shape[1] - 1))
+    q[:, 0], q[:, 1::2], q[:, 2::2] = harmonics[:, 0].real, harmonics[:, 1:].real, -harmonics[:, 1:].imag
+    return q
+
+
+def solve_harmonic_balance(
+    oscillator: Oscillator,
+    force: ArrayLike,
+    frequency: ArrayLike,
+    *,
+    harmonics: int = 7,
+    guess: NDArray[np.complex128] | None = None,
+) -> SteadyStates:
+    """Find steady states by harmonic balance; stable or not, near the guess.
+
+    Parameters
+    ----------
+    oscillator
+        The structure.
+    force
+        (n,) complex amplitude F [N].
+    frequency
+        (n,) [Hz].
+    harmonics
+        H, how many harmonics are balanced besides the mean.
+    guess
+        (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
+        at rest, damped enough to be finite.
+
+    Returns
+    -------
+    SteadyStates
+        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); it shows
+        what more harmonics would say. ``error`` is not known.
+    """
+    F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
+    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    law, basis = _Law.of(oscillator), _basis(harmonics)
+    load = np.zeros((len(F), 2 * harmonics + 1))
+    load[:, 1], load[:, 2] = F.real, -F.imag
+    q = _linear_guess(law, F, omega, harmonics) if guess is None else _to_coefficients(guess)
+    parts = [slice(low, low + _CHUNK) for low in range(0, len(F), _CHUNK)]
+    solved = [_newton(law, basis, q[part], load[part], omega[part]) for part in parts]
+    q = np.concatenate([entry[0] for entry in solved])
+    done = np.concatenate([entry[1] for entry in solved])
+    return _states(law, basis, q, F, omega, done)
+
+
+def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics: int) -> Floats:
+    tiny = np.array([1e-12])
+    _, stiffness, damping = law(tiny, tiny)
+    impedance = stiffness - law.mass * omega**2 + 1j * omega * damping
+    # an undamped start would be infinite at resonance
+    impedance += 0.02j * law.mass * omega**2
+    guess = np.zeros((len(F), harmonics + 1), dtype=np.complex128)
+    guess[:, 1] = F / impedance
+    return _to_coefficients(guess)
+
+
+def _states(
+    law: _Law, basis: _Basis, q: Floats, F: NDArray[np.complex128], omega: Floats, done: NDArray[np.bool_]
+) -> SteadyStates:
+    x = q @ basis.displacement.T
+    v = omega[:, None] * (q @ basis.velocity.T)
+    n, _, _ = law(x, v)
+    acceleration = -(omega[:, None] ** 2) * ((q * basis.order**2) @ basis.displacement.T)
+    phase = 2 * np.pi * np.arange(basis.samples) / basis.samples
+    applied = F.real[:, None] * np.cos(phase) - F.imag[:, None] * np.sin(phase)
+    rest = law.mass * acceleration + n - applied
+    left = np.linalg.norm(rest, axis=1) / np.sqrt(basis.samples) / np.abs(F)
+    harmonics = _to_harmonics(q)
+    harmonics[~done] = complex(np.nan, np.nan)
+    peak = np.where(done[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan)
+    return SteadyStates(
+        harmonics=harmonics,
+        peak=peak,
+        state=np.column_stack([x[:, 0], v[:, 0]]),
+        residual=left,
+        outcome=np.where(done, 0, 1).astype(np.int8),
+        error=np.full(len(F), np.nan),
+    )
+
+
+def balance_grid(
+    oscillator: Oscillator, test: SimulatedTest, progress: Callable[[float], None] | None
+) -> SteadyStates:
+    """Solve the grid of a test by harmonic balance, ordered level by level.
+
+    With sweep "rest" every point starts from its linear response; with "up" or "down" from its neighbour.
+    Harmonic balance does not tell stable answers from unstable ones.
+    """
+    if test.control == "response":
+        raise RsgenError("test.control: 'response' needs test.method 'time'")
+    levels, columns = len(test.level), len(test.frequency)
+    if test.sweep == "rest":
+        force, frequency = np.repeat(test.level, columns), np.tile(test.frequency, levels)
+        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics)
+    order = np.argsort(test.frequency)[:: 1 if test.sweep == "up" else -1]
+    guess: NDArray[np.complex128] | None = None
+    parts = []
+    for done, column in enumerate(order, 1):
+        frequency = np.full(levels, test.frequency[column])
+        states = _near(oscillator, test, frequency, guess)
+        guess = np.where(np.isfinite(states.harmonics), states.harmonics, 0)
+        parts.append(states)
+        if progress is not None:
+            progress(done / columns)
+    rank = np.argsort(order)
+    return SteadyStates.joined(parts, (rank[None, :] * levels + np.arange(levels)[:, None]).ravel())
+
+
+def _near(
+    oscillator: Oscillator, test: SimulatedTest, frequency: Floats, guess: NDArray[np.complex128] | None
+) -> SteadyStates:
+    """Solve near the last frequency; where that branch has ended, from the linear response."""
+    H = test.harmonics
+    states = solve_harmonic_balance(oscillator, test.level, frequency, harmonics=H, guess=guess)
+    if states.settled.all() or guess is None:
+        return states
+    fresh = solve_harmonic_balance(oscillator, test.level, frequency, harmonics=H)
+    n = len(states)
+    return SteadyStates.joined([states, fresh], np.arange(n) + n * ~states.settled)
