@@ -30,14 +30,15 @@ _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A finished case: its folder and its result.json."""
+    """A finished case: its folder and its result.json; forces count where the case judges them."""
 
     folder: Path
     result: dict[str, Any]
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        return [*self.result["parameters"], *self.result.get("forces", [])]
+        judged = [row for row in self.result.get("forces", []) if row.get("tolerance") is not None]
+        return [*self.result["parameters"], *judged]
 
     @property
     def status(self) -> str:
@@ -91,6 +92,7 @@ def _context(entry: _Entry, number: int) -> dict[str, Any]:
         "points": points["points"],
         "origin": points["origin"],
         "thumbnail": _thumbnail(entry, number),
+        "warnings": len(entry.result.get("warnings", [])),
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
         "rows": [
             {

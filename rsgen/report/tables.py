@@ -90,7 +90,8 @@ def verdict_table(comparison: Comparison) -> Table:
     columns = ["Parameter", *(["True"] if known else []), "Paper", "First order", "Refined, 95 % interval"]
     columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
     columns += ["Verdict"] if judged else []
-    rows = tuple(_verdict_row(row, known, judged) for row in comparison.rows)
+    shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
+    rows = tuple(_verdict_row(row, known, judged) for row in shown)
     caption = "True against identified values" if known else "Identified values; no truth is known"
     return Table(caption, tuple(columns), rows)
 
