@@ -152,7 +152,7 @@ def fit_balance(
 
     first = np.append(values, mass) if mass_free else np.array(values)
     own = np.stack([np.log(points.amplitude), np.zeros(len(points))], axis=1)
-    regression = fit(linearise, first, own, reject=reject, steps=steps)
+    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=points.neighbours)
     balance = predict(regression.parameters, regression.own)
     found = regression.parameters
     return FittedModel(

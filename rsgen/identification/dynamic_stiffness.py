@@ -26,6 +26,12 @@ _SEARCH_POINTS = 120
 _TRIALS = 400
 _STARTS = 4
 _SAMPLES = 64
+_SIGNIFICANT = 25.0
+"""Gain in the sum of squares, in units of the noise, that a nonlinear parameter must bring to count."""
+
+_SOLVER = 1e-6
+"""Relative misfit that the simulator itself may leave."""
+
 _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
 
@@ -73,7 +79,7 @@ class Equations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearSolution:
-    """Values of all parameters, the mass, the relative misfit, and the covariance of (values, mass if free)."""
+    """Values of all parameters, mass, relative misfit, and covariance of (values, mass if free)."""
 
     values: Array
     mass: float
@@ -214,11 +220,23 @@ def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
         found, cost = _polish(residual, start)
         if cost < lowest * (1 - 1e-9):
             best, lowest = found, cost
-    return best
+    rows = len(residual(best))
+    equal = lowest * (1 + _SIGNIFICANT / rows) + rows * _SOLVER**2
+    candidates = np.flatnonzero(costs <= equal)
+    for i in candidates[np.argsort(np.abs(trials[candidates]).max(axis=1), kind="stable")]:
+        # as good without the switch ever acting: then the test does not tell it, and no number is to be found
+        if _missing(equations, law, mass, trials[i]) > _missing(equations, law, mass, best):
+            return np.asarray(trials[i])
+    return np.asarray(best)
+
+
+def _missing(equations: Equations, law: ForceLaw, mass: float | None, trial: Array) -> int:
+    """How many directions the linear parameters do not tell at a trial."""
+    return int(solve_scaled(*_rows(equations, law, mass, trial))[2].shape[1])
 
 
 def _active_values(equations: Equations, law: ForceLaw, which: int) -> Array:
-    """Values of one nonlinear parameter between which the shape of the law changes; both signs, log-spaced."""
+    """Values of one nonlinear parameter between which the law changes its shape; both signs."""
     some = equations.select(np.linspace(0, len(equations.omega) - 1, 8).round().astype(np.intp))
     generator = np.random.default_rng(which)
     size = np.logspace(-_DECADES, _DECADES, 2 * _DECADES * _PER_DECADE + 1)
@@ -291,5 +309,7 @@ def _polish(residual: Callable[[Array], Array], start: Array) -> tuple[Array, fl
         return residual(sign * np.exp(logs))
 
     logs = np.log(np.abs(start))
-    result = least_squares(logarithmic, logs, diff_step=1e-5, x_scale=0.1, max_nfev=25, xtol=1e-10)
+    result = least_squares(
+        logarithmic, logs, diff_step=[1e-5] * len(logs), x_scale=0.1, max_nfev=25, xtol=1e-10
+    )
     return sign * np.exp(result.x), float(2 * result.cost)

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import sympy
 from numpy.typing import NDArray
-
 from sympy.printing.numpy import SciPyPrinter
 
 from rsgen.element import Piece, normal_form
+from rsgen.expression import symbol
 
 __all__ = ["ForceLaw", "ForceSample", "compile_law"]
 
@@ -31,13 +31,20 @@ _MOST_LINEAR_SETS = 12
 """Above so many parameters the linear ones are chosen greedily instead of by trying every set."""
 
 
-class _Printer(SciPyPrinter):  # type: ignore[misc]
-    """Whole powers as products: ten times quicker for arrays than a general power."""
+def _printer() -> Any:
+    """Print whole powers as products: ten times quicker for arrays than a general power."""
+    printer = SciPyPrinter(
+        {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True}
+    )
+    general = printer._print_Pow
 
-    def _print_Pow(self, expr: sympy.Pow, **settings: Any) -> str:  # noqa: N802 - the name sympy calls
-        if expr.base.is_Symbol and expr.exp.is_Integer and 2 <= expr.exp <= _WHOLE_POWERS:
-            return "(" + "*".join([self._print(expr.base)] * int(expr.exp)) + ")"
-        return str(super()._print_Pow(expr, **settings))
+    def product(power: sympy.Pow, **settings: Any) -> str:
+        if power.base.is_Symbol and power.exp.is_Integer and 2 <= power.exp <= _WHOLE_POWERS:
+            return "(" + "*".join([printer._print(power.base)] * int(power.exp)) + ")"
+        return str(general(power, **settings))
+
+    printer._print_Pow = product
+    return printer
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,11 +188,11 @@ def _share(outputs: Sequence[Any], switch: _Step, v: Array, a: Array, step: Arra
 @lru_cache(maxsize=256)
 def compile_law(force: sympy.Expr) -> ForceLaw:
     """Compile a law for arrays, once; parameters are every symbol but x and v, sorted by name."""
-    by_name = {symbol.name: symbol for symbol in force.free_symbols}
-    x, v = by_name.pop("x", sympy.Symbol("x", real=True)), by_name.pop("v", sympy.Symbol("v", real=True))
+    by_name = {free.name: free for free in force.free_symbols}
+    x, v = (by_name.pop(name, symbol(name)) for name in ("x", "v"))
     names = tuple(sorted(by_name))
-    own = [sympy.Symbol(f"p{i}", real=True) for i in range(len(names))]
-    renamed = {by_name[name]: symbol for name, symbol in zip(names, own, strict=True)}
+    own = [symbol(f"p{i}") for i in range(len(names))]
+    renamed = {by_name[name]: place for name, place in zip(names, own, strict=True)}
     variables = [x, v, *own]
 
     pieces = normal_form(force).pieces
@@ -214,10 +221,10 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
             terms.append(_Term(value, slopes, tuple(switches.index(s.function) for s in piece.switches)))
 
     plain_terms = [piece.term.subs(renamed) for piece in pieces]
-    thresholds = {symbol for function in switches for symbol in function.subs(renamed).free_symbols}
+    thresholds = {free for function in switches for free in function.subs(renamed).free_symbols}
     linear = _jointly_linear(plain_terms, own, thresholds)
     function = sympy.lambdify(
-        variables, outputs, modules=[{"functools": functools}, "scipy", "numpy"], cse=True, printer=_Printer
+        variables, outputs, modules=[{"functools": functools}, "scipy", "numpy"], cse=True, printer=_printer()
     )
     law = ForceLaw(
         parameters=names,
@@ -239,10 +246,10 @@ def _onset(piece: Piece) -> tuple[bool, bool]:
     """Tell whether a piece sets in with a jump, with a corner; where that cannot be told, with both."""
     if not piece.switches:
         return False, False
-    if len(piece.switches) > 1 or piece.switches[0].variable is None:
+    switch = piece.switches[0]
+    if len(piece.switches) > 1 or switch.variable is None:
         return True, True
-    (switch,) = piece.switches
-    variable = next(symbol for symbol in switch.function.free_symbols if symbol.name == switch.variable)
+    variable = symbol(switch.variable)
     onset = [piece.term, piece.term.diff(variable)]
     values = [term.subs(variable, switch.threshold) for term in onset]
     # 0**(q - 1) with q unknown: an exponent is taken to be above one, as a lower one would be seen as a jump

@@ -87,8 +87,8 @@ def find_warnings(
     noise = refined.regression.noise
     if noise > _NOTICEABLE and _neighbour_correlation(points, refined, used) > _SYSTEMATIC:
         sentences.append(
-            f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, not "
-            "noise; intervals are too narrow, try another law"
+            f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, "
+            "not noise; intervals are too narrow, try another law"
         )
     sentences += _data_warnings(points, law, resonances)
     return tuple(sentences)
@@ -103,14 +103,15 @@ def _data_warnings(points: Points, law: ForceLaw, resonances: tuple[Resonance, .
         if higher[strongest] > _STRONG:
             order = 2 + int(np.argmax(np.abs(points.harmonics[strongest, 2:])))
             sentences.append(
-                f"harmonic {order} reaches {higher[strongest]:.0%} of the fundamental (at {points.level[strongest]:g} N, "
+                f"harmonic {order} reaches {higher[strongest]:.0%} of the fundamental (at "
+                f"{points.level[strongest]:g} N, "
                 f"{points.omega[strongest] / 2 / np.pi:.4g} Hz): first-order estimates are biased there"
             )
     drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
     if law.odd and drift > _DRIFT:
         sentences.append(
-            f"the mean displacement is {drift:.0%} of the amplitude, but the law is symmetric: an unsymmetric "
-            "part is missing or the sensor drifts"
+            f"the mean displacement is {drift:.0%} of the amplitude, but the law is symmetric: an "
+            "unsymmetric part is missing or the sensor drifts"
         )
     jumps = sum(resonance.jump for resonance in resonances)
     if jumps:
@@ -127,8 +128,8 @@ def _data_warnings(points: Points, law: ForceLaw, resonances: tuple[Resonance, .
         )
     if few:
         sentences.append(
-            f"{few} of {len(resonances)} runs have fewer than {_FEW} points within the width of the resonance: "
-            "damping rests on little there"
+            f"{few} of {len(resonances)} runs have fewer than {_FEW} points within the width of the "
+            "resonance: damping rests on little there"
         )
     return sentences
 
@@ -152,13 +153,10 @@ def _neighbour_correlation(points: Points, refined: FittedModel, used: NDArray[n
     """Correlation of the signed misfit of the force between neighbours in frequency of one run."""
     rotated = points.force * np.exp(-1j * refined.turn)
     misfit = (rotated - refined.force) / np.abs(points.force)
-    order = np.lexsort((points.omega, points.sweep, points.level))
-    order = order[used[order] & np.isfinite(misfit[order])]
-    same = (points.level[order][1:] == points.level[order][:-1]) & (
-        points.sweep[order][1:] == points.sweep[order][:-1]
-    )
-    first, second = misfit[order][:-1][same], misfit[order][1:][same]
-    power: NDArray[np.float64] = np.abs(misfit[order]) ** 2
+    pairs = points.neighbours
+    pairs = pairs[(used & np.isfinite(misfit))[pairs].all(axis=1)]
+    first, second = misfit[pairs].T
+    power: NDArray[np.float64] = np.abs(misfit[pairs]) ** 2
     if len(first) < 10 or power.sum() == 0:
         return 0.0
     return float(np.mean((first * np.conj(second)).real) / np.mean(power))

@@ -26,11 +26,14 @@ ComplexArray = NDArray[np.complex128]
 _MOVE = 1e-3
 """Relative change of the response by which derivatives are taken."""
 
+_ROUND_OFF = 1e-12
+"""Effect of a parameter, relative to the strongest, that is only round-off."""
+
 _BRANCH = 0.2
 """A prediction farther from the measured fundamental, relatively, is on another branch."""
 
 _STEEP = 20.0
-"""Points whose amplitude grows by a larger power of the force lie at a fold: the force noise decides there."""
+"""Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
 
 
 def fit_output(
@@ -104,6 +107,9 @@ def fit_output(
         by_force = np.where(good[:, None], (moved - base) / _MOVE, np.nan)
         columns = []
         for j, move in enumerate(moves):
+            if move == 0:
+                columns.append(np.zeros_like(base))
+                continue
             trial = np.array(parameters)
             trial[j] += move
             moved, good = near(solve(trial, drive, states))
@@ -122,7 +128,9 @@ def fit_output(
         turn = np.exp(-1j * (phase + own[:, 1]))
         measured = points.harmonics[:, : highest + 1] * turn[:, None] ** orders
         scale = points.amplitude
-        parts = [(points.force * turn / level, drive / level, drive / level + 0j, 1, None)]
+        parts: list[tuple[ComplexArray, ComplexArray, ComplexArray, int, ComplexArray | None]] = [
+            (points.force * turn / level, *[(drive / level).astype(np.complex128)] * 2, 1, None)
+        ]
         for h in (1, *compared):
             parts.append(
                 (
@@ -144,7 +152,7 @@ def fit_output(
         return Linearisation(residual, np.stack([own_slope, own_turn], axis=2), by)
 
     own = np.stack([np.log(level), np.zeros(len(points))], axis=1)
-    regression = fit(linearise, start.regression.parameters, own, steps=6)
+    regression = fit(linearise, start.regression.parameters, own, steps=6, neighbours=points.neighbours)
     if np.count_nonzero(regression.used) < 0.5 * len(points):
         return None
     found = regression.parameters
@@ -172,10 +180,13 @@ def _start_states(points: Points, phase: Array) -> Array:
 
 
 def _moves(start: FittedModel) -> Array:
-    """Step of each parameter that moves the response by ``_MOVE`` (root mean square over all points)."""
-    size = np.maximum(np.abs(start.regression.parameters), 1e-300)
-    strength = np.maximum(start.regression.strength, 1e-300)
-    return np.minimum(_MOVE / strength, 0.1 * size)
+    """Step of each parameter that moves the response by ``_MOVE``, root mean square over all points.
+
+    Zero where the response does not depend on the parameter: there is nothing to differentiate.
+    """
+    size, strength = np.abs(start.regression.parameters), start.regression.strength
+    acts = strength * size > _ROUND_OFF * np.max(strength * size, initial=0.0)
+    return np.where(acts, np.minimum(_MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)
 
 
 def _split(values: ComplexArray) -> Array:

@@ -58,6 +58,15 @@ class Points:
         """(n,) X [m]."""
         return np.abs(self.harmonics[:, 1])
 
+    @property
+    def neighbours(self) -> NDArray[np.intp]:
+        """(k, 2) pairs next to each other in frequency within one level and sweep."""
+        order = np.lexsort((self.omega, self.sweep, self.level))
+        same = (self.level[order][1:] == self.level[order][:-1]) & (
+            self.sweep[order][1:] == self.sweep[order][:-1]
+        )
+        return np.stack([order[:-1][same], order[1:][same]], axis=1)
+
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Points:
         """Keep some points."""
         return Points(
@@ -114,8 +123,8 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     index = np.flatnonzero(good)
     if len(index) < _FEWEST:
         raise RsgenError(
-            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, finite force "
-            f"and response); identification needs at least {_FEWEST}"
+            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, finite "
+            f"force and response); identification needs at least {_FEWEST}"
         )
     chosen = harmonics[index]
     measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))

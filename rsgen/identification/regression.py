@@ -34,6 +34,9 @@ _ROUND_OFF = 1e-12
 _OUTLYING = 3e-3
 """Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
 
+_TOGETHER = 3.0
+"""So many times more pairs of neighbouring outliers than chance would bring are no outliers."""
+
 _OUTLIERS = 0.2
 """At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
 
@@ -74,7 +77,8 @@ class Regression:
     noise
         Noise found, in units of the expected one.
     misfit
-        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN where not predicted.
+        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN where it
+        could not be predicted.
     used
         (n,) False for outliers and points that could not be predicted.
     freedom
@@ -82,7 +86,8 @@ class Regression:
     converged
         False where the steps did not become small.
     strength
-        (q,) root mean square change of the prediction by a unit of each parameter, in units of the expected noise.
+        (q,) root mean square change of the prediction by a unit of each parameter, in units of the
+        expected noise.
     """
 
     parameters: Array
@@ -105,6 +110,7 @@ def fit(
     steps: int = 25,
     small: float = 1e-12,
     reject: bool = True,
+    neighbours: NDArray[np.intp] | None = None,
 ) -> Regression:
     """Gauss-Newton with step halving on parameters and on the unknowns of every point together.
 
@@ -120,6 +126,9 @@ def fit(
         Relative step of every parameter at which the fit has converged.
     reject
         Whether outliers are set aside.
+    neighbours
+        (k, 2) pairs of points next to each other in the test. Where neighbours disagree together it is
+        the law that does not fit, and no point is set aside.
     """
     used = np.ones(len(own), dtype=bool)
     rounds = 4 if reject else 1
@@ -127,7 +136,7 @@ def fit(
     for _ in range(rounds):
         parameters, own, line, converged = _descend(linearise, parameters, own, used, steps, small)
         predicted = np.isfinite(line.residual).all(axis=1)
-        kept = (predicted & _agreeing(line, used & predicted)) if reject else predicted & used
+        kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
         same = np.array_equal(kept, used)
         used = kept
         if same:
@@ -176,8 +185,9 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
         matrix = np.where((effect > 0) & (effect < _ROUND_OFF * effect.max()), 0.0, matrix)
         norm = np.sqrt(np.sum(matrix**2, axis=0))
     scale = np.where(norm > 0, norm, 1.0)
-    triangle = np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r")
-    left, singular, across = np.linalg.svd(triangle[:, :count], full_matrices=False)
+    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r"))
+    parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
+    left, singular, across = (np.asarray(part) for part in parts)
     told = singular > _NULL * max(singular[0], 1e-300) if count else np.zeros(0, dtype=bool)
     solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
     inverse = (across[told].T / singular[told]) / scale[:, None]
@@ -205,7 +215,7 @@ def _descend(
         own_change = np.zeros_like(own)
         predicted = np.isfinite(rest).all(axis=1)
         own_change[predicted] = _least_squares(line.by_own[predicted], rest[predicted])
-        relative = np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0)
+        relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
         cost = float(np.sum(line.residual[good] ** 2))
         expected = float(np.sum((rest - np.einsum("nmk,nk->nm", line.by_own, own_change))[good] ** 2))
         gain = (cost - expected) * residual[good].size / max(expected, 1e-300)
@@ -225,7 +235,7 @@ def _descend(
                 break
         if realised < _GAIN or relative < small:
             # no better point along the step: round-off decides, or the step was already tiny
-            return parameters, own, line, realised >= 0 or relative < 1e-6 or gain < 1.0
+            return parameters, own, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
     return parameters, own, line, False
 
 
@@ -240,18 +250,27 @@ def _least_squares(matrix: Array, right: Array) -> Array:
     return np.stack([one, two], axis=1)
 
 
-def _agreeing(line: Linearisation, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _agreeing(
+    line: Linearisation, used: NDArray[np.bool_], neighbours: NDArray[np.intp] | None
+) -> NDArray[np.bool_]:
     """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
     residual, _ = _reduced(line)
     distance = np.sum(residual**2, axis=1)
     freedom = line.residual.shape[1] - 2
-    typical = np.median(distance[used]) / chdtri(freedom, 0.5) if used.any() else 1.0
-    limit = max(chdtri(freedom, 0.01 / len(distance)) * typical, _OUTLYING**2)
+    typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
+    limit = max(float(chdtri(freedom, 0.01 / len(distance))) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(_OUTLIERS * len(order))
     if most < len(order):
         limit = max(limit, float(order[most]))
-    return np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
+    agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
+    if neighbours is not None:
+        apart = ~agreeing & np.isfinite(distance)
+        together = int(np.count_nonzero(apart[neighbours].all(axis=1)))
+        share = np.count_nonzero(apart) / len(apart)
+        if together > _TOGETHER * share**2 * len(neighbours) + 2:
+            return np.ones(len(apart), dtype=bool)
+    return agreeing
 
 
 def _summary(
@@ -267,7 +286,8 @@ def _summary(
     fisher = inverse @ inverse.T * variance
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
     scores = np.einsum("nmq,nm->nq", matrix[used], residual[used]) @ inverse
-    correction = max(np.count_nonzero(used), 1) / max(np.count_nonzero(used) - count, 1)
+    points = int(np.count_nonzero(used))
+    correction = max(points, 1) / max(points - count, 1)
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * correction
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)

@@ -1,4 +1,4 @@
-"""The paper's way: the resonance of every level, the mass from the inverse receptance, points of k(X) and c(X).
+"""The paper's way: the resonance of every level, mass from the inverse receptance, points of k(X), c(X).
 
 Liu et al., Sec. 1.2. At the resonance the displacement lags a quarter period, so that Re F/X = k - m omega^2
 vanishes: k(X) = m omega_n^2 and c(X) = 2 zeta m omega_n hold for the amplitude reached there.
@@ -48,7 +48,7 @@ def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def mass_from_slices(points: Points) -> tuple[float, float] | None:
-    """Mass as the slope of the inverse receptance over omega^2 at constant amplitude, with its standard error.
+    """Mass and its standard error: slope of the inverse receptance over omega^2 at constant amplitude.
 
     A slice of constant X is a linear receptance also where the response folds (METHOD.md 4, beyond 2).
     None where too few slices cross both sides of the resonance.

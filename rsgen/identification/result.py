@@ -110,7 +110,7 @@ class Resonance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EquivalentCurve:
-    """k and c of every settled point from F/X = k - m omega^2 + i omega c: all points collapse if the law holds.
+    """k and c of every settled point: F/X = k - m omega^2 + i omega c; they collapse if the law holds.
 
     Parameters
     ----------

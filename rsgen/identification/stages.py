@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from rsgen.errors import RsgenError
 from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.dynamic_stiffness import (
     Equations,
@@ -23,6 +24,7 @@ from rsgen.identification.resonance import find_resonances, mass_from_slices
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
+from rsgen.units import parameter_units
 
 __all__ = ["identify"]
 
@@ -43,6 +45,9 @@ _NOISY = 1e-3
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
 
+_FOLLOWED = 0.9
+"""Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
+
 _GROSS = 5.0
 """Starting values give less weight to points that disagree by more than so many typical misfits."""
 
@@ -52,7 +57,7 @@ _TYPICAL = 0.04
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Values:
-    """A set of values with its covariance: the parameters of the law in order, then the mass where it is free."""
+    """Values with covariance: the parameters of the law in order, then the mass where it is free."""
 
     values: Array
     mass: float
@@ -177,7 +182,8 @@ def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel
     noise = balanced.regression.noise
     accuracy = 1e-5 if noise > _NOISY else 1e-7
     polished = fit_output(points, model, law, balanced, accuracy=accuracy)
-    if polished is None:
+    followed = np.count_nonzero(polished.regression.used) if polished is not None else 0
+    if polished is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
         return balanced
     both = polished.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (polished, balanced)]
@@ -246,6 +252,7 @@ def _estimates(found: _Values, law: ForceLaw, model: Model, reasons: dict[str, s
     names = _names(law, model)
     variance = np.diag(found.covariance)
     wide = float(stdtrit(found.freedom, 0.975))
+    units = _units(model)
     estimates = []
     for name, value, var in zip(names, values, variance, strict=True):
         told = bool(np.isfinite(var) and np.isfinite(value))
@@ -256,15 +263,18 @@ def _estimates(found: _Values, law: ForceLaw, model: Model, reasons: dict[str, s
         remark = reasons.get(name, "")
         if not told and not remark:
             remark = f"{name}: not told by the points that this method uses"
-        estimates.append(
-            Estimate(name, centre, error, interval, "kg" if name == "m" else model_unit(model, name), remark)
-        )
+        estimates.append(Estimate(name, centre, error, interval, units[name], remark))
     return tuple(estimates)
 
 
-def model_unit(model: Model, name: str) -> str:
-    """SI unit of a parameter, "" where the law does not say."""
-    return ""
+def _units(model: Model) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say."""
+    try:
+        units = parameter_units(model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be fitted all the same
+        units = dict.fromkeys(model.parameters, "")
+    return {"m": "kg", **units}
 
 
 def _curve(

@@ -2,7 +2,8 @@
 
 At a given amplitude X and frequency the balance of  m a + n(x, v) - f  in every harmonic has one solution,
 also where the response folds over the force; so it serves as forward model for measured points on any branch
-(METHOD.md 4, slices of constant amplitude). With one harmonic it is first-order harmonic balance, Eqs. (4), (5).
+(METHOD.md 4, slices of constant amplitude). With one harmonic it is first-order harmonic balance,
+Liu et al., Eqs. (4), (5).
 """
 
 from __future__ import annotations
@@ -190,7 +191,7 @@ def _tangent(
 
 
 def _real_block(matrix: tuple[ComplexArray, ComplexArray], rows: list[int], columns: list[int]) -> Array:
-    """Real form of a part of the tangent: rows and columns are real and imaginary parts, the mean real only."""
+    """Real form of a part of the tangent: real and imaginary rows and columns, of the mean the real ones."""
     direct, mirror = (part[:, rows][:, :, columns] for part in matrix)
     real = np.empty((len(direct), 2 * len(rows), 2 * len(columns)))
     real[:, 0::2, 0::2] = direct.real + mirror.real
