@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import time
@@ -122,7 +123,17 @@ def _execute(case: Case, out: Path, command: Sequence[str], test: Callable[[Case
         identification = identify(surface, case.model)
         comparison = compare(identification, case.truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
-        write_report(folder, case, surface, identification, comparison, durations=durations, command=command)
+        failed = out / f"{case.name}-failed.ipynb"
+        try:
+            write_report(
+                folder, case, surface, identification, comparison, durations=durations, command=command
+            )
+        except RsgenError:
+            # the folder goes, but whoever looks for the fault needs the notebook with its traceback
+            with contextlib.suppress(OSError):
+                (folder / "notebook.ipynb").replace(failed)
+            raise
+        failed.unlink(missing_ok=True)
         write_manifest(folder, inputs, seed, command)
     return comparison.passed
 

@@ -78,7 +78,8 @@ def _sort(
             finished(CaseRun(path, path.stem, faults=(str(fault),)))
     clashes = name_clashes(cases)
     todo: dict[Path, str] = {}
-    for case in cases:
+    # laws with many parameters take longest; begun first, they do not keep one process busy at the end
+    for case in sorted(cases, key=lambda case: -len(case.model.parameters)):
         earlier = None if force else current_result(case, out)
         if case.path in clashes:
             finished(CaseRun(case.path, case.name, faults=(clashes[case.path],)))
