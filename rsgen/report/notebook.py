@@ -242,6 +242,4 @@ def write_notebook(path: Path, case: Case, *, mean: bool = False, held_out: bool
     write: Any = nbformat.writes  # has no types
     write_atomic(path, write(notebook, version=4) + "\n")
     if fault is not None:
-        raise RsgenError(
-            f"{path.name}: {fault}; the notebook is saved with its traceback (rsgen {rsgen.__version__})"
-        )
+        raise RsgenError(f"{path.name}: {fault}; it is saved with its traceback (rsgen {rsgen.__version__})")
