@@ -1,0 +1,211 @@
+"""Generated kernels: their force is the law, their names are rsgen's own, their cache survives damage."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from rsgen.element import normal_form
+from rsgen.expression import parse, symbol
+from rsgen.kernel import compile_kernel, generate, parameter_order
+from rsgen.kernel.store import load_kernel
+
+# the same arithmetic in another order
+ROUNDING = 1e-12
+
+LAWS = [
+    "c*v + k*x + kn*x**3",
+    "c*v + k*x + kn*x**5",
+    "c*v + k*x + F_f*sign(v)",
+    "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+    "c*v + Piecewise((k6*x, x > 0), (k7*x, True))",
+    "c*v + cn*v*abs(v) + k*x + kn*x**3",
+    "a1*x + a2*x*abs(x) + a3*x**3 + a4*x**3*abs(x) + a5*x**5 + d1*v + d2*v*abs(v)",
+    "k*x + (F_f + mu*x**2)*sign(v)",
+    "k*Max(x - g, 0)**1.5 + c*v",
+    "k*abs(x)**1.5*sign(x) + c*v",
+    "k*tanh(x/d) + c*v/(1 + abs(x)/d)",
+    "k*sin(x/d) + a*sign(x + d*v)",
+    "k*exp(x/d)*x + F_f*sign(v - w)",
+]
+
+
+def _functions(force: sympy.Expr, every: bool) -> dict[str, object]:
+    return load_kernel(generate(force, locate_all=every)).py_func.__globals__
+
+
+def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str, float]) -> list[float]:
+    """The gates that belong to (x, v), read from the comments of the kernel itself."""
+    gates = []
+    for line in source.splitlines():
+        if line.startswith("# gate "):
+            text = line.split(": ", 1)[1].split(" > 0")[0]
+            names = {symbol(name): value for name, value in values.items()}
+            value = parse(text).subs({symbol("x"): x, symbol("v"): v, **names})
+            gates.append(1.0 if float(value) > 0 else 0.0)
+    return gates
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("every", [False, True], ids=["events where needed", "events everywhere"])
+def test_force_of_the_kernel_is_the_force_of_the_law(law: str, every: bool) -> None:
+    force = parse(law)
+    names = parameter_order(force)
+    random = np.random.default_rng(7)
+    values = {name: float(random.uniform(0.2, 2.0)) for name in names}
+    source = generate(force, locate_all=every)
+    # plain Python on purpose: the arithmetic is what is tested, compilation is tested by the motions
+    space: dict[str, object] = {}
+    plain = source[: source.index("\n@njit(")] + _function_text(source, "force")
+    exec(compile(plain.replace("from numba import njit", ""), "kernel", "exec"), space)
+    for _ in range(40):
+        x, v = random.uniform(-2, 2, 2)
+        point = {symbol("x"): x, symbol("v"): v} | {symbol(name): value for name, value in values.items()}
+        expected = float(force.subs(point))
+        gates = _gates(force, source, x, v, values)
+        got = space["force"](x, v, *gates, *(values[name] for name in names))
+        assert got == pytest.approx(expected, rel=ROUNDING, abs=ROUNDING)
+
+
+def _function_text(source: str, name: str) -> str:
+    tree = ast.parse(source)
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            node.decorator_list = []
+            return "\n" + ast.unparse(node)
+    raise AssertionError(name)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_names_of_the_user_never_reach_the_code(law: str) -> None:
+    force = parse(law)
+    telltale = {symbol(name): symbol(f"user_{name}") for name in parameter_order(force)}
+    tree = ast.parse(generate(force.xreplace(telltale)))
+    tree.body = tree.body[1:]  # the docstring lists them
+    assert "user_" not in ast.dump(tree)
+
+
+def test_smooth_laws_pay_nothing_for_events() -> None:
+    source = generate(parse("c*v + k*x + kn*x**3"))
+    assert "GATE" not in source
+    assert "split_step" not in source
+
+
+def test_jumps_of_the_curvature_are_located_on_demand_only() -> None:
+    law = parse("c*v*abs(v) + k*x")
+    assert "split_step" not in generate(law)
+    assert "split_step" in generate(law, locate_all=True)
+
+
+def test_only_a_jump_in_v_is_friction() -> None:
+    assert "dry friction" in generate(parse("F_f*sign(v) + k*x"))
+    assert "dry friction" in generate(parse("mu*x**2*sign(v) + k*x"))
+    assert "dry friction" not in generate(parse("F_f*sign(x) + c*v + k*x"))
+    assert "dry friction" not in generate(parse("c*Max(v, 0) + k*x"))
+
+
+def test_several_friction_terms_share_one_switch() -> None:
+    form = normal_form(parse("F_f*sign(v) + mu*x**2*sign(v) + k*x"))
+    assert len(form.switches) == 1
+
+
+def _forget(source: str) -> None:
+    march = load_kernel(source)
+    sys.modules.pop(march.py_func.__module__)
+
+
+def _one_step_further(march: object) -> np.ndarray:
+    angle = np.pi / 32 * np.arange(64)
+    state = np.zeros((1, 2))
+    march(
+        state, np.zeros((1, 2, 2)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, np.array([0.3, 40.0]),
+        np.array([np.cos(angle), np.sin(angle)]), 1, 0, 1, np.zeros((1, 0)), np.zeros((1, 2)),
+    )  # fmt: skip
+    return state
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def test_a_damaged_cache_is_rebuilt(own_cache: Path) -> None:
+    source = generate(parse("c*v + k*x")) + "\n# a kernel of this test alone\n"
+    expected = _one_step_further(load_kernel(source))
+    _forget(source)
+    for damage in ("code", "index", "source", "missing", "list"):
+        (folder,) = [path for path in own_cache.iterdir() if path.is_dir()]
+        if damage == "code":
+            (file,) = folder.rglob("*.nbc")
+            content = bytearray(file.read_bytes())
+            content[len(content) // 2] ^= 0xFF
+            file.write_bytes(content)
+        elif damage == "index":
+            (file,) = folder.rglob("*.nbi")
+            file.write_bytes(file.read_bytes()[:20])
+        elif damage == "source":
+            (folder / "kernel.py").write_text("raise SystemExit('not this')\n")
+        elif damage == "missing":
+            next(folder.rglob("*.nbc")).unlink()
+        else:
+            (folder / "checksums.json").write_text("[]")
+        assert np.array_equal(_one_step_further(load_kernel(source)), expected), damage
+        _forget(source)
+    assert not list(own_cache.glob(".building-*"))
+
+
+def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
+    source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
+    load_kernel(source)
+    (file,) = own_cache.rglob("*.nbc")
+    before = file.stat().st_mtime_ns
+    _forget(source)
+    march = load_kernel(source)
+    assert file.stat().st_mtime_ns == before
+    assert sum(march.stats.cache_hits.values()) == 1
+    _forget(source)
+
+
+def test_without_a_place_for_the_cache_kernels_still_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setenv("RSGEN_CACHE", str(occupied))
+    source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
+    assert np.isfinite(_one_step_further(load_kernel(source))).all()
+    _forget(source)
+
+
+@pytest.mark.slow
+def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
+    program = (
+        "from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "print(compile_kernel(parse('c*v + k*x')).parameters)"
+    )
+    running = [
+        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
+    (folder,) = own_cache.iterdir()
+    assert (folder / "checksums.json").is_file()
+
+
+def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
+    kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))
+    values = np.array([0.5, 0.8, 40.0])
+    omega = np.linspace(4, 9, 150)
+    force = np.full(150, 2.0 + 0.5j)
+    together = kernel.march(np.zeros((150, 2)), force, omega, 1.0, values, steps=48, periods=9).state
+    for i in (0, 71, 149):
+        alone = kernel.march(
+            np.zeros((1, 2)), force[i : i + 1], omega[i : i + 1], 1.0, values, steps=48, periods=9
+        )
+        assert np.array_equal(alone.state[0], together[i])
