@@ -26,6 +26,7 @@ EXTREMES = 8
 TERMS = 2000
 _BITS = 997  # of numerator and denominator: as many as 1e300 has
 _RADICAND_BITS = 110  # SymPy factorises what stands under a root; 30 digits are quick
+_VARYING = 1000  # SymPy works out 3**(x - n) digit by digit where it takes x for a number
 _LARGEST = 1e300
 
 _ALLOWED = (
@@ -82,11 +83,21 @@ def check_power(base: Value, exponent: Value) -> str | None:
     """What is wrong with a power before it is worked out; None where nothing is."""
     if base.expr == 0 and not (exponent.number is not None and exponent.number > 0):
         return "is a power of zero that is not defined"
+    if exponent.number is None:
+        if base.number is not None and base.number < 0:
+            return "is a negative number to a power that is not always whole; it is not real"
+        return _varying_fault(exponent.expr)
     if base.expr.is_Rational and exponent.number is not None:
         bits = max(int(base.expr.p).bit_length(), int(base.expr.q).bit_length())
         whole = exponent.expr.is_Integer
         if bits * abs(exponent.number) > _BITS or (not whole and bits > _RADICAND_BITS):
             return f"is a number with too many digits; keep it below {_LARGEST:g}"
+    return None
+
+
+def _varying_fault(exponent: sympy.Expr) -> str | None:
+    if any(abs(as_float(number)) > _VARYING for number in exponent.atoms(sympy.Rational)):
+        return f"has a number above {_VARYING} in an exponent with names; write exp(...) if it is meant"
     return None
 
 
@@ -139,6 +150,9 @@ def check_finished(expr: sympy.Expr) -> str | None:
             return fault
         if part.is_Pow and part.base == 0:
             return f"has the power {part}, which is not defined for every value"
+        fault = _varying_fault(part.exp) if part.is_Pow and part.exp.free_symbols else None
+        if fault:
+            return fault
         if not isinstance(part, _ALLOWED):
             return "is not real for every value of its names; take abs() of what stands under a root"
     return None

@@ -140,6 +140,8 @@ class Printer(ABC):
 
     def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
         product = split_product(expr)
+        if expr.is_Mul and len(expr.args) == 2 and expr.args[0] == -1 and expr.args[1].is_Add:
+            return self._sum(sympy.Add(*(-term for term in expr.args[1].args))), Level.SUM
         above, below, number = product.constants, product.constants_below, product.number
         factors = list(product.factors)
         if product.negative and self.reads_back:

@@ -225,6 +225,8 @@ class _Reader:
         if fault:
             raise self.fault(node, f"{self.snippet(node)} {fault}")
         expr = self.built(node, sympy.Pow, base.expr, exponent.expr)
+        if expr.is_Mul:  # SymPy leaves products inside this product
+            expr = sympy.Mul(*(inner for factor in expr.args for inner in sympy.Mul.make_args(factor)))
         return self.checked(node, expr, power_terms(base, exponent))
 
     def call(self, node: ast.Call, depth: int) -> Value:
