@@ -91,6 +91,7 @@ def verdict_table(comparison: Comparison) -> Table:
     columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
     columns += ["Verdict"] if judged else []
     shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
+    shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
     rows = tuple(_verdict_row(row, known, judged) for row in shown)
     caption = "True against identified values" if known else "Identified values; no truth is known"
     return Table(caption, tuple(columns), rows)
