@@ -16,13 +16,12 @@ import sympy
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.describing.compiled import Numeric, compiled
-from rsgen.errors import RsgenError
 from rsgen.expression import symbol
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 
-__all__ = ["balance_grid", "solve_harmonic_balance"]
+__all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
 
 Floats = NDArray[np.float64]
 
@@ -272,8 +271,6 @@ def balance_grid(
     With sweep "rest" every point starts from its linear response; with "up" or "down" from its neighbour.
     Harmonic balance does not tell stable answers from unstable ones.
     """
-    if test.control == "response":
-        raise RsgenError("test.control: 'response' needs test.method 'time'")
     levels, columns = len(test.level), len(test.frequency)
     if test.sweep == "rest":
         force, frequency = np.repeat(test.level, columns), np.tile(test.frequency, levels)
@@ -303,3 +300,23 @@ def _near(
     fresh = solve_harmonic_balance(oscillator, test.level, frequency, harmonics=H)
     n = len(states)
     return SteadyStates.joined([states, fresh], np.arange(n) + n * ~states.settled)
+
+
+def first_order_force(
+    oscillator: Oscillator, amplitude: Floats, omega: Floats
+) -> tuple[NDArray[np.complex128], Floats]:
+    """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic."""
+    law, basis = _Law.of(oscillator), _basis(1)
+    mean = np.zeros_like(amplitude)
+    for _ in range(_ITERATIONS):
+        q = np.column_stack([mean, amplitude, np.zeros_like(amplitude)])
+        force, by_x, _ = law(q @ basis.displacement.T, omega[:, None] * (q @ basis.velocity.T))
+        stiffness = by_x.mean(axis=1)
+        move = -force.mean(axis=1) / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
+        move = np.clip(move, -amplitude, amplitude)
+        mean = mean + move
+        if np.all(np.abs(move) <= 1e-9 * amplitude):
+            break
+    fundamental = _project(basis, force)
+    F = _to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude
+    return F, mean

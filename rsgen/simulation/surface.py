@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rsgen.errors import RsgenError
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
+from rsgen.simulation.response_control import ControlledStates, control_grid
 from rsgen.simulation.test import SimulatedTest
 from rsgen.simulation.time_integration import integrate
+from rsgen.steady_state import SteadyStates
 from rsgen.surface import ResponseSurface
 
 __all__ = ["simulate"]
@@ -35,22 +36,27 @@ def simulate(
     -------
     ResponseSurface
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
-        it with their outcome and NaN harmonics.
+        it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
+        X [m] that were held, and the error is that of the force.
 
     Raises
     ------
     RsgenError
         The test asks for a combination that does not exist.
     """
-    if test.control == "response":
-        raise RsgenError("test.control: 'response' is not there yet")
-    solve = balance_grid if test.method == "harmonic-balance" else integrate
-    states = solve(oscillator, test, progress)
     level = np.repeat(test.level, len(test.frequency))
+    frequency = np.tile(test.frequency, len(test.level))
+    states: SteadyStates | ControlledStates
+    if test.control == "force":
+        solve = balance_grid if test.method == "harmonic-balance" else integrate
+        states, force = solve(oscillator, test, progress), level.astype(np.complex128)
+    else:
+        states = control_grid(oscillator, test, progress)
+        force = states.force
     surface = ResponseSurface(
         level=level,
-        frequency=np.tile(test.frequency, len(test.level)),
-        force=level.astype(np.complex128),
+        frequency=frequency,
+        force=force,
         harmonics=states.harmonics,
         peak=states.peak,
         sweep=np.full(len(level), test.sweep),

@@ -1,0 +1,261 @@
+"""Response-controlled tests: the amplitude X is held and the force follows.
+
+F(omega, X) is single-valued where X(omega, F) folds, so nothing jumps. State and force of each point are
+found together by shooting: the motion repeats after one period, and its fundamental is X. Whether the same
+motion would survive under constant force is read from the Jacobian of the period map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.kernel import Kernel, compile_kernel
+from rsgen.oscillator import Oscillator
+from rsgen.simulation.harmonic_balance import first_order_force
+from rsgen.simulation.test import SimulatedTest
+from rsgen.steady_state.fixed_point import attraction
+
+__all__ = ["ControlledStates", "control_grid", "solve_response_control"]
+
+Floats = NDArray[np.float64]
+
+_OFFSET = 1e-6  # of X and of the typical force: neighbouring orbits
+_ITERATIONS = 25
+_LEAST_STEPS = 64
+_MOST_STEPS = 8192
+_CURVATURE = 2e-6  # as for force control: below this accuracy every kink is located
+_HALVINGS = 5
+_BATCH = 16384  # points worked on at once: bounds the memory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlledStates:
+    """Periodic motions of given fundamental amplitude; n points, H harmonics.
+
+    Parameters
+    ----------
+    force
+        (n,) complex F [N] that keeps the fundamental at X, whose phase is zero.
+    harmonics, peak, state, residual, outcome, error
+        As in ``SteadyStates``; ``error`` is that of the force, relative.
+    stable
+        (n,) True where the motion attracts its neighbours when this force is held constant.
+    """
+
+    force: NDArray[np.complex128]
+    harmonics: NDArray[np.complex128]
+    peak: Floats
+    state: Floats
+    residual: Floats
+    outcome: NDArray[np.int8]
+    error: Floats
+    stable: NDArray[np.bool_]
+
+    @classmethod
+    def joined(cls, parts: Sequence[ControlledStates]) -> ControlledStates:
+        """Put parts one after the other."""
+        names = [entry.name for entry in fields(cls)]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shooting:
+    """The four conditions on (x, v/omega, Re F / s, Im F / s) of each point, all scaled by X."""
+
+    kernel: Kernel
+    mass: float
+    values: Floats
+    amplitude: Floats
+    omega: Floats
+
+    def unit(self, points: NDArray[np.intp]) -> Floats:
+        """Force of one unit of the unknowns: what the inertia of the fundamental amplitude needs."""
+        unit: Floats = self.mass * self.omega[points] ** 2
+        return unit
+
+    def march(
+        self, points: NDArray[np.intp], w: Floats, steps: int, harmonics: int
+    ) -> tuple[Floats, NDArray[np.complex128], Floats]:
+        omega = self.omega[points]
+        state = np.column_stack([w[:, 0], w[:, 1] * omega])
+        force = _complex(w) * self.unit(points)
+        march = self.kernel.march(
+            state, force, omega, self.mass, self.values, steps=steps, periods=1, harmonics=harmonics
+        )
+        end = np.column_stack([march.state[:, 0], march.state[:, 1] / omega])
+        return end, march.harmonics, march.peak
+
+    def conditions(self, points: NDArray[np.intp], w: Floats, steps: int) -> Floats:
+        end, harmonics, _ = self.march(points, w, steps, 1)
+        X = harmonics[:, 1]
+        return np.column_stack([end - w[:, :2], X.real - self.amplitude[points], X.imag])
+
+    def linearised(self, points: NDArray[np.intp], w: Floats, steps: int) -> tuple[Floats, Floats]:
+        """Conditions (k, 4) and their Jacobian (k, 4, 4) from four neighbouring orbits."""
+        offset = _OFFSET * self.amplitude[points]
+        trials = [w] + [w + offset[:, None] * np.eye(4)[i] for i in range(4)]
+        found = np.split(self.conditions(np.tile(points, 5), np.concatenate(trials), steps), 5)
+        columns = [(there - found[0]) / offset[:, None] for there in found[1:]]
+        return found[0], np.stack(columns, axis=2)
+
+
+def _complex(w: Floats) -> NDArray[np.complex128]:
+    pair: NDArray[np.complex128] = np.ascontiguousarray(w[:, 2:]).view(np.complex128)[:, 0]
+    return pair
+
+
+def solve_response_control(
+    oscillator: Oscillator,
+    amplitude: ArrayLike,
+    frequency: ArrayLike,
+    *,
+    harmonics: int = 7,
+    accuracy: float = 1e-4,
+) -> ControlledStates:
+    """Find the force that keeps the fundamental of the displacement at an amplitude.
+
+    Parameters
+    ----------
+    oscillator
+        The structure.
+    amplitude
+        (n,) X [m], positive.
+    frequency
+        (n,) [Hz].
+    harmonics
+        H, how many harmonics of the displacement are returned besides the mean.
+    accuracy
+        Largest relative error of the force.
+
+    Raises
+    ------
+    RsgenError
+        Shapes do not fit, an amplitude or a frequency is not positive and finite.
+    """
+    X = np.atleast_1d(np.asarray(amplitude, dtype=np.float64))
+    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    if X.shape != f.shape or X.ndim != 1 or not np.all(np.isfinite(X) & (X > 0) & np.isfinite(f) & (f > 0)):
+        raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
+    kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
+    values = np.array([oscillator.values[name] for name in kernel.parameters])
+    shooting = _Shooting(kernel, oscillator.mass, values, X, 2 * np.pi * f)
+    everywhere = np.arange(len(X))
+    F, mean = first_order_force(oscillator, X, shooting.omega)
+    unit = shooting.unit(everywhere)
+    w = np.column_stack([X + mean, np.zeros_like(X), F.real / unit, F.imag / unit])
+    # overflow on the way to an answer is not an answer, and is counted as none
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _refine(shooting, w, harmonics, accuracy)
+
+
+def control_grid(
+    oscillator: Oscillator, test: SimulatedTest, progress: Callable[[float], None] | None
+) -> ControlledStates:
+    """Solve the grid of a test, ordered level by level; levels are amplitudes X [m], the sweep is no matter.
+
+    Raises
+    ------
+    RsgenError
+        The test asks for harmonic balance.
+    """
+    if test.method != "time":
+        raise RsgenError("test.method: 'harmonic-balance' has no control 'response'; must be 'time'")
+    X, f = np.repeat(test.level, len(test.frequency)), np.tile(test.frequency, len(test.level))
+    parts = []
+    for low in range(0, len(X), _BATCH):
+        part = slice(low, low + _BATCH)
+        parts.append(
+            solve_response_control(
+                oscillator, X[part], f[part], harmonics=test.harmonics, accuracy=test.accuracy
+            )
+        )
+        if progress is not None:
+            progress(min(low + _BATCH, len(X)) / len(X))
+    return ControlledStates.joined(parts)
+
+
+def _refine(shooting: _Shooting, w: Floats, H: int, accuracy: float) -> ControlledStates:
+    n = len(w)
+    result = ControlledStates(
+        force=np.full(n, complex(np.nan, np.nan)),
+        harmonics=np.full((n, H + 1), complex(np.nan, np.nan)),
+        peak=np.full((n, 2), np.nan),
+        state=np.full((n, 2), np.nan),
+        residual=np.full(n, np.nan),
+        outcome=np.ones(n, dtype=np.int8),
+        error=np.full(n, np.nan),
+        stable=np.zeros(n, dtype=bool),
+    )
+    steps = max(_LEAST_STEPS, 2 * (H + 1))
+    points = np.arange(n)
+    w, found, _ = _newton(shooting, points, w, steps, 0.1 * accuracy)
+    points, w = points[found], w[found]
+    while len(points) and steps < _MOST_STEPS:
+        steps *= 2
+        finer, found, jacobian = _newton(shooting, points, w, steps, 0.01 * accuracy)
+        coarse, points, w = w[found], points[found], finer[found]
+        change = np.hypot(w[:, 2] - coarse[:, 2], w[:, 3] - coarse[:, 3])
+        error = change / np.maximum(np.hypot(w[:, 2], w[:, 3]), np.finfo(float).tiny) / 7
+        _record(shooting, result, points, w, steps, H, error, jacobian[found])
+        points, w = points[error > accuracy], w[error > accuracy]
+    result.outcome[points] = 1
+    return result
+
+
+def _record(
+    shooting: _Shooting,
+    result: ControlledStates,
+    points: NDArray[np.intp],
+    w: Floats,
+    steps: int,
+    H: int,
+    error: Floats,
+    jacobian: Floats,
+) -> None:
+    end, waves, peak = shooting.march(points, w, steps, H)
+    result.force[points] = _complex(w) * shooting.unit(points)
+    result.harmonics[points], result.peak[points], result.error[points] = waves, peak, error
+    result.state[points] = np.column_stack([w[:, 0], w[:, 1] * shooting.omega[points]])
+    result.residual[points] = np.hypot(*(end - w[:, :2]).T) / shooting.amplitude[points]
+    result.outcome[points] = 0
+    # the first block of the Jacobian is that of P(y) - y at constant force
+    result.stable[points] = attraction(jacobian[:, :2, :2] + np.eye(2)) > 0
+
+
+def _newton(
+    shooting: _Shooting, points: NDArray[np.intp], w: Floats, steps: int, tolerance: float
+) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    w = w.copy()
+    found = np.zeros(len(points), dtype=bool)
+    jacobian = np.zeros((len(points), 4, 4))
+    active = np.arange(len(points))
+    for _ in range(_ITERATIONS):
+        mine = points[active]
+        value, slope = shooting.linearised(mine, w[active], steps)
+        jacobian[active] = slope
+        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > 1e-14)
+        active, value, slope, mine = active[sane], value[sane], slope[sane], mine[sane]
+        if not len(active):
+            break
+        move = -np.linalg.solve(slope, value[:, :, None])[:, :, 0]
+        done = np.linalg.norm(move, axis=1) <= tolerance * np.minimum(
+            shooting.amplitude[mine], np.hypot(w[active, 2], w[active, 3])
+        )
+        factor = np.ones(len(active))
+        for _ in range(_HALVINGS):
+            trial = shooting.conditions(mine, w[active] + factor[:, None] * move, steps)
+            worse = ~(np.linalg.norm(trial, axis=1) <= np.linalg.norm(value, axis=1)) & ~done
+            if not worse.any():
+                break
+            factor[worse] /= 2
+        w[active] += factor[:, None] * move
+        found[active[done]] = True
+        active = active[~done]
+        if not len(active):
+            break
+    return w, found, jacobian
