@@ -71,7 +71,7 @@ def surface(
 
 def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
     """The same surface with some columns replaced."""
-    return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)  # type: ignore[arg-type]
+    return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)
 
 
 def noisy(table: ResponseSurface, relative: float, seed: int) -> ResponseSurface:

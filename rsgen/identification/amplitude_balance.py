@@ -23,7 +23,7 @@ _ORDER_WITH_JUMPS = 3
 """Where friction holds the mass for a while, higher harmonics of a balance do not settle."""
 
 _SAMPLES_SMOOTH = 64
-_SAMPLES_SWITCHED = 256
+_SAMPLES_SWITCHED = 128
 _COARSE = 120
 """Amplitudes at which the least force that holds them is tabulated."""
 
@@ -173,8 +173,10 @@ class AmplitudeBalance:
         omega, start = self._near(size), None
         for _ in range(_ROUNDS):
             stiffness, damping, start = self._equivalent(size, omega, start)
-            room = np.maximum((level / size) ** 2 - (omega * damping) ** 2, 0.0)
-            square = (stiffness + side * np.sqrt(room)) / self._mass
+            # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 while k and c stay
+            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
+            room = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
+            square = middle + side * np.sqrt(np.maximum(room, 0.0))
             new = np.sqrt(np.where(square > 0, square, np.nan))
             change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
             omega = np.where(np.isfinite(new), new, omega)

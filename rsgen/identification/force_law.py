@@ -252,6 +252,11 @@ def _onset(piece: Piece) -> tuple[bool, bool]:
     variable = symbol(switch.variable)
     onset = [piece.term, piece.term.diff(variable)]
     values = [term.subs(variable, switch.threshold) for term in onset]
+    # a breakpoint Max(0, b) is b wherever it matters
+    values = [
+        value.replace(sympy.Max, lambda *args: sympy.Add(*args) if 0 in args else sympy.Max(*args))
+        for value in values
+    ]
     # 0**(q - 1) with q unknown: an exponent is taken to be above one, as a lower one would be seen as a jump
     values = [value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero) for value in values]
     jump, corner = (bool(value.simplify() not in (0, sympy.nan)) for value in values)

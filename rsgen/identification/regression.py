@@ -258,7 +258,7 @@ def _agreeing(
     distance = np.sum(residual**2, axis=1)
     freedom = line.residual.shape[1] - 2
     typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
-    limit = max(float(chdtri(freedom, 0.01 / len(distance))) * typical, _OUTLYING**2)
+    limit = max(float(chdtri(freedom, 1e-3 / len(distance))) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(_OUTLIERS * len(order))
     if most < len(order):

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from virtual_test import model, surface, truth
+
+from rsgen.comparison import compare
+from rsgen.errors import RsgenError
+from rsgen.identification import Identification, identify
+
+
+@pytest.fixture(scope="module")
+def combined() -> Identification:
+    return identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
+
+
+def test_rows_hold_estimates_against_truth(combined: Identification) -> None:
+    result = compare(combined, truth("combined"), {"kn": 1e-4, "m": 1e-4})
+    rows = {row.name: row for row in result.rows}
+    assert list(rows) == ["c", "cn", "k", "kn", "m", "stiffness_force", "damping_force"]
+    assert result.passed
+    assert rows["k"].relative_error == abs(rows["k"].refined.value - 5920) / 5920
+    assert rows["k"].first_order_error > rows["k"].relative_error
+    assert rows["k"].tolerance is None
+    assert rows["kn"].tolerance == 1e-4
+
+
+def test_a_missed_tolerance_fails_the_whole(combined: Identification) -> None:
+    wrong = truth("combined") | {"kn": 3.3e5}
+    result = compare(combined, wrong, {"kn": 1e-2})
+    assert not result.passed
+    assert [row.name for row in result.rows if not row.passed] == ["kn"]
+    assert next(row for row in result.rows if row.name == "kn").relative_error == pytest.approx(
+        0.0909, rel=1e-2
+    )
+
+
+def test_forces_are_judged_over_the_tested_range(combined: Identification) -> None:
+    # 10 % on the cubic term, whose share of the force at the largest X tells the deviation
+    wrong = truth("combined") | {"kn": 3.3e5}
+    row = next(
+        r for r in compare(combined, wrong, {"stiffness_force": 1e-3}).rows if r.name == "stiffness_force"
+    )
+    largest = combined.curve.amplitude[combined.curve.used].max()
+    force = 5920 * largest + 3.3e5 * largest**3
+    assert row.true == pytest.approx(force, rel=1e-12)
+    assert row.relative_error == pytest.approx(0.3e5 * largest**3 / force, rel=1e-3)
+    assert not row.passed
+    assert row.unit == "N"
+
+
+def test_without_truth_there_is_no_error_and_no_verdict(combined: Identification) -> None:
+    result = compare(combined)
+    assert result.passed
+    assert all(np.isnan(row.true) and np.isnan(row.relative_error) for row in result.rows)
+    assert len(result.rows) == 5
+
+
+def test_a_true_zero_is_judged_absolutely(combined: Identification) -> None:
+    zero = truth("combined") | {"c": 0.0}
+    row = next(row for row in compare(combined, zero).rows if row.name == "c")
+    assert row.relative_error == pytest.approx(2.0, rel=1e-4)
+
+
+def test_unknown_and_blind_names_are_refused(combined: Identification) -> None:
+    with pytest.raises(RsgenError, match="k9: not identified; allowed are c, cn, k, kn, m"):
+        compare(combined, truth("combined"), {"k9": 1e-3})
+    with pytest.raises(RsgenError, match="no truth for kn"):
+        compare(combined, {"k": 5920.0}, {"kn": 1e-3})
+    with pytest.raises(RsgenError, match="no truth for"):
+        compare(combined, {"k": 5920.0}, {"stiffness_force": 1e-3})
