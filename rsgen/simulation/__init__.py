@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from rsgen.simulation.surface import simulate
 from rsgen.simulation.test import SimulatedTest
+from rsgen.simulation.verification import Verification, verify
 
-__all__ = ["SimulatedTest", "simulate"]
+__all__ = ["SimulatedTest", "Verification", "simulate", "verify"]

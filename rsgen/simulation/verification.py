@@ -1,0 +1,103 @@
+"""Brute force on a sample: is a surface from rest what a long transient gives?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.kernel import compile_kernel
+from rsgen.oscillator import Oscillator
+from rsgen.surface import ResponseSurface
+
+__all__ = ["Verification", "verify"]
+
+_STEPS = 256
+_PERIODS = 512  # between two looks
+_LOOKS = 40
+_REPEATS = 1e-9  # of the amplitude
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verification:
+    """What brute force said about k points of a surface.
+
+    Parameters
+    ----------
+    points
+        (k,) rows of the surface.
+    difference
+        (k,) |X1 - X1 by brute force| relative to the latter; inf where only one of the two has settled.
+    periods
+        The longest transient that was carried.
+    """
+
+    points: NDArray[np.intp]
+    difference: NDArray[np.float64]
+    periods: int
+
+    @property
+    def largest(self) -> float:
+        """The largest difference."""
+        return float(self.difference.max(initial=0.0))
+
+
+def verify(
+    oscillator: Oscillator, surface: ResponseSurface, *, sample: int = 200, seed: int = 1
+) -> Verification:
+    """Integrate some points from rest until their motion repeats by itself, and compare.
+
+    Nothing is extrapolated and no steady state is solved for: only transients, with many fixed steps.
+
+    Parameters
+    ----------
+    oscillator
+        The structure that the surface was simulated with.
+    surface
+        Simulated from rest, without noise.
+    sample
+        How many points; all when there are fewer.
+    seed
+        Of the choice of points.
+
+    Raises
+    ------
+    RsgenError
+        The surface does not come from rest.
+    """
+    if not (surface.sweep == "rest").all():
+        raise RsgenError("verify: only points from rest can be found again from rest; sweep must be 'rest'")
+    choice = np.random.default_rng(seed).permutation(len(surface))[:sample]
+    points = np.sort(choice)
+    kernel = compile_kernel(oscillator.force, locate_all=True)
+    values = np.array([oscillator.values[name] for name in kernel.parameters])
+    force, omega = surface.force[points], surface.omega[points]
+    state = np.zeros((len(points), 2))
+    repeats = np.zeros(len(points), dtype=bool)
+    found = np.full(len(points), complex(np.nan, np.nan))
+    active = np.arange(len(points))
+    look = 0
+    while look < _LOOKS and len(active):
+        look += 1
+        with np.errstate(over="ignore", invalid="ignore"):
+            march = kernel.march(
+                state[active], force[active], omega[active], oscillator.mass, values,
+                steps=_STEPS, periods=_PERIODS, harmonics=1,
+            )  # fmt: skip
+            scale = np.column_stack([np.ones(len(active)), 1 / omega[active]])
+            change = np.abs((march.state - march.trail[:, 1]) * scale).max(axis=1)
+            size = np.abs(march.state * scale).max(axis=1)
+        state[active] = march.state
+        # a mass that friction holds does not move at all: nothing changes, and the size is none
+        done = change <= _REPEATS * size
+        repeats[active[done]] = True
+        found[active[done]] = march.harmonics[done, 1]
+        active = active[~done & np.isfinite(size)]
+    X = surface.harmonics[points, 1]
+    both = repeats & surface.settled[points]
+    gap, amplitude = np.abs(X - found), np.abs(found)
+    relative = np.divide(gap, amplitude, out=np.where(gap > 0, np.inf, 0.0), where=amplitude > 0)
+    difference = np.where(both, relative, np.where(repeats == surface.settled[points], 0.0, np.inf))
+    return Verification(points, difference, look * _PERIODS)
