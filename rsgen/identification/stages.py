@@ -18,6 +18,7 @@ from rsgen.identification.dynamic_stiffness import (
 )
 from rsgen.identification.force_law import ForceLaw, compile_law
 from rsgen.identification.identifiability import find_warnings, untold_reason
+from rsgen.identification.inversion import invert_curve
 from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
@@ -101,6 +102,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         for name in _names(law, model)
     }
     estimates = _estimates(_of_fit(refined), law, model, reasons)
+    curve = _curve(surface, points, used, refined.mass)
     # the expected noise has unit size in real and imaginary part each
     noise = refined.regression.noise * np.sqrt(2)
     misfit = refined.regression.misfit[refined.regression.used]
@@ -112,7 +114,8 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         first_order_bias=tuple(float(value) for value in bias),
         covariance=refined.regression.covariance,
         resonances=resonances,
-        curve=_curve(surface, model, points, used, refined.mass),
+        curve=curve,
+        restoring=invert_curve(curve, refined.mass),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
         levels=np.unique(points.level),
@@ -277,9 +280,7 @@ def _units(model: Model) -> dict[str, str]:
     return {"m": "kg", **units}
 
 
-def _curve(
-    surface: ResponseSurface, model: Model, points: Points, used: NDArray[np.bool_], mass: float
-) -> EquivalentCurve:
+def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], mass: float) -> EquivalentCurve:
     response = surface.harmonics[:, 1]
     rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
     stiffness = surface.force[rows] / response[rows]
