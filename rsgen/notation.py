@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import sympy
 
-from rsgen.expression.ordering import depends_on_state
+from rsgen.expression.ordering import depends_on_state, split_sum
 from rsgen.expression.printing import Level, Printer, decimal_text
 from rsgen.expression.writing import TextPrinter
 
@@ -54,7 +54,18 @@ class _ReadablePrinter(TextPrinter):
             for value, when in branches
         ]
 
+    def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
+        integrals, rest = _integrals_apart(above)
+        front = [super().quotient(rest, below)] if rest or below or not integrals else []
+        return self.times.join([*front, *map(self.write, integrals)])
+
     def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:
+        if _is_condition(expr):
+            return self.condition(expr), Level.ANY
+        if _is_definite(expr):
+            (variable, *limits), inside = expr.limits[0], self.write(expr.function, Level.PRODUCT)
+            low, high = (self.write(limit).replace(" ", "") for limit in limits)
+            return f"integral_{low}^{high} {inside} d{self.write(variable)}", Level.ATOM
         return str(expr), Level.ATOM if expr.is_Atom or expr.is_Function else Level.ANY
 
 
@@ -177,6 +188,12 @@ class _LatexPrinter(Printer):
         return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}", Level.ATOM
 
     def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:
+        if _is_condition(expr):
+            return self.condition(expr), Level.ANY
+        if _is_definite(expr):
+            (variable, *limits), inside = expr.limits[0], self.write(expr.function, Level.PRODUCT)
+            low, high = map(self.write, limits)
+            return rf"\int_{{{low}}}^{{{high}}} {inside}\,\mathrm{{d}}{self.write(variable)}", Level.ATOM
         return str(sympy.latex(expr)), Level.ATOM if expr.is_Atom or expr.is_Function else Level.ANY
 
 
@@ -193,11 +210,26 @@ class _FlatLatexPrinter(_LatexPrinter):
 
 def _is_wide(factor: sympy.Expr) -> bool:
     """Whether a factor is too wide or too high to stand in a fraction or an exponent."""
-    if isinstance(factor, sympy.Piecewise):
+    if isinstance(factor, sympy.Piecewise | sympy.Integral):
         return True
     return bool(
         factor.is_Add and depends_on_state(factor) and (len(factor.args) > 2 or factor.has(sympy.Function))
     ) or any(isinstance(part, sympy.Piecewise) for part in factor.args)
+
+
+def _integrals_apart(factors: Sequence[sympy.Expr]) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
+    """Separate integrals, which stand behind a fraction, from all other factors."""
+    integrals = [factor for factor in factors if isinstance(factor, sympy.Integral)]
+    return integrals, [factor for factor in factors if factor not in integrals]
+
+
+def _is_condition(expr: sympy.Basic) -> bool:
+    return isinstance(expr, sympy.Rel | sympy.And | sympy.Or)
+
+
+def _is_definite(expr: sympy.Basic) -> bool:
+    """Whether this is an integral over one variable between limits."""
+    return isinstance(expr, sympy.Integral) and [len(limit) for limit in expr.limits] == [3]
 
 
 _READABLE = _ReadablePrinter()
@@ -211,7 +243,7 @@ def readable(expr: sympy.Expr) -> str:
     Parameters
     ----------
     expr
-        Any expression.
+        Any expression, or a condition of cases; an integral over one variable may stand in it.
 
     Returns
     -------
@@ -229,16 +261,21 @@ def readable(expr: sympy.Expr) -> str:
           { k5 x  otherwise
     """
     formula = sympy.sympify(expr, strict=True)
-    terms = sympy.Add.make_args(formula)
-    pieces = [term for term in terms if isinstance(term, sympy.Piecewise)]
-    if len(pieces) != 1 or any(term.has(sympy.Piecewise) for term in terms if term is not pieces[0]):
+    if not isinstance(formula, sympy.Expr):
         return _READABLE.write(formula)
-    rest = formula - pieces[0]
-    front = f"{_READABLE.write(rest)} + " if rest != 0 else ""
-    rows = _READABLE.rows([(pair.expr, pair.cond) for pair in pieces[0].args])
-    width = max(len(value) for value, _ in rows)
-    lines = [f"{{ {value:<{width}}  {when}" for value, when in rows]
-    return front + f"\n{' ' * len(front)}".join(lines)
+    terms = sympy.Add.make_args(formula)
+    pieces = [term for term in split_sum(formula) if isinstance(term, sympy.Piecewise)]
+    if not pieces or any(term.has(sympy.Piecewise) for term in terms if term not in pieces):
+        return _READABLE.write(formula)
+    rest = sympy.Add(*(term for term in terms if term not in pieces))
+    front = f"{_READABLE.write(rest)} + " if rest != 0 else " " * 2 * (len(pieces) > 1)
+    blocks = []
+    for piece in pieces:
+        rows = _READABLE.rows([(pair.expr, pair.cond) for pair in piece.args])
+        width = max(len(value) for value, _ in rows)
+        lines = [f"{{ {value:<{width}}  {when}" for value, when in rows]
+        blocks.append(f"\n{' ' * len(front)}".join(lines))
+    return front + f"\n{'+ ':>{len(front)}}".join(blocks)
 
 
 def latex(expr: sympy.Expr) -> str:

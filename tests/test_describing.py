@@ -13,6 +13,7 @@ from rsgen.describing import compare_printed, derive
 from rsgen.describing.compiled import compiled
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import parse, symbol, write
+from rsgen.notation import latex, mathml, readable
 
 EXACT = 1e-10
 AGREES = 1e-9  # random laws against the oracle, whose own error is about 1e-12
@@ -125,6 +126,32 @@ def test_not_closed_is_said():
     assert any("quadrature" in remark for remark in derived.remarks)
 
 
+def test_what_vanishes_by_symmetry_is_closed():
+    derived = derive("tanh(x/a)*v + k*x")
+    assert derived.closed_form
+    assert derived.stiffness == symbol("k")
+    assert derived.damping == 0
+    assert derived.checked_to is not None
+    assert any("adds nothing" in remark for remark in derived.remarks)
+    assert not any("quadrature" in remark for remark in derived.remarks)
+
+
+def test_integrals_stand_behind_their_factor():
+    stiffness = derive("k*x + F*tanh(x/a)").stiffness
+    assert readable(stiffness) == "k + F/(pi X) integral_0^2pi sin(phi) tanh(X sin(phi)/a) dphi"
+    assert r"\frac{F}{\pi X}\,\int_{0}^{2 \pi}" in latex(stiffness)
+    assert "<mo>&#x0222B;</mo>" in mathml(stiffness) or "∫" in mathml(stiffness)
+
+
+def test_regimes_of_a_distance_of_either_sign():
+    regimes = [readable(regime) for regime in derive("k*Max(0, x - b)").regimes]
+    assert regimes == ["X <= X0 - b", "X <= b - X0", "X > |X0 - b|"]
+    assert [readable(regime) for regime in derive("F*sign(v - w)").regimes] == [
+        "omega X <= |w|",
+        "omega X > |w|",
+    ]
+
+
 def test_closed_formulas_parse_back():
     for law in (
         PIECEWISE,
@@ -144,7 +171,8 @@ def test_pickle_and_latex():
     again = pickle.loads(pickle.dumps(derived))
     values = {"k4": 1.0, "k5": 2.0, "b": 0.5}
     assert again.evaluate(1.0, 1.0, values) == derived.evaluate(1.0, 1.0, values)
-    assert "asin" in derived._repr_latex_()
+    assert r"k(X) &= \begin{cases} k_{4} & \text{if } X \leq b" in derived._repr_latex_()
+    assert r"c(X, \omega) &= \frac{4 F}{\pi \omega X}" in derive("F*sign(v)")._repr_latex_()
 
 
 def test_evaluate_broadcasts_and_takes_a_mean():

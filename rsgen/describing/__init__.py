@@ -9,7 +9,7 @@ the formulas of a source against ours, and ``derivation`` leads through it.
 """
 
 from rsgen.describing.derivation import derive
-from rsgen.describing.function import DescribingFunction, Equivalent
+from rsgen.describing.function import DescribingFunction, Equivalent, variables_of
 from rsgen.describing.limits import Limit
 from rsgen.describing.printed import PrintedComparison, compare_printed
 
@@ -20,4 +20,5 @@ __all__ = [
     "PrintedComparison",
     "compare_printed",
     "derive",
+    "variables_of",
 ]

@@ -11,13 +11,14 @@ import sympy
 
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction
-from rsgen.describing.limits import Limit, limit_at_infinity, limit_at_zero
+from rsgen.describing.limits import Limit, limit_at_infinity, limit_at_zero, limit_of_rest
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
 from rsgen.element import Element, NormalForm, make_element, normal_form
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
+from rsgen.notation import readable
 
 __all__ = ["derive"]
 
@@ -174,9 +175,12 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
         trial = draw_trial(*_spread(law), False, 2)
     found = _closed_forms(law, mean, trial)
     stiffness, damping, balance = (reading.formula for reading in found.readings)
+    checked_to, vanishes = found.checked_to, False
     if found.remainder != 0:
-        integrals = _integrals(found.remainder, law, mean, trial)
+        integrals, largest = _integrals(found.remainder, law, mean)
         stiffness, damping, balance = stiffness + integrals[0], damping + integrals[1], balance + integrals[2]
+        vanishes = largest is not None
+        checked_to = checked_to if largest is None else max(largest, checked_to or 0.0)
     solved = sympy.S.Zero if centred else closed_mean(balance)
     plain = {s: symbol(s.name) for s in law.parameters}
     return DescribingFunction(
@@ -187,10 +191,10 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
         mean_balance=sympy.S.Zero if centred else balance.xreplace(plain),
         mean=None if solved is None else solved.xreplace(plain),
         closed_form=not any(f.has(sympy.Integral) for f in (stiffness, damping, balance)),
-        checked_to=found.checked_to,
+        checked_to=checked_to,
         regimes=tuple(dict.fromkeys(c.xreplace(plain) for r in found.readings[:2] for c in r.conditions)),
-        limits=tuple(_limits(stiffness, damping, solved, plain)),
-        remarks=tuple(_remarks(law, positive, found, centred, solved, balance)),
+        limits=tuple(_limits(found, solved, plain)),
+        remarks=(*_about_formulas(law, positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
         positive=tuple(sorted(positive)),
         closed=found.part,
         remainder=found.remainder.xreplace(plain),
@@ -204,9 +208,13 @@ def _is_centred(trial: Trial) -> bool:
 
 
 def _integrals(
-    remainder: sympy.Expr, law: _Law, mean: sympy.Expr, trial: Trial
-) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
-    """Write what has no closed form as integrals over phi; those that vanish by symmetry as zero."""
+    remainder: sympy.Expr, law: _Law, mean: sympy.Expr
+) -> tuple[tuple[sympy.Expr, sympy.Expr, sympy.Expr], float | None]:
+    """Write what has no closed form as integrals over phi; those that vanish by symmetry as zero.
+
+    Where all of them vanish, the second value is the largest of them on the random cycles, relative to the
+    mean absolute force; otherwise None.
+    """
     moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
     along = remainder.xreplace(moving)
     own = draw_trial(remainder, normal_form(remainder), law.parameters, mean == 0, 3)
@@ -215,36 +223,38 @@ def _integrals(
         (sympy.cos(PHI), 1 / (sympy.pi * OMEGA * X)),
         (sympy.S.One, 1 / (2 * sympy.pi)),
     )
-    found = []
+    found, largest = [], 0.0
     for place, (weight, factor) in enumerate(weights):
         value, size = own.reference[place], own.size[place]
-        vanishes = bool(len(value)) and bool(np.all(np.abs(value) <= ZERO_MEAN * np.maximum(size, 1e-300)))
-        integral = sympy.Integral(along * weight, (PHI, 0, 2 * sympy.pi))
+        share = float(np.max(np.abs(value) / np.maximum(size, 1e-300), initial=0.0))
+        vanishes = len(value) >= LEAST_SETS and share <= ZERO_MEAN
+        outside, inside = (along * weight).as_independent(PHI, as_Add=False)
+        integral = outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi))
         found.append(sympy.S.Zero if vanishes else factor * integral)
-    return found[0], found[1], found[2]
+        largest = max(largest, share)
+    return (found[0], found[1], found[2]), None if any(found) else largest
 
 
 def _limits(
-    stiffness: sympy.Expr,
-    damping: sympy.Expr,
-    mean: sympy.Expr | None,
-    plain: dict[sympy.Symbol, sympy.Symbol],
+    found: _Closed, mean: sympy.Expr | None, plain: dict[sympy.Symbol, sympy.Symbol]
 ) -> Iterable[Limit]:
-    for name, formula in (("stiffness", stiffness), ("damping", damping)):
-        if formula == 0 or formula.has(X0):
+    for name, state, reading in zip(
+        ("stiffness", "damping"), (STATE_X, STATE_V), found.readings, strict=False
+    ):
+        formula = reading.formula if mean is None else reading.formula.xreplace({X0: mean})
+        rest = sympy.S.Zero if found.remainder == 0 or mean == 0 else None
+        if formula.has(X0) or rest is None or (formula == 0 and not found.remainder.has(state)):
             continue
-        for place, value in ((0, limit_at_zero(formula)), (sympy.oo, limit_at_infinity(formula))):
-            if value is not None:
-                yield Limit(name, sympy.sympify(place), value.xreplace(plain))
+        for place in (sympy.S.Zero, sympy.oo):
+            value = limit_at_zero(formula) if place == 0 else limit_at_infinity(formula)
+            more = limit_of_rest(found.remainder, state, place)
+            # beyond its static limit a mean is not real
+            if value is not None and more is not None and not value.has(sympy.I):
+                yield Limit(name, place, (value + more).xreplace(plain))
 
 
-def _remarks(
-    law: _Law,
-    positive: frozenset[str],
-    found: _Closed,
-    centred: bool,
-    solved: sympy.Expr | None,
-    balance: sympy.Expr,
+def _about_formulas(
+    law: _Law, positive: frozenset[str], found: _Closed, trial: Trial, vanishes: bool
 ) -> Iterable[str]:
     yield from found.remarks
     if positive:
@@ -252,9 +262,21 @@ def _remarks(
             f"The formulas take {', '.join(sorted(positive))} as positive; "
             "numbers are computed for either sign."
         )
+    if not len(trial.cycle.X):
+        yield (
+            "The law was finite on none of the cycles tried (a pole that is passed, a logarithm or root of "
+            "what is negative): expect no numbers."
+        )
     if found.remainder != 0:
-        yield f"No closed form is known for {found.remainder}; quadrature split at the switching angles."
-    if centred:
+        rest = readable(found.remainder)
+        if vanishes:
+            yield f"By symmetry {rest} adds nothing."
+        else:
+            yield f"No closed form is known for {rest}; quadrature split at the switching angles."
+
+
+def _about_mean(law: _Law, solved: sympy.Expr | None, balance: sympy.Expr) -> Iterable[str]:
+    if solved is not None and solved == 0:
         if law.force.has(STATE_X):
             yield "The mean force vanishes at X0 = 0, so the motion is centred: X0 = 0."
         return
@@ -274,7 +296,7 @@ def _remarks(
             "parameters and is computed where it is needed."
         )
         yield (
-            f"Free vibration on this law has the period of the stiffness {exact} exactly, at every "
+            f"Free vibration on this law has the period of the stiffness {readable(exact)} exactly, at every "
             "amplitude; the first-order stiffness with its mean comes near that, the one at X0 = 0 does not."
         )
     elif solved is None:

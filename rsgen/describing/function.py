@@ -17,10 +17,23 @@ from rsgen.describing.quadrature import Cycle, project
 from rsgen.element import normal_form
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
+from rsgen.notation import latex
 
-__all__ = ["DescribingFunction", "Equivalent"]
+__all__ = ["DescribingFunction", "Equivalent", "variables_of"]
 
 Array = NDArray[np.float64]
+
+
+def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:
+    """List the variables on which a describing function depends: X always, X0 and omega where they occur.
+
+    Examples
+    --------
+    >>> from rsgen.expression import parse
+    >>> variables_of(parse("c + 4*Ff/(pi*omega*X)"))
+    (X, omega)
+    """
+    return (symbol("X"), *(s for s in (symbol("X0"), symbol("omega")) if formula.has(s)))
 
 
 class Equivalent(NamedTuple):
@@ -189,9 +202,9 @@ class DescribingFunction:
     def _repr_latex_(self) -> str:
         """Show the formulas in a notebook."""
         rows = [
-            rf"k(X) &= {sympy.latex(self.stiffness)}",
-            rf"c(X) &= {sympy.latex(self.damping)}",
+            f"{name}({', '.join(map(latex, variables_of(formula)))}) &= {latex(formula)}"
+            for name, formula in (("k", self.stiffness), ("c", self.damping))
         ]
         if self.mean != 0:
-            rows.append(rf"0 &= {sympy.latex(self.mean_balance)}")
+            rows.append(rf"0 &= {latex(self.mean_balance)}")
         return r"$\displaystyle \begin{aligned} " + r" \\ ".join(rows) + r" \end{aligned}$"

@@ -8,9 +8,10 @@ import sympy
 
 from rsgen.expression import symbol
 
-__all__ = ["Limit", "limit_at_infinity", "limit_at_zero"]
+__all__ = ["Limit", "limit_at_infinity", "limit_at_zero", "limit_of_rest"]
 
 X, X0 = symbol("X"), symbol("X0")
+STATES = symbol("x"), symbol("v")
 
 ORDER = 5
 """Terms kept of every series in X or 1/X: more than any cancellation of leading terms has needed."""
@@ -32,7 +33,8 @@ def limit_at_zero(formula: sympy.Expr) -> sympy.Expr | None:
         return None
     formula = formula.replace(sympy.besselj, lambda n, z: _bessel_series(n, z, -1))
     formula = formula.replace(sympy.besseli, lambda n, z: _bessel_series(n, z, 1))
-    return _leading(formula, smallest=True)
+    limit = _leading(formula, smallest=True)
+    return _finite(formula.subs(X, 0)) if limit is None else limit
 
 
 def limit_at_infinity(formula: sympy.Expr) -> sympy.Expr | None:
@@ -54,6 +56,63 @@ def limit_at_infinity(formula: sympy.Expr) -> sympy.Expr | None:
     formula = formula.replace(sympy.besselj, lambda n, z: swing * X ** sympy.Rational(-1, 2))
     limit = _leading(formula, smallest=False)
     return None if limit is None or limit.has(swing) else limit
+
+
+def _finite(value: sympy.Expr) -> sympy.Expr | None:
+    return None if value.has(sympy.nan, sympy.zoo, sympy.oo) else value
+
+
+def limit_of_rest(law: sympy.Expr, state: sympy.Symbol, place: sympy.Expr) -> sympy.Expr | None:
+    """Give the limit of what a law without closed form adds to stiffness (``state`` x) or damping (v).
+
+    The motion is centred. For X -> 0 the law acts by its slope at rest, the mean of the slopes on both sides;
+    for X -> oo a law that grows slower than its state adds nothing. None where more must be known.
+    """
+    (other,) = (s for s in STATES if s != state)
+    alone = sympy.Add(*(a for a in sympy.Add.make_args(sympy.expand_mul(law)) if a.has(state)))
+    if alone.has(other):
+        return None
+    # the distance from rest is positive on either side
+    t = sympy.Symbol("t", positive=True)
+    if place != 0:
+        growths = [_growth(alone.xreplace({state: side}), t) for side in (t, -t)]
+        return sympy.S.Zero if all(g is not None and g < 1 for g in growths) else None
+    sides = [alone.xreplace({state: side}) for side in (t, -t)]
+    if any(atom.has(t) for side in sides for atom in side.atoms(*_KINKED)):
+        return None
+    right, left = (_finite(side.subs(t, 0)) for side in sides)
+    if right is None or left is None:
+        return None
+    jump = sympy.expand(right - left)
+    if not jump.is_zero:
+        return sympy.oo * sympy.sign(jump)
+    ahead, behind = (_finite(side.diff(t).subs(t, 0)) for side in sides)
+    return None if ahead is None or behind is None else (ahead - behind) / 2
+
+
+_KINKED = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.Piecewise)
+_BOUNDED = (sympy.tanh, sympy.atan, sympy.sin, sympy.cos, sympy.sign, sympy.Heaviside)
+
+
+def _growth(law: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
+    """Bound the power of t with which a law grows; None where no bound is seen."""
+    if not law.has(t) or isinstance(law, _BOUNDED):
+        return sympy.S.Zero
+    if law == t:
+        return sympy.S.One
+    if law.is_Add or law.is_Mul or isinstance(law, sympy.Abs):
+        rates = [_growth(argument, t) for argument in law.args]
+        if None in rates:
+            return None
+        return sympy.Add(*rates) if law.is_Mul else sympy.Max(*rates)
+    if isinstance(law, sympy.log):
+        # slower than any power
+        rate = _growth(law.args[0], t)
+        return None if rate is None else sympy.Rational(1, 100) * sympy.sign(rate)
+    if law.is_Pow and law.exp.is_Rational and law.base.is_polynomial(t):
+        # every coefficient may be any number but zero
+        return law.exp * sympy.degree(law.base, t)
+    return None
 
 
 def _branch(formula: sympy.Expr, first: bool) -> sympy.Expr | None:

@@ -23,6 +23,12 @@ SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64
 
 STEPS = 80
 
+SLOPE_STEP = 1e-4
+"""Change of the mean, in multiples of the amplitude, over which the slope of the mean force is taken."""
+
+SLIDES = 6
+"""Newton steps from a mean between known ones; three are enough where it changes smoothly."""
+
 COARSE = 256
 """Amplitudes whose means are searched for when there are many more."""
 
@@ -79,6 +85,8 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
         some = ordered[np.unique(np.linspace(0, len(ordered) - 1, COARSE).astype(np.intp))]
         _search(balance, some, X, floor, flat, result)
         others = np.setdiff1d(wanted, some)
+        _slide(balance, others, some, X, floor, result)
+        others = others[np.isnan(result[others])]
         _follow(balance, others, np.interp(X[others], X[some], result[some]), X, floor, result)
         wanted = others[np.isnan(result[others])]
     _search(balance, wanted, X, floor, flat, result)
@@ -97,6 +105,34 @@ def _search(
     low, high, found = _nearest_rise(trials, zeroed, flat)
     found_rows = rows[found]
     result[found_rows] = _refine(balance, found_rows, low[found], high[found], floor[found_rows])
+
+
+def _slide(
+    balance: Balance, rows: NDArray[np.intp], some: NDArray[np.intp], X: Array, floor: Array, result: Array
+) -> None:
+    """Improve what lies between known means by Newton steps, with slopes that lie between known slopes.
+
+    Steps that do not shrink (a corner of the mean force, another frequency) leave their mean open.
+    """
+    width = SLOPE_STEP * X[some]
+    rise = balance(result[some] + width, some) - balance(result[some] - width, some)
+    slope = np.interp(X[rows], X[some], rise / (2 * width))
+    mean = np.interp(X[rows], X[some], result[some])
+    usable = np.isfinite(mean) & (slope > 0)
+    rows, mean, slope = rows[usable], mean[usable], slope[usable]
+    before = 0.01 * X[rows]
+    for _ in range(SLIDES):
+        if not len(rows):
+            return
+        force = balance(mean, rows)
+        step = force / slope
+        mean = mean - step
+        # steps shrink by a constant factor: the next one would be this small
+        still = step**2 <= 1e-16 * X[rows] * before
+        done = (still | (np.abs(force) <= floor[rows])) & (np.abs(step) < X[rows] / 8)
+        result[rows[done]] = mean[done]
+        on = ~done & (np.abs(step) < before / 8)
+        rows, mean, slope, before = rows[on], mean[on], slope[on], np.abs(step[on])
 
 
 def _follow(

@@ -13,6 +13,7 @@ from rsgen.describing.compiled import compiled
 from rsgen.describing.function import DescribingFunction
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
+from rsgen.notation import readable
 
 __all__ = ["PrintedComparison", "compare_printed"]
 
@@ -178,7 +179,7 @@ def _numerically(
     place_text = ", ".join(f"{name} = {number:.4g}" for name, number in where.items())
     sentence = (
         f"The printed {what} differs from the derived one by up to {100 * worst:.3g} %"
-        f"{f' where {regime}' if regime != sympy.true else ''}, at {place_text} (SI units)."
+        f"{f' where {readable(regime)}' if regime != sympy.true else ''}, at {place_text} (SI units)."
     )
     return PrintedComparison(what, formula, False, worst, where, regime, sentence)
 

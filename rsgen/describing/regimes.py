@@ -44,8 +44,14 @@ def _fixed(end: End, angle: sympy.Expr, sine: sympy.Expr, cosine: sympy.Expr) ->
 def _positive_part(level: sympy.Expr) -> tuple[sympy.Expr, int]:
     """Write a threshold as sign times distance."""
     if level.is_nonpositive or (not level.is_nonnegative and level.could_extract_minus_sign()):
-        return -level, -1
+        return _negative(level), -1
     return level, 1
+
+
+def _negative(level: sympy.Expr) -> sympy.Expr:
+    """Write -Max(-a, -b) as Min(a, b)."""
+    turned = {sympy.Max: sympy.Min, sympy.Min: sympy.Max}.get(level.func)
+    return -level if turned is None else turned(*(-argument for argument in level.args))
 
 
 def _group_of(arc: Arc, mean: sympy.Expr) -> _Group:
@@ -139,6 +145,8 @@ def _cases(
         cases.append((value("behind"), reach <= -distance))
     if not distance.is_nonpositive:
         cases.append((value("near"), reach <= distance))
+    if len(cases) == 2 and cases[0][0] == cases[1][0]:
+        cases = [(cases[0][0], reach <= sympy.Abs(distance))]
     return [*cases, (value("between"), sympy.true)]
 
 
@@ -183,5 +191,7 @@ def _merged(cases: list[tuple[sympy.Expr, sympy.Basic]]) -> Reading:
     if len({value for value, _ in cases}) == 1:
         return Reading(cases[0][0], ())
     conditions = [condition for _, condition in cases[:-1]]
-    beyond = sympy.And(*(sympy.Not(condition) for condition in conditions))
+    reach, distance = conditions[-1].args
+    # two cases before the last: X exceeds a distance that may have either sign
+    beyond = reach > (distance if len(conditions) == 1 else sympy.Abs(distance))
     return Reading(sympy.Piecewise(*cases), (*conditions, beyond))

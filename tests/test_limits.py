@@ -1,0 +1,32 @@
+"""What describing functions become for small and large amplitudes."""
+
+import pytest
+import sympy
+
+from rsgen.describing import derive
+from rsgen.expression import parse, symbol
+
+
+@pytest.mark.parametrize(
+    ("law", "limits"),
+    [
+        ("k*x + F*tanh(x/a)", {("stiffness", 0): "k + F/a", ("stiffness", 1): "k"}),
+        ("F*atan(v/w)", {("damping", 0): "F/w", ("damping", 1): "0"}),
+        ("k*x/(1 + abs(x)/a)", {("stiffness", 0): "k", ("stiffness", 1): "0"}),
+        ("k*x*log(1 + x**2)", {("stiffness", 0): "0"}),
+        ("asin(x) + v", {("stiffness", 0): "1", ("damping", 0): "1", ("damping", 1): "1"}),
+        ("F*exp(-abs(x)/a)*sign(v)", {}),
+        ("F + k*x", {("stiffness", 0): "k", ("stiffness", 1): "k"}),
+        ("k*x + a*x**2", {("stiffness", 0): "abs(k)"}),
+    ],
+)
+def test_limits(law, limits):
+    derived = derive(law)
+    found = {(i.quantity, int(i.place == sympy.oo)): i.value for i in derived.limits}
+    assert set(found) == set(limits)
+    assert all(sympy.simplify(found[place] - parse(value)) == 0 for place, value in limits.items())
+
+
+def test_jump_without_closed_form_is_infinitely_stiff_at_rest():
+    limit = derive("F*exp(-abs(v)/w)*sign(v)").limits[0]
+    assert (limit.place, limit.value) == (0, sympy.oo * sympy.sign(symbol("F")))
