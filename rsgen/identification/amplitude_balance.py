@@ -92,21 +92,25 @@ class AmplitudeBalance:
         return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
-        """(n,) frequency [rad/s] of the resonance at each amplitude, and the force [N] that holds it there.
+        """(n,) frequency [rad/s] at which each amplitude takes the least force, and that force [N].
 
-        NaN where the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
+        There the two frequencies at which a level holds the amplitude meet, below the phase resonance where
+        damping is strong: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2 u^2). NaN where the least
+        force is at rest or the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
         """
         omega, start = np.array(guess), None
-        stiffness = damping = np.full(len(size), np.nan)
+        stiffness = middle = np.full(len(size), np.nan)
         for _ in range(_ROUNDS):
             stiffness, damping, start = self._equivalent(size, omega, start)
-            new = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / self._mass)
+            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
+            new = np.sqrt(np.where(middle > 0, middle, np.nan))
             change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
             omega = np.where(np.isfinite(new), new, omega)
             if change < _CLOSE:
                 break
-        told = stiffness > 0
-        return np.where(told, omega, np.nan), np.where(told, omega * damping * size, np.nan)
+        told = (stiffness > 0) & (middle > 0)
+        least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
+        return np.where(told, omega, np.nan), np.where(told, least, np.nan)
 
     def _tabulate(self, largest: float) -> None:
         """Keep the backbone up to an amplitude [m]."""
