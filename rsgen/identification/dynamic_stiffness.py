@@ -162,7 +162,7 @@ def _rows(equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Ar
         blocks.append(np.column_stack([block, *[column[: len(block)] for column in free]]))
         rights.append(balance)
     stacked, flat = np.concatenate(blocks), np.concatenate(rights)
-    return np.nan_to_num(stacked, posinf=0.0, neginf=0.0), np.nan_to_num(flat, posinf=1e300, neginf=-1e300)
+    return stacked, flat
 
 
 def _turning_rows(equations: Equations, law: ForceLaw, values: Array) -> tuple[Array, Array]:
@@ -206,7 +206,8 @@ def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
     def residual(trial: Array) -> Array:
         with np.errstate(all="ignore"):
             matrix, right = _rows(equations, law, mass, trial)
-            if np.max(np.abs(matrix), initial=0.0) > _HUGE or np.max(np.abs(right)) > _HUGE:
+            # not finite, or soon: a negative power at x = 0, an overflow
+            if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
                 return np.full(len(right), 1e100)
             solution, _, _ = solve_scaled(matrix, right)
             return np.asarray(right - matrix @ solution)
@@ -232,7 +233,10 @@ def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
 
 def _missing(equations: Equations, law: ForceLaw, mass: float | None, trial: Array) -> int:
     """How many directions the linear parameters do not tell at a trial."""
-    return int(solve_scaled(*_rows(equations, law, mass, trial))[2].shape[1])
+    matrix, right = _rows(equations, law, mass, trial)
+    if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
+        return 0
+    return int(solve_scaled(matrix, right)[2].shape[1])
 
 
 def _active_values(equations: Equations, law: ForceLaw, which: int) -> Array:
