@@ -170,7 +170,7 @@ def test_too_few_points_are_refused_in_a_sentence() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["cubic", "piecewise"])
+@pytest.mark.parametrize("law", ["cubic", "coulomb"])
 def test_intervals_keep_their_word(law: str) -> None:
     runs = 40
     table = surface(law, accuracy=1e-6)
