@@ -36,3 +36,13 @@ def test_another_branch_is_noticed() -> None:
     assert verify(o, replace(upper, sweep=np.full(len(upper), "rest"))).largest > 0.5
     with pytest.raises(RsgenError, match="rest"):
         verify(o, up)
+
+
+def test_a_gap_met_late_in_the_transient_is_not_overlooked() -> None:
+    """After 8 periods this motion spirals, perfectly linear, to an answer that it will never reach."""
+    k = 1.5 * (2 * np.pi * 10) ** 2
+    law = "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
+    values = {"c": 0.04 * np.sqrt(1.5 * k), "k4": k, "k5": 1.4 * k, "b": 5e-3}
+    o = Oscillator(1.5, (make_element("all", law),), values)
+    test = SimulatedTest([1 + 11 * 2 / 39], np.linspace(7, 13, 200)[100:112])
+    assert verify(o, simulate(o, test)).largest < 1e-4

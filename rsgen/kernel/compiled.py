@@ -35,7 +35,7 @@ class March:
     harmonics
         (n, H+1) complex displacement of the last period [m]; (n, 0) where none was recorded.
     peak
-        (n, 2) largest and smallest displacement of the last period [m].
+        (n, 2) largest and smallest displacement of the last period [m]; (0, 2) where none were recorded.
     """
 
     state: NDArray[np.float64]
@@ -89,6 +89,7 @@ class Kernel:
         steps: int,
         periods: int,
         harmonics: int | None = None,
+        peaks: bool = True,
     ) -> March:
         """Carry points over some periods of f(t) = Re F exp(i omega t), from t = 0.
 
@@ -107,13 +108,16 @@ class Kernel:
         periods
             How many.
         harmonics
-            Record the mean, harmonics 1 to this and the peaks in the last period; None: record nothing.
+            Record the mean and harmonics 1 to this in the last period; None: record nothing.
+        peaks
+            Record the peaks besides.
         """
         n = len(omega)
         after = np.array(state, dtype=np.float64, order="C")
         trail = np.empty((n, 2, 2))
-        wave = np.empty((n, 0 if harmonics is None else 2 * harmonics + 1))
-        peak = np.full((n, 2), np.nan)
+        waves = np.empty((n, 0 if harmonics is None else harmonics + 1), dtype=np.complex128)
+        wave = waves.view(np.float64)
+        peak = np.empty((n if peaks and harmonics is not None else 0, 2))
         parts = np.column_stack([force.real, force.imag])
         table = _phases(steps)
 
@@ -127,15 +131,7 @@ class Kernel:
             list(_pool(os.getpid(), threads()).map(run, range(count), [count] * count))
         elif n:
             run(0, 1)
-        return March(after, trail, _to_harmonics(wave, steps), peak)
-
-
-def _to_harmonics(wave: NDArray[np.float64], steps: int) -> NDArray[np.complex128]:
-    if not wave.shape[1]:
-        return np.empty((len(wave), 0), dtype=np.complex128)
-    mean = wave[:, :1] / steps
-    # x = Re X exp(i h omega t): X = 2/N sum x (cos - i sin)
-    return np.hstack([mean, 2 / steps * (wave[:, 1::2] - 1j * wave[:, 2::2])])
+        return March(after, trail, waves, peak)
 
 
 @lru_cache(maxsize=64)

@@ -41,43 +41,45 @@ class PeriodMap:
         steps: NDArray[np.int64],
         periods: int,
         harmonics: int | None = None,
+        *,
+        peaks: bool = False,
     ) -> March:
         """Carry some points over periods; ``y`` (k, 2) and ``steps`` (k,) belong to ``points`` (k,)."""
-        omega = self.omega[points]
-        scaled = np.column_stack([np.ones_like(omega), omega])
-        kinds = np.unique(steps)
-        if len(kinds) == 1:
-            march = self._march(points, y * scaled, int(kinds[0]), periods, harmonics)
-        else:
-            march = self._blank(len(points), harmonics)
-            for kind in kinds:
-                mine = np.flatnonzero(steps == kind)
-                part = self._march(points[mine], y[mine] * scaled[mine], int(kind), periods, harmonics)
-                march.state[mine] = part.state
-                march.trail[mine] = part.trail
-                march.harmonics[mine] = part.harmonics
-                march.peak[mine] = part.peak
-        march.state[:] /= scaled
-        march.trail[:] /= scaled[:, None, :]
-        return march
+        if len(steps) and steps.min() == steps.max():
+            return self._march(points, y, int(steps[0]), periods, harmonics, peaks)
+        k, columns = len(points), 0 if harmonics is None else harmonics + 1
+        whole = March(
+            np.empty((k, 2)),
+            np.empty((k, 2, 2)),
+            np.empty((k, columns), np.complex128),
+            np.empty((k if peaks else 0, 2)),
+        )
+        for kind in np.unique(steps):
+            mine = np.flatnonzero(steps == kind)
+            part = self._march(points[mine], y[mine], int(kind), periods, harmonics, peaks)
+            whole.state[mine], whole.trail[mine] = part.state, part.trail
+            whole.harmonics[mine] = part.harmonics
+            if peaks:
+                whole.peak[mine] = part.peak
+        return whole
 
     def _march(
-        self, points: Indices, state: Floats, steps: int, periods: int, harmonics: int | None
+        self, points: Indices, y: Floats, steps: int, periods: int, harmonics: int | None, peaks: bool
     ) -> March:
-        return self.kernel.march(
+        omega = self.omega[points]
+        state = y.copy()
+        state[:, 1] *= omega
+        march = self.kernel.march(
             state,
             self.force[points],
-            self.omega[points],
+            omega,
             self.mass,
             self.values,
             steps=steps,
             periods=periods,
             harmonics=harmonics,
+            peaks=peaks,
         )
-
-    @staticmethod
-    def _blank(n: int, harmonics: int | None) -> March:
-        columns = 0 if harmonics is None else harmonics + 1
-        return March(
-            np.empty((n, 2)), np.empty((n, 2, 2)), np.empty((n, columns), np.complex128), np.empty((n, 2))
-        )
+        march.state[:, 1] /= omega
+        march.trail[:, :, 1] /= omega[:, None]
+        return march

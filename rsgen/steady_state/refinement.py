@@ -19,7 +19,7 @@ __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
 _SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
-_MOST_STEPS = 16384
+_FIRST = 32  # steps of the first of two answers that are compared
 _GRID = np.array([48 * 2**k for k in range(9)] + [32 * 2**k for k in range(10)])
 _GRID.sort()
 _PERIODS = 8  # with the coarse Jacobian, before a new one is made
@@ -50,7 +50,7 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
     )
     jacobian = settling.jacobian.copy()
     points = np.flatnonzero(settling.outcome == SETTLED)
-    steps = np.maximum(settling.steps, _grid_above(2.0 * harmonics + 2))
+    steps = np.maximum(settling.steps, _grid_above(np.maximum(_FIRST, 2.0 * harmonics + 2)))
     _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy)
     points = points[result.outcome[points] == SETTLED]
     finer = steps * 2
@@ -105,7 +105,7 @@ def _solve(
             result.y[active], jacobian[active] = fixed.y, fixed.jacobian
         record = columns if turn else None
         here = result.y[active]
-        march = period_map.carry(active, here, steps[active], 1, record)
+        march = period_map.carry(active, here, steps[active], 1, record, peaks=record is not None)
         residual = march.state - here
         move = correction(jacobian[active], residual)
         size = np.maximum(norm(here), floor[active])

@@ -18,12 +18,14 @@ from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
 
 SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
-COARSE = 32  # steps a period: enough to tell branches apart; accuracy comes afterwards
+COARSE = 24  # steps a period: enough to tell branches apart; accuracy comes afterwards
 _STIFF = 8  # times as many steps before a motion is called unbounded
-_FROM_REST = (16, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
-_TOLERANCE = 1e-7  # last Newton correction, of the amplitude
+_TOLERANCE = 1e-3  # last Newton correction, of the amplitude: what is left is its square
 _LINEAR = 0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
+_CLOSE = 1e-5  # of the amplitude: nearer than this the departure says nothing
+_CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian says
 _TWICE = 1e-6
 _FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7  # of the attraction
@@ -88,7 +90,7 @@ def _accept(
     earlier = trail[:, 0] - fixed.y
     predicted = np.einsum("kij,kjl,kl->ki", fixed.jacobian, fixed.jacobian, earlier)
     departure = norm(y - fixed.y - predicted)
-    linear = (departure <= _LINEAR * norm(earlier) + 1e-6 * size) & (norm(earlier) < size)
+    linear = (departure <= _LINEAR * norm(earlier) + _CLOSE * size) & (norm(earlier) < size)
     sure = fixed.found & linear & (attraction(fixed.jacobian) > 0)
     faint = np.flatnonzero(sure & (attraction(fixed.jacobian) < _FAINT))
     if len(faint):
@@ -96,9 +98,41 @@ def _accept(
         fine = np.full(len(faint), _FAINT_STEPS)
         _, jacobian = jacobians(period_map, active[faint], fixed.y[faint], fine, _FAINT_OFFSET * size[faint])
         sure[faint] = attraction(jacobian) > _NEUTRAL
+    away = y - fixed.y
+    wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
+    if len(wide):
+        sure[wide] = _is_linear_around(
+            period_map,
+            active[wide],
+            fixed.y[wide],
+            fixed.jacobian[wide],
+            away[wide],
+            result.steps[active[wide]],
+        )
     result.y[active[sure]] = fixed.y[sure]
     still = ~sure & (norm(y - trail[:, 1]) <= _STILL * size) & (norm(y - trail[:, 0]) <= _STILL * size)
     settled: NDArray[np.bool_] = sure | still
     result.jacobian[active[settled]] = fixed.jacobian[settled]
     result.outcome[active[settled]] = SETTLED
     return settled
+
+
+def _is_linear_around(
+    period_map: PeriodMap,
+    points: Indices,
+    center: Floats,
+    jacobian: Floats,
+    away: Floats,
+    steps: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Tell where the map is linear on the whole circle around a fixed point that the motion will spiral on.
+
+    The last periods only show one direction; in another one a stop or a gap may still be met.
+    """
+    turned = np.column_stack([-away[:, 1], away[:, 0]])
+    rays = np.concatenate([-away, turned, -turned])
+    images = period_map.carry(np.tile(points, 3), np.tile(center, (3, 1)) + rays, np.tile(steps, 3), 1).state
+    predicted = np.tile(center, (3, 1)) + np.einsum("kij,kj->ki", np.tile(jacobian, (3, 1, 1)), rays)
+    departure = norm(images - predicted).reshape(3, -1).max(axis=0)
+    linear: NDArray[np.bool_] = departure <= _CIRCLE * norm(away)
+    return linear
