@@ -8,7 +8,7 @@ from rsgen.describing import DescribingFunction, derive
 from rsgen.element import Element, make_element
 from rsgen.errors import RsgenError
 
-__all__ = ["LAWS", "Law", "Parameter", "find_law", "laws"]
+__all__ = ["LAWS", "Law", "Parameter", "find_law"]
 
 LIU = "Liu et al., Parameter identification by response surface plotting"
 GELB = "Gelb and Vander Velde, Multiple-Input Describing Functions (1968), App. B"
@@ -18,11 +18,15 @@ NAYFEH = "Nayfeh and Mook, Nonlinear Oscillations (1979)"
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a law: its name, what it means, and its SI unit (empty: a number or of the power p)."""
+    """A parameter of a law: its name, what it means, and its SI unit (empty: a number or of the power p).
+
+    ``example`` is a value [SI] at which a picture of the law shows what is special in it.
+    """
 
     name: str
     meaning: str
     unit: str
+    example: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,11 @@ class Law:
     source: str
     own: bool = False
 
+    @property
+    def example(self) -> dict[str, float]:
+        """A value for each parameter, SI, for a picture."""
+        return {parameter.name: parameter.example for parameter in self.parameters}
+
     def element(self, name: str | None = None) -> Element:
         """Make a spring or damper of this law."""
         return make_element(name or self.name, self.formula)
@@ -61,7 +70,10 @@ class Law:
         return derive(self.formula)
 
 
-def _law(name: str, title: str, formula: str, source: str, own: bool, *rows: tuple[str, str, str]) -> Law:
+Row = tuple[str, str, str] | tuple[str, str, str, float]
+
+
+def _law(name: str, title: str, formula: str, source: str, own: bool, *rows: Row) -> Law:
     return Law(name, title, formula, tuple(Parameter(*row) for row in rows), source, own)
 
 
@@ -69,7 +81,7 @@ _GAP = ("b", "half the gap, positive", "m")
 _SLOPE = ("k", "stiffness in contact", "N/m")
 _STRIBECK = (
     ("Fc", "sliding friction force", "N"),
-    ("Fs", "friction force at the onset of sliding", "N"),
+    ("Fs", "friction force at the onset of sliding", "N", 2.0),
     ("vs", "Stribeck velocity, positive", "m/s"),
 )
 
@@ -87,17 +99,17 @@ LAWS: tuple[Law, ...] = (
     ),
     _law(
         "quadratic-spring", "Spring with a quadratic part, which moves the mean", "k*x + k2*x**2",
-        NAYFEH, True, ("k", "stiffness at rest", "N/m"), ("k2", "quadratic stiffness", "N/m^2"),
+        NAYFEH, True, ("k", "stiffness at rest", "N/m"), ("k2", "quadratic stiffness", "N/m^2", 0.3),
     ),
     _law(
         "softening-hardening-spring", "Spring that first softens and then hardens",
         "k*x + k3*x**3 + k5*x**5", LIU + ", Eqs. (14), (16)", False,
-        ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness, negative", "N/m^3"),
-        ("k5", "quintic stiffness, positive", "N/m^5"),
+        ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness, negative", "N/m^3", -1.5),
+        ("k5", "quintic stiffness, positive", "N/m^5", 0.8),
     ),
     _law(
         "odd-power-spring", "Spring of any real power, odd", "kp*abs(x)**p*sign(x)", GELB, False,
-        ("kp", "stiffness of power p", ""), ("p", "power, positive", ""),
+        ("kp", "stiffness of power p", ""), ("p", "power, positive", "", 2.5),
     ),
     _law(
         "quadratic-damper", "Quadratic damper (drag)", "cq*v*abs(v)", LIU + ", Eqs. (23), (24)", False,
@@ -105,7 +117,7 @@ LAWS: tuple[Law, ...] = (
     ),
     _law(
         "power-damper", "Damper of any real power, odd", "cp*abs(v)**p*sign(v)", WORDEN, False,
-        ("cp", "damping of power p", ""), ("p", "power, not negative", ""),
+        ("cp", "damping of power p", ""), ("p", "power, not negative", "", 1.5),
     ),
     _law(
         "coulomb", "Coulomb friction", "Ff*sign(v)", LIU + ", Eqs. (17), (18)", False,
@@ -142,20 +154,20 @@ LAWS: tuple[Law, ...] = (
         "two-sided-stop", "Stops on both sides beyond different gaps, beside a spring",
         "k0*x + k*(Max(0, x - b1) + Min(0, x + b2))", GELB, True,
         ("k0", "stiffness without contact", "N/m"), _SLOPE,
-        ("b1", "gap on the positive side", "m"), ("b2", "gap on the negative side", "m"),
+        ("b1", "gap on the positive side", "m"), ("b2", "gap on the negative side", "m", 2.0),
     ),
     _law(
         "piecewise-spring", "Spring whose stiffness changes at plus and minus b",
         "Piecewise((k1*x, abs(x) <= b), (k2*x + (k1 - k2)*b*sign(x), True))",
         LIU + ", Eq. (19); Eq. (20) is misprinted, " + GELB, False,
-        ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m"),
+        ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m", 3.0),
         ("b", "transition, positive", "m"),
     ),
     _law(
         "bilinear-spring", "Spring that is stiffer one way than the other",
         "Piecewise((k1*x, x > 0), (k2*x, True))", LIU + ", Eq. (21); Eq. (22) leaves out the mean", True,
         ("k1", "stiffness for positive displacement", "N/m"),
-        ("k2", "stiffness for negative displacement", "N/m"),
+        ("k2", "stiffness for negative displacement", "N/m", 2.0),
     ),
     _law(
         "saturation", "Spring whose force stays at a limit (without hysteresis)", "Max(-Fm, Min(k*x, Fm))",
@@ -180,7 +192,7 @@ LAWS: tuple[Law, ...] = (
     ),
     _law(
         "tanh-joint", "Joint that softens smoothly to a slip force", "k1*x + Fs*tanh(k*x/Fs)", WORDEN, True,
-        ("k1", "stiffness after slip", "N/m"), ("Fs", "slip force", "N"),
+        ("k1", "stiffness after slip", "N/m", 0.3), ("Fs", "slip force", "N"),
         ("k", "stiffness lost by slip", "N/m"),
     ),
     _law(
@@ -197,18 +209,13 @@ LAWS: tuple[Law, ...] = (
         ("mu", "friction force per displacement", "N/m"),
     ),
 )  # fmt: skip
-"""All laws of the library."""
+"""All laws of the library.
 
-
-def laws() -> tuple[Law, ...]:
-    """List the laws of the library.
-
-    Examples
-    --------
-    >>> [law.name for law in laws()][:3]
-    ['linear-spring', 'linear-damper', 'cubic-spring']
-    """
-    return LAWS
+Examples
+--------
+>>> [law.name for law in LAWS][:3]
+['linear-spring', 'linear-damper', 'cubic-spring']
+"""
 
 
 def find_law(name: str) -> Law:

@@ -27,6 +27,8 @@ def test_limits(law, limits):
     assert all(sympy.simplify(found[place] - parse(value)) == 0 for place, value in limits.items())
 
 
-def test_jump_without_closed_form_is_infinitely_stiff_at_rest():
-    limit = derive("F*exp(-abs(v)/w)*sign(v)").limits[0]
-    assert (limit.place, limit.value) == (0, sympy.oo * sympy.sign(symbol("F")))
+@pytest.mark.parametrize("law", ["F*exp(-abs(v)/w)*sign(v)", "(F0 + (F - F0)*exp(-abs(v)/w))*sign(v)"])
+def test_jump_is_infinite_damping_at_rest(law):
+    limit = derive(law).limits[0]
+    assert (limit.quantity, limit.place) == ("damping", 0)
+    assert limit.value == sympy.oo * sympy.sign(symbol("F"))

@@ -43,6 +43,19 @@ Data = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Answer as JSON, for programs.")]
+Plot = Annotated[
+    Path | None,
+    typer.Option(help="Draw the law, k(X) and c(X) into a .svg, .png or .pdf file.", show_default=False),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="A parameter (or omega) of the picture: name=value; others are 1.", show_default=False
+    ),
+]
+Amplitude = Annotated[
+    str | None, typer.Option(help="Largest amplitude of the picture, m or with unit.", show_default=False)
+]
 Surface = Annotated[
     Path | None,
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
@@ -112,6 +125,13 @@ def derive(
         str,
         typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
     ],
+    assume: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter is positive: 'b>0'; may be repeated.", show_default=False),
+    ] = None,
+    plot: Plot = None,
+    settings: Settings = None,
+    amplitude: Amplitude = None,
     json: Json = False,
     latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
 ) -> None:
@@ -121,10 +141,12 @@ def derive(
     Examples:
       rsgen derive "k3*x**3 + c2*v*abs(v)"
       rsgen derive "Piecewise((k*x, x < b), (k*b, True))" --json
+      rsgen derive "k*x + c*Heaviside(x - b)*v" --assume "b>0"
+      rsgen derive "k*x + k3*x**3" --plot k.svg --set k=1000 --set "k3=20 N/mm^3" --amplitude "5 mm"
     """
     from rsgen.cli.derivation import derive_command
 
-    raise typer.Exit(derive_command(expression, json, latex))
+    raise typer.Exit(derive_command(expression, assume or [], plot, settings or [], amplitude, json, latex))
 
 
 @application.command(short_help="From a case to a response surface.")
@@ -207,14 +229,24 @@ def init(
     raise typer.Exit(init_command(name, force, measured, out))
 
 
-@application.command(short_help="List the library of force laws.")
-def laws(json: Json = False) -> None:
-    """List the library of force laws that a case can start from.
+@application.command(short_help="The library of force laws.")
+def laws(
+    name: Annotated[
+        str | None, typer.Argument(help="One law of the library; without it, all.", show_default=False)
+    ] = None,
+    plot: Plot = None,
+    settings: Settings = None,
+    amplitude: Amplitude = None,
+    json: Json = False,
+) -> None:
+    """List the library of force laws, or show one: formula, parameters, describing function, source.
 
     \b
-    Example:
+    Examples:
       rsgen laws
+      rsgen laws dead-zone
+      rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
     """
-    from rsgen.cli.derivation import laws_command
+    from rsgen.cli.library import laws_command
 
-    raise typer.Exit(laws_command(json))
+    raise typer.Exit(laws_command(name, plot, settings or [], amplitude, json))

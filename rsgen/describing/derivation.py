@@ -11,7 +11,7 @@ import sympy
 
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction
-from rsgen.describing.limits import Limit, limit_at_infinity, limit_at_zero, limit_of_rest
+from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limit_at_rest, limit_at_zero
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
@@ -193,7 +193,7 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
         closed_form=not any(f.has(sympy.Integral) for f in (stiffness, damping, balance)),
         checked_to=checked_to,
         regimes=tuple(dict.fromkeys(c.xreplace(plain) for r in found.readings[:2] for c in r.conditions)),
-        limits=tuple(_limits(found, solved, plain)),
+        limits=tuple(_limits(law, found, solved, plain)),
         remarks=(*_about_formulas(law, positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
         positive=tuple(sorted(positive)),
         closed=found.part,
@@ -236,21 +236,26 @@ def _integrals(
 
 
 def _limits(
-    found: _Closed, mean: sympy.Expr | None, plain: dict[sympy.Symbol, sympy.Symbol]
+    law: _Law, found: _Closed, mean: sympy.Expr | None, plain: dict[sympy.Symbol, sympy.Symbol]
 ) -> Iterable[Limit]:
     for name, state, reading in zip(
         ("stiffness", "damping"), (STATE_X, STATE_V), found.readings, strict=False
     ):
         formula = reading.formula if mean is None else reading.formula.xreplace({X0: mean})
-        rest = sympy.S.Zero if found.remainder == 0 or mean == 0 else None
-        if formula.has(X0) or rest is None or (formula == 0 and not found.remainder.has(state)):
+        if formula.has(X0) or (found.remainder != 0 and mean != 0):
+            continue
+        if formula == 0 and not found.remainder.has(state):
             continue
         for place in (sympy.S.Zero, sympy.oo):
-            value = limit_at_zero(formula) if place == 0 else limit_at_infinity(formula)
-            more = limit_of_rest(found.remainder, state, place)
+            if found.remainder == 0:
+                value = limit_at_zero(formula) if place == 0 else limit_at_infinity(formula)
+            elif place == 0:
+                value = limit_at_rest(law.force, state)
+            else:
+                value = limit_at_infinity(formula) if grows_slowly(found.remainder, state) else None
             # beyond its static limit a mean is not real
-            if value is not None and more is not None and not value.has(sympy.I):
-                yield Limit(name, place, (value + more).xreplace(plain))
+            if value is not None and not value.has(sympy.I):
+                yield Limit(name, place, value.xreplace(plain))
 
 
 def _about_formulas(

@@ -8,7 +8,7 @@ import sympy
 
 from rsgen.expression import symbol
 
-__all__ = ["Limit", "limit_at_infinity", "limit_at_zero", "limit_of_rest"]
+__all__ = ["Limit", "grows_slowly", "limit_at_infinity", "limit_at_rest", "limit_at_zero"]
 
 X, X0 = symbol("X"), symbol("X0")
 STATES = symbol("x"), symbol("v")
@@ -62,21 +62,17 @@ def _finite(value: sympy.Expr) -> sympy.Expr | None:
     return None if value.has(sympy.nan, sympy.zoo, sympy.oo) else value
 
 
-def limit_of_rest(law: sympy.Expr, state: sympy.Symbol, place: sympy.Expr) -> sympy.Expr | None:
-    """Give the limit of what a law without closed form adds to stiffness (``state`` x) or damping (v).
+def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
+    """Give the limit of stiffness (``state`` x) or damping (v) for X -> 0 by the slope of the law at rest.
 
-    The motion is centred. For X -> 0 the law acts by its slope at rest, the mean of the slopes on both sides;
-    for X -> oo a law that grows slower than its state adds nothing. None where more must be known.
+    The motion is centred. The slopes on both sides count alike; a jump is infinitely stiff. None where the
+    terms in ``state`` contain the other state as well, or where a switch cannot be decided.
     """
-    (other,) = (s for s in STATES if s != state)
-    alone = sympy.Add(*(a for a in sympy.Add.make_args(sympy.expand_mul(law)) if a.has(state)))
-    if alone.has(other):
+    alone = _terms_alone(law, state)
+    if alone is None:
         return None
     # the distance from rest is positive on either side
     t = sympy.Symbol("t", positive=True)
-    if place != 0:
-        growths = [_growth(alone.xreplace({state: side}), t) for side in (t, -t)]
-        return sympy.S.Zero if all(g is not None and g < 1 for g in growths) else None
     sides = [alone.xreplace({state: side}) for side in (t, -t)]
     if any(atom.has(t) for side in sides for atom in side.atoms(*_KINKED)):
         return None
@@ -85,9 +81,26 @@ def limit_of_rest(law: sympy.Expr, state: sympy.Symbol, place: sympy.Expr) -> sy
         return None
     jump = sympy.expand(right - left)
     if not jump.is_zero:
-        return sympy.oo * sympy.sign(jump)
+        return sympy.oo * sympy.sign(jump / 2)
     ahead, behind = (_finite(side.diff(t).subs(t, 0)) for side in sides)
-    return None if ahead is None or behind is None else (ahead - behind) / 2
+    return None if ahead is None or behind is None else sympy.expand((ahead - behind) / 2)
+
+
+def grows_slowly(law: sympy.Expr, state: sympy.Symbol) -> bool:
+    """Tell whether a law is seen to grow slower than its state, so that it adds nothing for X -> oo."""
+    alone = _terms_alone(law, state)
+    if alone is None:
+        return False
+    t = sympy.Symbol("t", positive=True)
+    growths = [_growth(alone.xreplace({state: side}), t) for side in (t, -t)]
+    return all(growth is not None and growth < 1 for growth in growths)
+
+
+def _terms_alone(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
+    """Give the addends with a state; None where they contain the other one as well."""
+    (other,) = (s for s in STATES if s != state)
+    alone = sympy.Add(*(a for a in sympy.Add.make_args(sympy.expand_mul(law)) if a.has(state)))
+    return None if alone.has(other) else alone
 
 
 _KINKED = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.Piecewise)

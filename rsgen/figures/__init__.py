@@ -6,6 +6,7 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 from __future__ import annotations
 
 from rsgen.figures.curves import draw_collapse, draw_damping, draw_resonance, draw_stiffness
+from rsgen.figures.derivation import draw_derivation
 from rsgen.figures.drawing import STYLE, Drawing
 from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
@@ -19,6 +20,7 @@ __all__ = [
     "choose_scale",
     "draw_collapse",
     "draw_damping",
+    "draw_derivation",
     "draw_forces",
     "draw_held_out",
     "draw_map",
