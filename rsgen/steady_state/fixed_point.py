@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 
-__all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm"]
+__all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm", "times"]
 
 _OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
 _ITERATIONS = 6
@@ -27,7 +27,8 @@ class FixedPoints:
 
 def norm(y: Floats) -> Floats:
     """Length of the last axis."""
-    length: Floats = np.hypot(y[..., 0], y[..., 1])
+    first, second = y[..., 0], y[..., 1]
+    length: Floats = np.sqrt(first * first + second * second)
     return length
 
 
@@ -39,8 +40,11 @@ def correction(jacobian: Floats, residual: Floats) -> Floats:
     regular = np.abs(det) > _SINGULAR
     safe = np.where(regular, det, 1.0)
     r0, r1 = residual[:, 0], residual[:, 1]
-    step = np.column_stack([(d * r0 - b * r1) / safe, (a * r1 - c * r0) / safe])
-    return np.where(regular[:, None], step, residual)
+    move = np.empty_like(residual)
+    move[:, 0], move[:, 1] = (d * r0 - b * r1) / safe, (a * r1 - c * r0) / safe
+    if not regular.all():
+        move[~regular] = residual[~regular]
+    return move
 
 
 def attraction(jacobian: Floats) -> Floats:
@@ -55,11 +59,24 @@ def jacobians(
     period_map: PeriodMap, points: Indices, y: Floats, steps: NDArray[np.int64], offset: Floats
 ) -> tuple[Floats, Floats]:
     """Images P(y) and Jacobians of (k,) points, from neighbouring orbits ``offset`` (k,) [m] away."""
-    far = offset[:, None]
-    trial = np.concatenate([y, y + far * [1.0, 0.0], y + far * [0.0, 1.0]])
+    k = len(points)
+    trial = np.tile(y, (3, 1))
+    trial[k : 2 * k, 0] += offset
+    trial[2 * k :, 1] += offset
     after = period_map.carry(np.tile(points, 3), trial, np.tile(steps, 3), 1).state
-    image, right, up = np.split(after, 3)
-    return image, np.stack([(right - image) / far, (up - image) / far], axis=2)
+    image = after[:k]
+    slope = np.empty((k, 2, 2))
+    slope[:, :, 0] = (after[k : 2 * k] - image) / offset[:, None]
+    slope[:, :, 1] = (after[2 * k :] - image) / offset[:, None]
+    return image, slope
+
+
+def times(jacobian: Floats, y: Floats) -> Floats:
+    """J y for (k,) points."""
+    product = np.empty_like(y)
+    product[:, 0] = jacobian[:, 0, 0] * y[:, 0] + jacobian[:, 0, 1] * y[:, 1]
+    product[:, 1] = jacobian[:, 1, 0] * y[:, 0] + jacobian[:, 1, 1] * y[:, 1]
+    return product
 
 
 def find_fixed_points(

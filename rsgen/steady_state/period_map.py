@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,10 @@ class PeriodMap:
     values: Floats
     force: NDArray[np.complex128]
     omega: Floats
+
+    def of(self, points: Indices) -> PeriodMap:
+        """The maps of some of the points."""
+        return replace(self, force=self.force[points], omega=self.omega[points])
 
     @property
     def scale(self) -> Floats:

@@ -6,7 +6,7 @@ difference between two step sizes is the error estimate (Richardson), and tells 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
 _SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
-_FIRST = 32  # steps of the first of two answers that are compared
-_GRID = np.array([48 * 2**k for k in range(9)] + [32 * 2**k for k in range(10)])
+_FIRST = 24  # steps of the first of two answers that are compared
+_GRID = np.array([24 * 2**k for k in range(10)] + [32 * 2**k for k in range(10)])
 _GRID.sort()
+_COMPARED = 5  # harmonics whose change tells the error
 _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 
 
@@ -36,9 +37,14 @@ class Refined:
     error: Floats
     outcome: NDArray[np.int8]
 
+    def replace(self, points: Indices, better: Refined) -> None:
+        """Put other answers in the place of some points."""
+        for entry in fields(self):
+            getattr(self, entry.name)[points] = getattr(better, entry.name)
+
 
 def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: float) -> Refined:
-    """Bring every settled point to ``accuracy``; those that cannot be brought there become unsettled."""
+    """Bring every settled point to ``accuracy``, or as near as the finest steps come; the error says."""
     n = len(settling.y)
     result = Refined(
         y=settling.y.copy(),
@@ -51,12 +57,17 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
     jacobian = settling.jacobian.copy()
     points = np.flatnonzero(settling.outcome == SETTLED)
     steps = np.maximum(settling.steps, _grid_above(np.maximum(_FIRST, 2.0 * harmonics + 2)))
-    _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy)
+    few = min(harmonics, _COMPARED)
+    # the coarse fixed point belongs to other steps, or is good enough to be recorded at once
+    late = 0 if len(points) and (steps[points] == settling.steps[points]).all() else 1
+    _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy, few, peaks=False, first_record=late)
     points = points[result.outcome[points] == SETTLED]
     finer = steps * 2
     while len(points):
-        last = result.harmonics[points]
-        _solve(period_map, result, jacobian, points, finer, 0.1 * accuracy)
+        last = result.harmonics[points, : few + 1]
+        _solve(
+            period_map, result, jacobian, points, finer, 0.1 * accuracy, harmonics, peaks=True, first_record=1
+        )
         result.error[points] = _estimate(result, points, last, finer[points] / steps[points])
         points = points[result.outcome[points] == SETTLED]
         points = points[~(result.error[points] <= accuracy)]
@@ -75,7 +86,7 @@ def _grid_above(wanted: float | Floats) -> NDArray[np.int64]:
 
 def _estimate(result: Refined, points: Indices, last: NDArray[np.complex128], ratio: Floats) -> Floats:
     """Relative error of the fundamental, from what the finer steps changed."""
-    change = np.abs(result.harmonics[points] - last)
+    change = np.abs(result.harmonics[points, : last.shape[1]] - last)
     # a fundamental that hardly moved by chance does not hide what the other harmonics say
     largest = np.maximum(change[:, 1], 0.25 * change.max(axis=1))
     amplitude = np.abs(result.harmonics[points, 1])
@@ -92,9 +103,15 @@ def _solve(
     points: Indices,
     steps: NDArray[np.int64],
     tolerance: float,
+    harmonics: int,
+    *,
+    peaks: bool,
+    first_record: int,
 ) -> None:
-    """Find the fixed points of the map with these steps, and record their period."""
-    columns = result.harmonics.shape[1] - 1
+    """Find the fixed points of the map with these steps, and record their period.
+
+    Recording costs, so it begins with turn ``first_record``, when the corrections have become small.
+    """
     floor = period_map.scale
     active = points
     for turn in range(2 * _PERIODS):
@@ -103,19 +120,22 @@ def _solve(
         if turn == _PERIODS:
             fixed = find_fixed_points(period_map, active, result.y[active], steps[active], tolerance)
             result.y[active], jacobian[active] = fixed.y, fixed.jacobian
-        record = columns if turn else None
+        record = harmonics if turn >= first_record else None
         here = result.y[active]
-        march = period_map.carry(active, here, steps[active], 1, record, peaks=record is not None)
+        march = period_map.carry(active, here, steps[active], 1, record, peaks=peaks and record is not None)
         residual = march.state - here
         move = correction(jacobian[active], residual)
+        length = norm(move)
+        result.y[active] = here + np.where(np.isfinite(length)[:, None], move, 0.0)
+        if record is None:
+            continue
         size = np.maximum(norm(here), floor[active])
-        done = np.zeros(len(active), dtype=bool)
-        if record is not None:
-            done = norm(move) <= tolerance * size
-            mine = active[done]
-            result.harmonics[mine] = march.harmonics[done]
-            result.peak[mine] = march.peak[done]
-            result.residual[mine] = (norm(residual) / size)[done]
-        result.y[active] = here + np.where(np.isfinite(move), move, 0.0)
+        done = length <= tolerance * size
+        kept = slice(None) if done.all() else done
+        mine = active[kept]
+        result.harmonics[mine, : harmonics + 1] = march.harmonics[kept]
+        result.residual[mine] = (norm(residual) / size)[kept]
+        if peaks:
+            result.peak[mine] = march.peak[kept]
         active = active[~done]
     result.outcome[active] = UNSETTLED

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm
+from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm, times
 from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
@@ -41,13 +41,13 @@ class Settling:
     outcome: NDArray[np.int8]
 
 
-def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool) -> Settling:
+def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int = COARSE) -> Settling:
     """Carry n points from ``start`` (n, 2) until each has settled or is known not to."""
     n = len(start)
     result = Settling(
         y=start.copy(),
         jacobian=np.zeros((n, 2, 2)),
-        steps=np.full(n, COARSE),
+        steps=np.full(n, steps),
         outcome=np.full(n, UNSETTLED, dtype=np.int8),
     )
     active = np.arange(n)
@@ -88,7 +88,7 @@ def _accept(
     fixed = find_fixed_points(period_map, active, y, result.steps[active], _TOLERANCE)
     size = np.maximum(norm(fixed.y), period_map.scale[active])
     earlier = trail[:, 0] - fixed.y
-    predicted = np.einsum("kij,kjl,kl->ki", fixed.jacobian, fixed.jacobian, earlier)
+    predicted = times(fixed.jacobian, times(fixed.jacobian, earlier))
     departure = norm(y - fixed.y - predicted)
     linear = (departure <= _LINEAR * norm(earlier) + _CLOSE * size) & (norm(earlier) < size)
     sure = fixed.found & linear & (attraction(fixed.jacobian) > 0)
@@ -130,9 +130,10 @@ def _is_linear_around(
     The last periods only show one direction; in another one a stop or a gap may still be met.
     """
     turned = np.column_stack([-away[:, 1], away[:, 0]])
-    rays = np.concatenate([-away, turned, -turned])
-    images = period_map.carry(np.tile(points, 3), np.tile(center, (3, 1)) + rays, np.tile(steps, 3), 1).state
-    predicted = np.tile(center, (3, 1)) + np.einsum("kij,kj->ki", np.tile(jacobian, (3, 1, 1)), rays)
+    along, across = times(jacobian, away), times(jacobian, turned)
+    rays = np.concatenate([center - away, center + turned, center - turned])
+    predicted = np.concatenate([center - along, center + across, center - across])
+    images = period_map.carry(np.tile(points, 3), rays, np.tile(steps, 3), 1).state
     departure = norm(images - predicted).reshape(3, -1).max(axis=0)
     linear: NDArray[np.bool_] = departure <= _CIRCLE * norm(away)
     return linear

@@ -10,7 +10,7 @@ from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
-from rsgen.steady_state.settling import settle
+from rsgen.steady_state.settling import COARSE, SETTLED, settle
 from rsgen.steady_state.solution import SteadyStates
 
 __all__ = ["LOOSEST", "MOST_HARMONICS", "TIGHTEST", "solve_steady_states"]
@@ -18,7 +18,8 @@ __all__ = ["LOOSEST", "MOST_HARMONICS", "TIGHTEST", "solve_steady_states"]
 TIGHTEST, LOOSEST = 1e-9, 1e-2  # accuracies that can be asked for
 MOST_HARMONICS = 64
 _CURVATURE = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
-_BATCH = 16384  # points worked on at once: bounds the memory
+_SECOND_LOOK = 8  # times the steps of the first transient
+_BATCH = 4096  # points worked on at once: bounds the memory
 
 
 def solve_steady_states(
@@ -101,6 +102,11 @@ def _solve_batch(
     with np.errstate(over="ignore", invalid="ignore"):
         settling = settle(period_map, y, from_rest=start is None)
         refined = refine(period_map, settling, harmonics, accuracy)
+        # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
+        lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))
+        if len(lost):
+            again = settle(period_map.of(lost), y[lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE)
+            refined.replace(lost, refine(period_map.of(lost), again, harmonics, accuracy))
     state = np.column_stack([refined.y[:, 0], refined.y[:, 1] * omega])
     unsettled = refined.outcome != 0
     refined.harmonics[unsettled] = complex(np.nan, np.nan)
