@@ -61,7 +61,7 @@ def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int 
 def _one_round(period_map: PeriodMap, result: Settling, active: Indices, periods: int) -> Indices:
     before = result.y[active]
     march = period_map.carry(active, before, result.steps[active], periods)
-    bounded = np.isfinite(march.state).all(axis=1)
+    bounded = np.isfinite(norm(march.state))
     for _ in range(2):
         lost = np.flatnonzero(~bounded & (result.steps[active] < COARSE * _STIFF**2))
         if not len(lost):
@@ -70,7 +70,7 @@ def _one_round(period_map: PeriodMap, result: Settling, active: Indices, periods
         result.steps[active[lost]] *= _STIFF
         again = period_map.carry(active[lost], before[lost], result.steps[active[lost]], periods)
         march.state[lost], march.trail[lost] = again.state, again.trail
-        bounded = np.isfinite(march.state).all(axis=1)
+        bounded = np.isfinite(norm(march.state))
     result.y[active] = march.state
     result.outcome[active[~bounded]] = DIVERGED
     active, y, trail = active[bounded], march.state[bounded], march.trail[bounded]
