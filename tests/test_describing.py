@@ -389,3 +389,11 @@ def test_conditions_on_parameters_alone():
     derived = derive("Piecewise((k, (k + b < 0.5) & (b > w)), (3*x, True)) + x")
     found = derived.evaluate([1.0, 2.0], 1.0, {"k": 1.0, "b": 1.0, "w": 2.0})
     np.testing.assert_allclose(found.stiffness, 4.0)
+
+
+def test_formulas_of_pages_are_left_to_quadrature():
+    derived = derive("abs(x - a)*abs(x - b)*abs(x - c)*abs(x - d)")
+    assert not derived.closed_form
+    assert np.isfinite(
+        derived.evaluate(1.0, 1.0, {"a": 0.2, "b": 0.4, "c": 0.6, "d": -0.3}, mean=0.1).stiffness
+    )

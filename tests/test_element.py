@@ -131,6 +131,7 @@ def test_saturation_of_positive_parameters_has_two_switches():
         ("x**1.5", "not real for negative x"),
         ("k*v**p", "not real for negative v"),
         ("k*X", "variable of the describing function"),
+        ("abs(abs(abs(abs(x - a) - b) - c) - d)", "more than 7 switches of its own"),
         (sympy.Mul(*(parse(f"abs(x - b{i})*sign(v - w{i})") for i in range(10))), "pieces behind switches"),
     ],
 )
@@ -146,3 +147,8 @@ def test_foreign_symbols_are_refused():
 
 def test_parameters_are_sorted_and_exclude_the_state():
     assert make_element("joint", "k*x + c*v + b*x*v").parameters == ("b", "c", "k")
+
+
+def test_squares_and_products_of_signs_of_parameters_disappear():
+    (piece,) = normal_form(parse("k*sign(k)*sign(q)**2*x + abs(k)*sign(k)*v")).pieces
+    assert piece.term == parse("abs(k)*x + k*v")

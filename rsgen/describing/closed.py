@@ -19,6 +19,12 @@ __all__ = ["ClosedPart", "Triple", "close"]
 
 X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
 
+LONGEST = 150
+"""Terms beyond which a formula is read by nobody and would take many seconds: quadrature is better there."""
+
+ENDS_OF_BOTH = 4
+"""Ends of the arcs on which a switch in x and one in v are on together; a single switch has half as many."""
+
 Array = NDArray[np.float64]
 Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
 """Stiffness [N/m], damping [N s/m] and mean force [N]."""
@@ -105,6 +111,7 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
     if any(e.has(sympy.Piecewise) for e in (*levels, *(piece.term for piece in form.pieces))):
         # parameters that are cases of other parameters make formulas that nobody reads, and slowly
         return None
+    length = 0
     for piece in form.pieces:
         places: dict[str, sympy.Expr] = {}
         for switch in piece.switches:
@@ -112,6 +119,9 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
                 return None
             places[switch.variable] = switch.threshold
         arc = make_arc(places.get("x"), places.get("v"), mean == 0)
+        length += _length(piece.term, arc)
+        if length > LONGEST:
+            return None
         for addend in sympy.Add.make_args(piece.term):
             triple = _triple(addend, arc, mean)
             if triple is None:
@@ -122,6 +132,19 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
         total = tuple(sympy.Add(*column) for column in zip(*triples, strict=True))
         summed.append((arc, (total[0], total[1], total[2])))
     return ClosedPart(tuple(summed), mean)
+
+
+def _length(term: sympy.Expr, arc: Arc) -> int:
+    """Count the terms of the formula of a piece, before they are sorted by angles and roots."""
+    moving = {
+        end for end in (arc.x_end, arc.v_end) if end is not None and isinstance(end.angle, sympy.Symbol)
+    }
+    length = 0
+    for addend in sympy.Add.make_args(term):
+        degrees = [addend.as_coeff_exponent(state)[1] for state in (symbol("x"), symbol("v"))]
+        m, n = (int(degree) if degree.is_Integer and degree > 0 else 0 for degree in degrees)
+        length += (1 + m) * (1 + n) * (ENDS_OF_BOTH if arc.both else 1) if moving else 1
+    return length
 
 
 def _triple(addend: sympy.Expr, arc: Arc, mean: sympy.Expr) -> Triple | None:

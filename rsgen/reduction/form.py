@@ -139,23 +139,21 @@ def _addends(expression: sympy.Expr) -> int:
 
 def _tidy(addend: sympy.Expr) -> sympy.Expr:
     """Write c sign(c) as abs(c) and drop sign(c)**2: coefficients of laws are not zero."""
-    signs = [s for s in addend.atoms(sympy.sign) if not moves(s)]
-    for sign in signs:
-        coefficient, power = addend.as_coeff_exponent(sign)
-        if not power.is_Integer or power < 1 or coefficient.has(sign):
+    factors = list(sympy.Mul.make_args(addend))
+    places = {factor.as_base_exp()[0]: place for place, factor in enumerate(factors)}
+    for sign, place in places.items():
+        if not isinstance(sign, sympy.sign) or moves(sign):
             continue
-        inner = sign.args[0]
-        if power % 2 == 0:
-            addend = coefficient
+        power, inner = factors[place].as_base_exp()[1], sign.args[0]
+        if not power.is_Integer or power < 1:
             continue
-        without = coefficient / inner
-        whole, exponent = coefficient.as_coeff_exponent(inner)
-        if inner.is_Symbol and exponent == 1:
-            addend = without * sympy.Abs(inner)
-            continue
-        whole, exponent = coefficient.as_coeff_exponent(sympy.Abs(inner))
-        addend = whole * inner if exponent == 1 else coefficient * sign
-    return addend
+        factors[place] = sign if power % 2 else sympy.S.One
+        for found, instead in ((inner, sympy.Abs(inner)), (sympy.Abs(inner), inner)):
+            partner = places.get(found)
+            if power % 2 and inner.is_Symbol and partner is not None and factors[partner] == found:
+                factors[partner], factors[place] = instead, sympy.S.One
+                break
+    return sympy.Mul(*factors)
 
 
 def expanded(term: sympy.Expr) -> sympy.Expr:

@@ -38,6 +38,8 @@ SWITCHING = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Piecewise, sympy.Max,
 _EVEN = (sympy.cos, sympy.cosh)
 _ODD = (sympy.sin, sympy.tan, sympy.sinh, sympy.tanh, sympy.asin, sympy.atan)
 _MOST_FACTORS = 64
+MOST_NESTED = 7
+"""Switches inside a switch function: each may be on or off, so that the cases double with every one."""
 
 
 def _switches(expression: sympy.Basic) -> bool:
@@ -186,6 +188,11 @@ def _step_of_distance(inner: sympy.Expr) -> Form | None:
 
 def _step_by_cases(form: Form) -> Form:
     """Give H(sum of terms behind steps): with one step on and off in turn, until none is left."""
+    if len({single for key in form for single in _singles(key)}) > MOST_NESTED:
+        raise ExpressionError(
+            f"law: a condition with more than {MOST_NESTED} switches of its own; write it with fewer abs, "
+            "sign, Min, Max inside each other"
+        )
     for key in form:
         for single in _singles(key):
             on = add(*({_without(k, single): t} for k, t in form.items()))
