@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsgen.describing import DescribingFunction, derive
 from rsgen.element import Element, make_element
 from rsgen.errors import RsgenError
+from rsgen.expression import check_name, parse, symbol
 
 __all__ = ["LAWS", "Law", "Parameter", "find_law"]
 
@@ -61,9 +63,35 @@ class Law:
         """A value for each parameter, SI, for a picture."""
         return {parameter.name: parameter.example for parameter in self.parameters}
 
-    def element(self, name: str | None = None) -> Element:
-        """Make a spring or damper of this law."""
-        return make_element(name or self.name, self.formula)
+    def element(self, name: str | None = None, parameters: Mapping[str, str] | None = None) -> Element:
+        """Make a spring or damper of this law.
+
+        Parameters
+        ----------
+        name
+            Name of the element; that of the law by default.
+        parameters
+            New names of parameters, by their name in the law; the others keep theirs.
+
+        Raises
+        ------
+        RsgenError
+            The law has no parameter of this name, or the new name cannot be one.
+
+        Examples
+        --------
+        >>> find_law("cubic-spring").element("spring", {"k3": "kn1"}).parameters
+        ('k', 'kn1')
+        """
+        renamed = dict(parameters or {})
+        own = [parameter.name for parameter in self.parameters]
+        unknown = sorted(set(renamed) - set(own))
+        if unknown:
+            raise RsgenError(
+                f"law {self.name!r} has no parameter {', '.join(unknown)}; it has {', '.join(own)}"
+            )
+        places = {symbol(old): symbol(check_name(new)) for old, new in renamed.items()}
+        return make_element(name or self.name, parse(self.formula).xreplace(places))
 
     def describing(self) -> DescribingFunction:
         """Derive the describing function of this law."""

@@ -168,6 +168,32 @@ def test_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
     assert load_case(write(tmp_path, text)).name == "good"
 
 
+def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
+    law = 'law = "cubic-spring"\nparameters = { k3 = "kn1" }'
+    case = load_case(
+        write(tmp_path, good(truth="k = 5920\nkn1 = '-2e5 N/m^3'").replace('force = "k*x"', law))
+    )
+    assert (
+        case.model.force
+        == load_case(write(tmp_path, good("k*x + kn1*x**3", "k = 5920\nkn1 = 1"))).model.force
+    )
+
+
+@pytest.mark.parametrize(
+    ("element", "told"),
+    [
+        ('law = "cubic"', "cubic-spring"),
+        ('law = "cubic-spring"\nforce = "k*x"', "one of them"),
+        ('law = "linear-spring"\nparameters = { q = "k1" }', "it has k"),
+        ('force = "k*x"\nparameters = { k = "k1" }', "renames those of a 'law'"),
+        ("", "is missing"),
+    ],
+)
+def test_faults_of_laws_by_name(element: str, told: str, tmp_path: Path) -> None:
+    faults = refused(write(tmp_path, good().replace('force = "k*x"', element)))
+    assert any("element.1" in fault and told in fault for fault in faults), faults
+
+
 def test_names_that_differ_by_case_only_are_noted(tmp_path: Path) -> None:
     case = load_case(write(tmp_path, good("k*x + K*x**3", "k = 1\nK = 2")))
     assert case.warnings == ("parameters K and k differ by case only",)

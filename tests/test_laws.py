@@ -170,3 +170,15 @@ def test_unknown_name_is_refused_with_the_known_ones():
 def test_element_takes_a_name():
     assert find_law("coulomb").element("pad").name == "pad"
     assert find_law("coulomb").element().parameters == ("Ff",)
+
+
+def test_element_takes_names_of_parameters():
+    element = find_law("cubic-spring").element("spring", {"k": "k3", "k3": "k"})
+    assert element.force == parse("k3*x + k*x**3")
+    for names, word in (
+        ({"q": "k1"}, "it has k, k3"),
+        ({"k": "x"}, "cannot be a parameter"),
+        ({"k": "1k"}, "1k"),
+    ):
+        with pytest.raises(RsgenError, match=word):
+            find_law("cubic-spring").element(parameters=names)

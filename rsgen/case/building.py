@@ -9,13 +9,14 @@ from types import MappingProxyType
 
 import sympy
 
-from rsgen.case.document import CaseDocument, MeasuredTable, SimulatedTable
+from rsgen.case.document import CaseDocument, ElementTable, MeasuredTable, SimulatedTable
 from rsgen.case.grid import expand, size_fault
 from rsgen.case.measured import build_measured
 from rsgen.case.wording import name_fault, quote, suggest, text_fault
 from rsgen.element import Element, make_element
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
+from rsgen.laws import find_law
 from rsgen.measurement import MeasuredTest
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest
@@ -26,6 +27,17 @@ __all__ = ["Parts", "build"]
 MASS = "m"
 FORCES = ("stiffness_force", "damping_force")
 _STATES = ("x", "v", "X", "X0", "omega")
+
+
+def _make(table: ElementTable) -> Element:
+    """Make a spring or damper from its formula, or from a law of the library."""
+    if table.law is not None:
+        return find_law(table.law).element(table.name, table.parameters)
+    if table.force is None:
+        raise RsgenError("is missing; a formula in x and v, or 'law' with the name of a law (rsgen laws)")
+    if table.parameters:
+        raise RsgenError("'parameters' renames those of a 'law'; a formula names its own")
+    return make_element(table.name, table.force)
 
 
 @dataclass(slots=True)
@@ -88,13 +100,17 @@ class _Builder:
                     f"element.{number}.name: {quote(table.name)} is used twice; names must be unique"
                 )
             taken.add(table.name.casefold())
+            key = "force" if table.law is None else "law"
+            if table.law is not None and table.force is not None:
+                self.faults.append(f"element.{number}: has 'force' and 'law'; one of them says the law")
+                continue
             try:
-                element = make_element(table.name, table.force)
-            except ExpressionError as error:
-                self.faults.append(f"element.{number}.force: {_reason(error)}")
+                element = _make(table)
+            except RsgenError as error:
+                self.faults.append(f"element.{number}.{key}: {_reason(error)}")
                 continue
             if MASS in element.parameters:
-                self.faults.append(f"element.{number}.force: 'm' is the mass; name the parameter otherwise")
+                self.faults.append(f"element.{number}.{key}: 'm' is the mass; name the parameter otherwise")
             built.append(element)
         return tuple(built)
 

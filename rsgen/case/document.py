@@ -96,7 +96,16 @@ class ElementTable(_Table):
     """One spring or damper."""
 
     name: Text = Field(description="A plain name, unique in the case.")
-    force: Formula = Field(description="The force law in x [m] and v [m/s]; every other name is a parameter.")
+    force: Formula | None = Field(
+        default=None, description="The force law in x [m] and v [m/s]; every other name is a parameter."
+    )
+    law: Text | None = Field(
+        default=None, description="Instead of force: a law of the library by its name; rsgen laws lists them."
+    )
+    parameters: dict[str, Text] = Field(
+        default_factory=dict,
+        description='With law: new names of its parameters, such as { k3 = "kn1" }.',
+    )
 
 
 class PrintedTable(_Table):
