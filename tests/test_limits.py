@@ -16,6 +16,7 @@ from rsgen.expression import parse, symbol
         ("k*x*log(1 + x**2)", {("stiffness", 0): "0"}),
         ("asin(x) + v", {("stiffness", 0): "1", ("damping", 0): "1", ("damping", 1): "1"}),
         ("F*exp(-abs(x)/a)*sign(v)", {}),
+        ("k*x*abs(x)**(p - 1)", {}),
         ("F + k*x", {("stiffness", 0): "k", ("stiffness", 1): "k"}),
         ("k*x + a*x**2", {("stiffness", 0): "abs(k)"}),
     ],

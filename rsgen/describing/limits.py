@@ -59,7 +59,9 @@ def limit_at_infinity(formula: sympy.Expr) -> sympy.Expr | None:
 
 
 def _finite(value: sympy.Expr) -> sympy.Expr | None:
-    return None if value.has(sympy.nan, sympy.zoo, sympy.oo) else value
+    """Give a value, or None where it is not finite or is zero to a power that is not known."""
+    unknown = any(power.base.is_zero for power in value.atoms(sympy.Pow))
+    return None if unknown or value.has(sympy.nan, sympy.zoo, sympy.oo) else value
 
 
 def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:

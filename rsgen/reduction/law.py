@@ -123,8 +123,8 @@ def _power(power: sympy.Pow) -> Form:
     if base.is_Mul:
         signless = [f for f in base.args if f.is_nonnegative]
         rest = sympy.Mul(*(f for f in base.args if not f.is_nonnegative))
-        if signless and rest != 1:
-            product = _power_of(rest, exponent)
+        if signless:
+            product = constant(1) if rest == 1 else _power_of(rest, exponent)
             for factor in signless:
                 product = multiply(product, _power_of(factor, exponent))
             return product
