@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Sequence
 from types import FrameType
 
@@ -18,10 +19,18 @@ __all__ = ["main"]
 
 FAULTY = 2
 INTERRUPTED = 130
+CLEARING_SECONDS = 2.0
+"""For so long after an interrupt another one is the same one: clearing up must not be torn apart."""
+
+_last = -CLEARING_SECONDS
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    global _last
+    now = time.monotonic()
+    if now - _last >= CLEARING_SECONDS:
+        _last = now
+        raise KeyboardInterrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -37,12 +46,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
-    from rsgen.cli.application import application
     from rsgen.cli.printing import print_faults
 
-    # a polite end from outside clears up as Ctrl-C does
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
+        # a polite end from outside clears up as Ctrl-C does
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _interrupt)
+        from rsgen.cli.application import application
+
         words = list(sys.argv[1:] if arguments is None else arguments)
         code = application(args=words or ["--help"], prog_name="rsgen", standalone_mode=False)
         sys.stdout.flush()

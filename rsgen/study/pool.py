@@ -6,9 +6,10 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -21,14 +22,33 @@ __all__ = ["run_cases"]
 
 Report = Callable[[CaseRun], None]
 
+_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
-def _prepare_worker(workers: int) -> None:
-    # each worker gets its share of the processors, or the kernels of two cases fight for all of them
-    share = str(max(1, (os.cpu_count() or 1) // workers))
-    for variable in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, share)
+
+def _prepare_worker() -> None:
     # a worker whose parent was killed would wait for ever
     threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+@contextmanager
+def _beginning(workers: int) -> Iterator[None]:
+    """Give each process begun meanwhile its share of the processors, and no ear for Ctrl-C.
+
+    The libraries read these names when they are loaded; with a thread for each processor in each process,
+    the cases would fight for all of them. Ctrl-C reaches every process of a terminal, those that still
+    import as well; the parent alone answers it.
+    """
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    added = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, share))
+    kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else None
+    try:
+        yield
+    finally:
+        if kept is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, kept)
+        for name in added:
+            del os.environ[name]
 
 
 _working = threading.Event()
@@ -99,10 +119,12 @@ def _spread(
     finished: Report,
 ) -> None:
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker, initargs=(workers,))
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
     futures: dict[Future[CaseRun | None], Path] = {}
     try:
-        futures = {pool.submit(_work, path, out, data, command): path for path in todo}
+        with _beginning(workers):
+            # submitting starts the processes
+            futures = {pool.submit(_work, path, out, data, command): path for path in todo}
         open_futures = set(futures)
         while open_futures:
             done, open_futures = wait(open_futures, return_when=FIRST_COMPLETED)
