@@ -67,6 +67,7 @@ TABLE = (
     ("k*sinh(a*x)", "2*k*besseli(1, a*X)/X", "0", OWN, True),
     ("k*x*cos(a*x)", "k*(besselj(0, a*X) - besselj(2, a*X))", "0", OWN, True),
     ("k*sin(a*x)*cos(b*x)", "k*(besselj(1, (a + b)*X) + besselj(1, (a - b)*X))/X", "0", OWN, True),
+    ("k*sin(b*x)*cos(a*x)", "k*(besselj(1, (a + b)*X) + besselj(1, (b - a)*X))/X", "0", OWN, True),
     ("k*sinh(a*x)*cosh(b*x)", "k*(besseli(1, (a + b)*X) + besseli(1, (a - b)*X))/X", "0", OWN, True),
     (
         "c*v*sin(a*x)*sin(b*x)",

@@ -33,3 +33,13 @@ def test_jump_is_infinite_damping_at_rest(law):
     limit = derive(law).limits[0]
     assert (limit.quantity, limit.place) == ("damping", 0)
     assert limit.value == sympy.oo * sympy.sign(symbol("F"))
+
+
+def test_leading_powers_decide():
+    def ends(law):
+        return [limit.value for limit in derive(law).limits]
+
+    k, k3, a, c, Ff = map(symbol, ("k", "k3", "a", "c", "Ff"))
+    assert ends("k*x + k3*x**3") == [k, sympy.oo * sympy.sign(k3)]
+    assert ends("c*v + Ff*sign(v)") == [sympy.oo * sympy.sign(Ff), c]
+    assert ends("k*sin(a*x) + c*x") == [a * k + c, c]
