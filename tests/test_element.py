@@ -48,6 +48,7 @@ LAWS = (
     "(abs(x) + abs(v))**3 - 1/(1 + abs(x)**3)",
     "abs(tanh(x) - 0.5) + sign(exp(v) - 2)",
     "sign(x**3 - x) + sign(x**5 - 3)",
+    "sign(x**3 - 2*x**2 + x)",
     "exp(Max(0, k*x - b)/10)",
     "Piecewise((x, b > 0), (v, True))",
     "Heaviside(v - abs(x))*x",

@@ -6,6 +6,7 @@ import pytest
 from rsgen.describing import derive
 
 CLOSE = 1e-12  # of the amplitude; the quadrature of the mean force has 1e-13
+EDGE = 1e-6  # the force leaves the range with power 3/2, so that its edge is known to fewer digits
 
 
 @pytest.mark.parametrize(
@@ -24,3 +25,10 @@ def test_means_of_many_amplitudes_balance_as_those_of_few(law, values):
     many = derived.evaluate(X, 1.0, values).mean
     few = derived.evaluate(X[::97], 1.0, values).mean
     np.testing.assert_allclose(many[::97] / X[::97], few / X[::97], rtol=0, atol=CLOSE)
+
+
+def test_of_a_range_of_means_the_edge_next_to_rest_counts():
+    # free between 1 and 3: a cycle of 0.5 pushes nowhere while its mean is between 1.5 and 2.5
+    derived = derive("k*Max(0, x - b) + k*Min(0, x - d)")
+    mean = derived.evaluate(0.5, 1.0, {"k": 2.0, "b": 3.0, "d": 1.0}).mean
+    assert abs(mean - 1.5) < EDGE

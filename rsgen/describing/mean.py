@@ -165,12 +165,16 @@ def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Arra
 
 
 def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, floor: Array) -> Array:
-    """Narrow brackets by Ridders' method; where the force is zero on the low side, halve to its edge."""
+    """Narrow brackets by Ridders' method; where the force is zero on one side, halve to its edge."""
     below, above = balance(low, rows), balance(high, rows)
     best = np.where(above <= floor, high, low)
     active = np.flatnonzero((np.abs(below) > floor) & (above > floor))
-    edges = np.flatnonzero((np.abs(below) <= floor) & (above > floor))
-    best[edges] = _edge(balance, rows[edges], low[edges], high[edges], floor[edges])
+    for still, pushed, ends in (
+        (low, high, (np.abs(below) <= floor) & (above > floor)),
+        (high, low, (below < -floor) & (np.abs(above) <= floor)),
+    ):
+        edges = np.flatnonzero(ends)
+        best[edges] = _edge(balance, rows[edges], still[edges], pushed[edges], floor[edges])
     for _ in range(STEPS):
         if not len(active):
             break
@@ -196,12 +200,12 @@ def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, f
     return best
 
 
-def _edge(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, floor: Array) -> Array:
-    """Find where a force that is zero up to some mean begins to rise."""
+def _edge(balance: Balance, rows: NDArray[np.intp], still: Array, pushed: Array, floor: Array) -> Array:
+    """Find the end of a range of means without force between a mean in it and one outside."""
     if not len(rows):
-        return low
+        return still
     for _ in range(54):
-        middle = (low + high) / 2
-        up = balance(middle, rows) > floor
-        low, high = np.where(up, low, middle), np.where(up, middle, high)
-    return low
+        middle = (still + pushed) / 2
+        out = np.abs(balance(middle, rows)) > floor
+        still, pushed = np.where(out, still, middle), np.where(out, middle, pushed)
+    return still
