@@ -205,7 +205,8 @@ POINTS = (
     ("saturation", 0.5, 0, 0.5), ("saturation", -7, 0, -1.0), ("preload", -2, 0, -3.0),
     ("stribeck", 0, -50, -1.0), ("stribeck", 0, 1e-9, 2.0), ("stribeck-gauss", 0, 9, 1.0),
     ("tanh-joint", 50, 0, 16.0), ("van-der-pol", 2, 3, 9.0), ("van-der-pol", 0, 3, -3.0),
-    ("quadratic-damper", 0, -3, -9.0), ("hertz-contact", -4, 0, -8.0), ("displacement-friction", -2, -3, -2.0),
+    ("quadratic-damper", 0, -3, -9.0), ("hertz-contact", -4, 0, -8.0),
+    ("displacement-friction", -2, -3, -2.0),
 )  # fmt: skip
 
 
