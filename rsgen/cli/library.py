@@ -66,7 +66,7 @@ def _print_all(laws: Sequence[Law]) -> None:
     for law in laws:
         print_line(f"{law.name:<{width}}  {law.formula}")
     print_line()
-    print_line("One of them: rsgen laws NAME. In a case: law = \"NAME\" in place of force.")
+    print_line('One of them: rsgen laws NAME. In a case: law = "NAME" in place of force.')
 
 
 def _print_law(law: Law) -> None:
