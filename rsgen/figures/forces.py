@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsgen.expression import symbol
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.drawing import Drawing, in_style, new_figure
-from rsgen.figures.equivalent import values_of
+from rsgen.figures.equivalent import calm_limits, values_of
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
 from rsgen.oscillator import Model
@@ -108,6 +108,13 @@ def _panel(
     axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
     if true is not None:
         axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)
+    # a band that is wide for want of data must not make the forces flat
+    lines = [
+        line / y.factor
+        for line in (force, true, None if inverted is None else inverted[1])
+        if line is not None
+    ]
+    calm_limits(axes, lines)
     axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
     axes.set_ylabel(y.label(what.capitalize()))
     axes.legend(loc="upper left")
