@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +155,11 @@ def find_cases(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
         elif path.exists():
             found.append(path)
         else:
-            faults.append(f"{quote(path, 200)}: does not exist; a case file or a folder of cases is needed")
+            near = get_close_matches(path.name, [file.name for file in path.parent.glob("*.toml")], 1)
+            hint = f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
+            faults.append(
+                f"{quote(path, 200)}: does not exist; a case file or a folder of cases is needed{hint}"
+            )
     if faults:
         raise CaseError(faults)
     return list(dict.fromkeys(found))

@@ -27,6 +27,8 @@ application = typer.Typer(
       rsgen run gearbox.toml                     simulate, identify, compare, report
       rsgen run cases --out reports              the same for a folder of cases
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
+      rsgen show reports/gearbox                 turn the response surface, read values
+      rsgen diff before after                    what changed between two results
 
     \b
     Exit codes: 0 done and accepted; 1 a case missed its [accept]; 2 faulty input; 130 interrupted.
@@ -61,6 +63,11 @@ Surface = Annotated[
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
 ]
 
+Figures = Annotated[
+    str | None,
+    typer.Option(help="Save every figure beside the report, too: pdf, svg or png.", show_default=False),
+]
+
 
 def _show_version(wanted: bool) -> None:
     if wanted:
@@ -90,6 +97,7 @@ def run(
         int | None,
         typer.Option("--jobs", "-j", min=1, max=256, help="Processes at a time.", show_default="processors"),
     ] = None,
+    figures: Figures = None,
     json: Json = False,
 ) -> None:
     """Run cases from file to report; unchanged ones with a verified result are skipped.
@@ -99,10 +107,11 @@ def run(
       rsgen run cases
       rsgen run cases/cubic.toml --force
       rsgen run mine.toml --data /mnt/laboratory --out results
+      rsgen run mine.toml --figures pdf
     """
     from rsgen.cli.commands import run_command
 
-    raise typer.Exit(run_command(cases, out, force, data, jobs, json))
+    raise typer.Exit(run_command(cases, out, force, data, jobs, figures, json))
 
 
 @application.command(short_help="Find every fault in case files.")
@@ -189,6 +198,7 @@ def report(
     ] = None,
     out: Out = Path("reports"),
     data: Data = None,
+    figures: Figures = None,
     json: Json = False,
 ) -> None:
     """Write reports anew from surfaces that earlier runs left; without a case, only index and table.
@@ -197,10 +207,74 @@ def report(
     Examples:
       rsgen report
       rsgen report cases/cubic.toml
+      rsgen report cases/cubic.toml --figures pdf
     """
     from rsgen.cli.commands import report_command
 
-    raise typer.Exit(report_command(cases or [], out, data, json))
+    raise typer.Exit(report_command(cases or [], out, data, figures, json))
+
+
+@application.command(short_help="Write the lesson on a case alone.")
+def notebook(
+    case: OneCase,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The notebook.", show_default="<name>.ipynb")
+    ] = None,
+    data: Data = None,
+    json: Json = False,
+) -> None:
+    """Write the executed notebook of a case: what, why, formula, code and figure, step by step.
+
+    \b
+    Examples:
+      rsgen notebook cases/cubic.toml
+      rsgen notebook cases/cubic.toml --out lesson.ipynb
+    """
+    from rsgen.cli.results import notebook_command
+
+    raise typer.Exit(notebook_command(case, out, data, json))
+
+
+@application.command(short_help="What changed between two results.")
+def diff(
+    before: Annotated[Path, typer.Argument(help="reports/<case>, or a folder of them.", show_default=False)],
+    after: Annotated[Path, typer.Argument(help="The same, later.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Render a page, too.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Say what changed between two results in values and verdicts; 1 if an accepted one is no longer.
+
+    \b
+    Examples:
+      rsgen diff reports/cubic results/cubic
+      rsgen diff reports results --out changes.html
+    """
+    from rsgen.cli.results import diff_command
+
+    raise typer.Exit(diff_command(before, after, out, json))
+
+
+@application.command(short_help="Turn the response surface and read values.")
+def show(
+    folder: Annotated[Path, typer.Argument(help="reports/<case>.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page.", show_default="<folder>-surface.html")
+    ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
+    json: Json = False,
+) -> None:
+    """Write a page on which the response surface turns and tells its values (needs rsgen[show]).
+
+    \b
+    Examples:
+      rsgen show reports/cubic --open
+      rsgen show reports/cubic --out cubic-surface.html
+    """
+    from rsgen.cli.results import show_command
+
+    raise typer.Exit(show_command(folder, out, open_it, json))
 
 
 @application.command(short_help="Begin a case file.")

@@ -24,9 +24,18 @@ if TYPE_CHECKING:
     from rsgen.study import CaseRun
     from rsgen.surface import ResponseSurface
 
-__all__ = ["check_command", "identify_command", "report_command", "run_command", "simulate_command"]
+__all__ = [
+    "check_command",
+    "identify_command",
+    "read_surface",
+    "report_command",
+    "run_command",
+    "simulate_command",
+]
 
 ACCEPTED, MISSED, FAULTY = 0, 1, 2
+
+FIGURE_KINDS = ("pdf", "svg", "png")
 
 # measured on one core: 30 000 a second and more; laws that switch often need the difference
 _POINTS_A_SECOND = 5_000
@@ -40,16 +49,29 @@ def _code(runs: Sequence[CaseRun]) -> int:
     return ACCEPTED if all(run.passed for run in runs) else MISSED
 
 
+def _check_kind(figures: str | None) -> None:
+    if figures not in (None, *FIGURE_KINDS):
+        raise RsgenError(f"--figures {figures}: must be one of {', '.join(FIGURE_KINDS)}")
+
+
 def run_command(
-    cases: list[Path], out: Path, force: bool, data: Path | None, jobs: int | None, json: bool
+    cases: list[Path],
+    out: Path,
+    force: bool,
+    data: Path | None,
+    jobs: int | None,
+    figures: str | None,
+    json: bool,
 ) -> int:
     """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
     from rsgen.study import run_cases
 
+    _check_kind(figures)
     files = find_cases(cases)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
+    words += ("--figures", figures) if figures else ()
     with case_progress(len(files), quiet=json) as note:
-        runs = run_cases(cases, out, force, data, jobs, words, note)
+        runs = run_cases(cases, out, force, data, jobs, words, note, figures)
     if json:
         print_json(
             [
@@ -145,7 +167,8 @@ def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
     return FAULTY if faults else ACCEPTED
 
 
-def _surface(case: Case) -> ResponseSurface:
+def read_surface(case: Case) -> ResponseSurface:
+    """Simulate the test of a case, or read its measured file."""
     if isinstance(case.test, MeasuredTest):
         return read_measurement(case.test)
     from rsgen.simulation import simulate
@@ -163,7 +186,7 @@ def simulate_command(path: Path, out: Path | None, json: bool) -> int:
     if not isinstance(case.test, SimulatedTest):
         raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
     target = out or Path(f"{case.name}.h5")
-    surface = _surface(case)
+    surface = read_surface(case)
     save_surface(target, surface)
     settled = int(surface.settled.sum())
     if json:
@@ -203,7 +226,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
     from rsgen.surface import load_surface
 
     case = load_case(path, data)
-    identification = identify(load_surface(surface) if surface else _surface(case), case.model)
+    identification = identify(load_surface(surface) if surface else read_surface(case), case.model)
     rows = _rows(identification)
     if json:
         print_json(
@@ -234,8 +257,11 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
     return ACCEPTED
 
 
-def report_command(cases: list[Path], out: Path, data: Path | None, json: bool) -> int:
+def report_command(cases: list[Path], out: Path, data: Path | None, figures: str | None, json: bool) -> int:
     """Write reports from saved surfaces, then the index; without cases the index alone."""
+    _check_kind(figures)
+    if figures and not cases:
+        raise RsgenError("--figures: is for the reports of cases; name them")
     if not out.is_dir():
         raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
     from rsgen.report import write_index
@@ -246,7 +272,7 @@ def report_command(cases: list[Path], out: Path, data: Path | None, json: bool) 
         files = find_cases(cases)
         with case_progress(len(files), quiet=json) as note:
             for path in files:
-                runs.append(rewrite_report(path, out, data, ("rsgen", "report", path.name)))
+                runs.append(rewrite_report(path, out, data, ("rsgen", "report", path.name), figures))
                 note(runs[-1])
     if not cases or any(run.folder for run in runs):
         write_index(out)

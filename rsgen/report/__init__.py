@@ -1,5 +1,4 @@
-"""What a run leaves for people and for other programs: result.json, report.html, notebook.ipynb, "
-"index.html."""
+"""What a run leaves for people and for other programs: result.json, report.html, notebook.ipynb, index."""
 
 from __future__ import annotations
 
@@ -98,6 +97,7 @@ def write_report(
     *,
     durations: Mapping[str, float] | None = None,
     command: Sequence[str] = (),
+    figures: str | None = None,
 ) -> None:
     """Write surface.h5, kernel.py, result.json, report.html and notebook.ipynb into a folder.
 
@@ -109,6 +109,8 @@ def write_report(
         Seconds of the stages before, for the provenance: "surface", "identification".
     command
         What was called, for the provenance.
+    figures
+        "pdf", "svg" or "png": every figure is saved as ``figure-<name>.<kind>``, too, for a paper.
 
     Raises
     ------
@@ -132,6 +134,9 @@ def write_report(
     result = build_result(case, surface, identification, comparison, prediction, printed, spent)
     write_atomic(place / "result.json", result_text(result))
     drawings = draw_all(case, surface, identification, prediction)
+    if figures is not None:
+        for drawing in drawings:
+            write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(figures))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(case, surface, spent, command)
     page = render_page(case, surface, identification, comparison, prediction, printed, drawings, provenance)

@@ -21,7 +21,7 @@ from rsgen.report.result import SCHEMA
 from rsgen.report.tables import error_text
 from rsgen.surface import load_surface
 
-__all__ = ["read_results", "table_of_results", "write_index"]
+__all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 
 _MOST_BYTES = 50_000_000
 _FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
@@ -48,20 +48,24 @@ class _Entry:
         return "passed" if self.result["passed"] else "missed"
 
 
+def read_result(path: Path) -> _Entry | None:
+    """Read one result.json of this schema; None where there is none."""
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            return None
+        result = json.loads(path.read_text(encoding="utf-8"))
+        entry = _Entry(path.parent, result)
+        if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.status:
+            return entry
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        pass
+    return None
+
+
 def read_results(folder: Path) -> list[_Entry]:
     """Read every ``<folder>/<case>/result.json`` of this schema, sorted by case; others are left out."""
-    entries = []
-    for path in sorted(folder.glob("*/result.json")):
-        if path.parent.name.startswith(".") or path.stat().st_size > _MOST_BYTES:
-            continue
-        try:
-            result = json.loads(path.read_text(encoding="utf-8"))
-            entry = _Entry(path.parent, result)
-            if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.status:
-                entries.append(entry)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            continue
-    return entries
+    paths = [path for path in sorted(folder.glob("*/result.json")) if not path.parent.name.startswith(".")]
+    return [entry for path in paths if (entry := read_result(path)) is not None]
 
 
 def _thumbnail(entry: _Entry, number: int) -> Markup | None:

@@ -102,7 +102,9 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def build_notebook(case: Case, *, mean: bool = False, held_out: bool = False) -> nbformat.NotebookNode:
+def build_notebook(
+    case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = "surface.h5"
+) -> nbformat.NotebookNode:
     """Write the lesson on a case, not yet executed.
 
     Parameters
@@ -111,6 +113,8 @@ def build_notebook(case: Case, *, mean: bool = False, held_out: bool = False) ->
         Show one period of the motion: for laws that push the mean off zero.
     held_out
         Show the levels that identification has not seen.
+    surface_file
+        Where a measured case finds its surface: a file beside the notebook.
     """
     text = (
         _environment()
@@ -125,6 +129,7 @@ def build_notebook(case: Case, *, mean: bool = False, held_out: bool = False) ->
             elements=[element.name for element in case.model.elements],
             mean=mean,
             held_out=held_out,
+            surface_file=surface_file,
         )
     )
     pieces = _CELL.split(text)[1:]
@@ -228,15 +233,17 @@ def _failed(cell: nbformat.NotebookNode) -> bool:
     return cell.cell_type == "code" and any(output.output_type == "error" for output in cell.outputs)
 
 
-def write_notebook(path: Path, case: Case, *, mean: bool = False, held_out: bool = False) -> None:
-    """Write, execute and save the lesson; it is saved even where a cell fails.
+def write_notebook(
+    path: Path, case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = "surface.h5"
+) -> None:
+    """Write, execute and save the lesson; it is saved even where a cell fails. See `build_notebook`.
 
     Raises
     ------
     RsgenError
         A cell failed; the notebook with its traceback is on disk.
     """
-    notebook = build_notebook(case, mean=mean, held_out=held_out)
+    notebook = build_notebook(case, mean=mean, held_out=held_out, surface_file=surface_file)
     fault = execute_notebook(notebook, path.parent)
     nbformat.validate(notebook)
     write: Any = nbformat.writes  # has no types

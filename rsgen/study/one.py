@@ -81,12 +81,17 @@ def check_place(case: Case, out: Path) -> None:
         raise RsgenError(f"{case.path.name}: results would go where the case lies; choose another --out")
 
 
-def current_result(case: Case, out: Path) -> CaseRun | None:
-    """Give the result of an earlier run if its manifest verifies and case, data and program are the same."""
+def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun | None:
+    """Give the result of an earlier run if its manifest verifies and case, data and program are the same.
+
+    With ``figures``, the kind of file, the figures must be there as well.
+    """
     recover(out, case.name)
     folder = out / case.name
     manifest = read_manifest(folder)
     if manifest is None or not inputs_unchanged(manifest, _inputs(case)) or RESULT not in manifest["files"]:
+        return None
+    if figures and not any(name.endswith(f".{figures}") for name in manifest["files"]):
         return None
     try:
         passed = json.loads((folder / RESULT).read_text(encoding="utf-8"))["passed"]
@@ -106,7 +111,13 @@ def _tested(case: Case) -> ResponseSurface:
     return simulate(case.oscillator, case.test)
 
 
-def _execute(case: Case, out: Path, command: Sequence[str], test: Callable[[Case], ResponseSurface]) -> bool:
+def _execute(
+    case: Case,
+    out: Path,
+    command: Sequence[str],
+    test: Callable[[Case], ResponseSurface],
+    figures: str | None,
+) -> bool:
     check_place(case, out)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
@@ -126,7 +137,14 @@ def _execute(case: Case, out: Path, command: Sequence[str], test: Callable[[Case
         failed = out / f"{case.name}-failed.ipynb"
         try:
             write_report(
-                folder, case, surface, identification, comparison, durations=durations, command=command
+                folder,
+                case,
+                surface,
+                identification,
+                comparison,
+                durations=durations,
+                command=command,
+                figures=figures,
             )
         except RsgenError:
             # the folder goes, but whoever looks for the fault needs the notebook with its traceback
@@ -144,6 +162,7 @@ def run_case(
     force: bool = False,
     data: str | Path | None = None,
     command: Sequence[str] = (),
+    figures: str | None = None,
 ) -> CaseRun:
     """Run a case: simulate or read, identify, compare, report; the manifest is written last.
 
@@ -161,23 +180,30 @@ def run_case(
         The folder of measured files, if not the case's own or that of RSGEN_DATA.
     command
         What was called, for the manifest.
+    figures
+        "pdf", "svg" or "png": every figure is saved as a file, too.
 
     Returns
     -------
     CaseRun
         With ``faults`` where the case failed; an earlier result is then still there.
     """
-    return _guarded(Path(path), Path(out), force, data, command or ("rsgen", "run", Path(path).name), _tested)
+    words = command or ("rsgen", "run", Path(path).name)
+    return _guarded(Path(path), Path(out), force, data, words, _tested, figures)
 
 
 def rewrite_report(
-    path: str | Path, out: str | Path, data: str | Path | None = None, command: Sequence[str] = ()
+    path: str | Path,
+    out: str | Path,
+    data: str | Path | None = None,
+    command: Sequence[str] = (),
+    figures: str | None = None,
 ) -> CaseRun:
     """Identify and report anew from the surface that an earlier run of the same case left.
 
     Parameters
     ----------
-    path, out, data, command
+    path, out, data, command, figures
         As for ``run_case``.
 
     Returns
@@ -195,7 +221,8 @@ def rewrite_report(
             )
         return load_surface(place / case.name / SURFACE)
 
-    return _guarded(Path(path), place, True, data, command or ("rsgen", "report", Path(path).name), saved)
+    words = command or ("rsgen", "report", Path(path).name)
+    return _guarded(Path(path), place, True, data, words, saved, figures)
 
 
 def _guarded(
@@ -205,16 +232,17 @@ def _guarded(
     data: str | Path | None,
     command: Sequence[str],
     test: Callable[[Case], ResponseSurface],
+    figures: str | None,
 ) -> CaseRun:
     started = time.perf_counter()
     name = file.stem
     try:
         case = load_case(file, data)
         name = case.name
-        earlier = None if force else current_result(case, place)
+        earlier = None if force else current_result(case, place, figures)
         if earlier is not None:
             return earlier
-        passed = _execute(case, place, command, test)
+        passed = _execute(case, place, command, test, figures)
         seconds = time.perf_counter() - started
         return CaseRun(file, name, place / name, passed, seconds=seconds)
     except CaseError as fault:

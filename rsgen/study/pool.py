@@ -68,14 +68,16 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) -> CaseRun | None:
+def _work(
+    path: Path, out: Path, data: Path | None, command: tuple[str, ...], figures: str | None
+) -> CaseRun | None:
     # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers. Set for
     # each case, because executing a notebook sets both back
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
     _working.set()
     try:
-        return run_case(path, out, force=True, data=data, command=command)
+        return run_case(path, out, force=True, data=data, command=command, figures=figures)
     except KeyboardInterrupt:
         return None
     finally:
@@ -83,7 +85,12 @@ def _work(path: Path, out: Path, data: Path | None, command: tuple[str, ...]) ->
 
 
 def _sort(
-    paths: Iterable[Path], out: Path, force: bool, data: Path | None, finished: Report
+    paths: Iterable[Path],
+    out: Path,
+    force: bool,
+    data: Path | None,
+    finished: Report,
+    figures: str | None,
 ) -> dict[Path, str]:
     """Report faulty and finished cases at once; give paths and names of those that must be run."""
     cases: list[Case] = []
@@ -100,7 +107,7 @@ def _sort(
     todo: dict[Path, str] = {}
     # laws with many parameters take longest; begun first, they do not keep one process busy at the end
     for case in sorted(cases, key=lambda case: -len(case.model.parameters)):
-        earlier = None if force else current_result(case, out)
+        earlier = None if force else current_result(case, out, figures)
         if case.path in clashes:
             finished(CaseRun(case.path, case.name, faults=(clashes[case.path],)))
         elif earlier is not None:
@@ -117,6 +124,7 @@ def _spread(
     command: tuple[str, ...],
     workers: int,
     finished: Report,
+    figures: str | None,
 ) -> None:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
@@ -124,7 +132,7 @@ def _spread(
     try:
         with _beginning(workers):
             # submitting starts the processes
-            futures = {pool.submit(_work, path, out, data, command): path for path in todo}
+            futures = {pool.submit(_work, path, out, data, command, figures): path for path in todo}
         open_futures = set(futures)
         while open_futures:
             done, open_futures = wait(open_futures, return_when=FIRST_COMPLETED)
@@ -157,6 +165,7 @@ def run_cases(
     workers: int | None = None,
     command: Sequence[str] = (),
     finished: Report = lambda run: None,
+    figures: str | None = None,
 ) -> tuple[CaseRun, ...]:
     """Run cases, each in a process of its own, then write the index over all results in ``out``.
 
@@ -176,6 +185,8 @@ def run_cases(
         What was called, for the manifests.
     finished
         Called after each case, in this process.
+    figures
+        "pdf", "svg" or "png": every figure is saved as a file, too.
 
     Returns
     -------
@@ -196,13 +207,13 @@ def run_cases(
         runs[run.path] = run
         finished(run)
 
-    todo = _sort(files, place, force, folder, note)
+    todo = _sort(files, place, force, folder, note, figures)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
     if number == 1:
         for path in todo:
-            note(run_case(path, place, force=True, data=folder, command=command))
+            note(run_case(path, place, force=True, data=folder, command=command, figures=figures))
     else:
-        _spread(todo, place, folder, tuple(command), number, note)
+        _spread(todo, place, folder, tuple(command), number, note, figures)
     changed = any(run.folder and not run.skipped for run in runs.values())
     missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
     if changed or (missing and any(run.folder for run in runs.values())):

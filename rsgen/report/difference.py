@@ -1,0 +1,256 @@
+"""What changed between two results: values, in parts of their own uncertainty, and verdicts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.figures import number_text, quantity_text
+from rsgen.report.environment import page_environment
+from rsgen.report.index import read_result, read_results
+from rsgen.report.tables import Cell, Table, TableRow, error_text
+
+__all__ = [
+    "CaseDifference",
+    "ValueDifference",
+    "compare_results",
+    "difference_data",
+    "difference_table",
+    "render_difference",
+]
+
+_SAME = 1e-12
+"""Relative change below which two values are the same: the last digits differ between machines."""
+
+_VERDICTS: dict[object, str] = {True: "kept", False: "missed", None: "–"}
+
+
+@dataclass(frozen=True, slots=True)
+class ValueDifference:
+    """The refined estimate of one value in both results, SI; None where a result has none.
+
+    ``error_before`` and ``error_after`` are standard errors, ``passed_before`` and ``passed_after`` the
+    verdicts, None where nothing was judged.
+    """
+
+    name: str
+    unit: str
+    before: float | None
+    after: float | None
+    error_before: float | None
+    error_after: float | None
+    passed_before: bool | None
+    passed_after: bool | None
+
+    @property
+    def change(self) -> float | None:
+        """(after - before) / before [1]; None where it is not defined."""
+        if self.before is None or self.after is None or self.before == 0:
+            return None
+        return (self.after - self.before) / abs(self.before)
+
+    @property
+    def in_errors(self) -> float | None:
+        """The change in parts of the standard error of a difference, for independent tests [1]."""
+        if None in (self.before, self.after, self.error_before, self.error_after):
+            return None
+        spread = math.hypot(self.error_before or 0.0, self.error_after or 0.0)
+        return ((self.after or 0.0) - (self.before or 0.0)) / spread if spread else None
+
+    @property
+    def changed(self) -> bool:
+        """True where value or verdict differ."""
+        if self.passed_before != self.passed_after or (self.before is None) != (self.after is None):
+            return True
+        change = self.change
+        return self.before != self.after if change is None else abs(change) > _SAME
+
+
+@dataclass(frozen=True, slots=True)
+class CaseDifference:
+    """One case in both results; ``before`` or ``after`` is None where it is in one only."""
+
+    case: str
+    before: bool | None
+    after: bool | None
+    rows: tuple[ValueDifference, ...]
+    only: str = ""
+
+    @property
+    def changed(self) -> bool:
+        """True where a value or a verdict differs, or one result has no such case."""
+        return bool(self.only) or self.before != self.after or any(row.changed for row in self.rows)
+
+    @property
+    def worse(self) -> bool:
+        """True where what was accepted is no longer."""
+        lost = any(row.passed_before and row.passed_after is False for row in self.rows)
+        return lost or (self.before is True and self.after is False)
+
+
+def _results(place: Path) -> dict[str, dict[str, Any]]:
+    single = read_result(place / "result.json")
+    entries = [single] if single else read_results(place)
+    if not entries:
+        raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case> or a folder of them")
+    return {str(entry.result["case"]): entry.result for entry in entries}
+
+
+def _rows(result: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
+    if result is None:
+        return {}
+    judged = [row for row in result.get("forces", []) if row.get("tolerance") is not None]
+    return {str(row["name"]): row for row in [*result["parameters"], *judged]}
+
+
+def _number(row: dict[str, Any], key: str) -> float | None:
+    value = (row.get("refined") or {}).get(key)
+    return None if value is None else float(value)
+
+
+def _verdict(row: dict[str, Any]) -> bool | None:
+    return bool(row["passed"]) if row.get("tolerance") is not None else None
+
+
+def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | None) -> CaseDifference:
+    old, new = _rows(before), _rows(after)
+    rows = []
+    for name in {**old, **new}:
+        one, two = old.get(name, {}), new.get(name, {})
+        rows.append(
+            ValueDifference(
+                name=name,
+                unit=str((two or one)["unit"]),
+                before=_number(one, "value"),
+                after=_number(two, "value"),
+                error_before=_number(one, "standard_error"),
+                error_after=_number(two, "standard_error"),
+                passed_before=_verdict(one),
+                passed_after=_verdict(two),
+            )
+        )
+    return CaseDifference(
+        case,
+        before=None if before is None else bool(before["passed"]),
+        after=None if after is None else bool(after["passed"]),
+        rows=tuple(rows),
+        only="" if before and after else ("before" if before else "after"),
+    )
+
+
+def compare_results(before: str | Path, after: str | Path) -> tuple[CaseDifference, ...]:
+    """Compare two results, or two folders of results case by case.
+
+    Parameters
+    ----------
+    before, after
+        Each ``reports/<case>`` or a folder of such. Two single results are compared whatever their names.
+
+    Raises
+    ------
+    RsgenError
+        There is no result in one of them.
+    """
+    old, new = _results(Path(before)), _results(Path(after))
+    if len(old) == len(new) == 1:
+        (first, one), (second, two) = *old.items(), *new.items()
+        name = first if first == second else f"{first} and {second}"
+        return (_compare(name, one, two),)
+    return tuple(_compare(name, old.get(name), new.get(name)) for name in sorted({*old, *new}))
+
+
+def _value(value: float | None, error: float | None, unit: str) -> Cell:
+    if value is None:
+        return Cell("–")
+    return Cell(
+        quantity_text(value, unit, 8), f"standard error {quantity_text(error, unit, 2)}" if error else ""
+    )
+
+
+def difference_table(difference: CaseDifference) -> Table:
+    """Give the table of one case: before, after, change, change in standard errors, verdicts."""
+    rows = tuple(
+        TableRow(
+            (
+                row.name,
+                _value(row.before, row.error_before, row.unit),
+                _value(row.after, row.error_after, row.unit),
+                Cell(error_text(row.change) if row.changed else "none"),
+                Cell("–" if row.in_errors is None else number_text(row.in_errors, 2)),
+                Cell(_VERDICTS[row.passed_before]),
+                Cell(_VERDICTS[row.passed_after]),
+            )
+        )
+        for row in difference.rows
+    )
+    columns = ("Value", "Before", "After", "Change", "In standard errors", "Verdict before", "Verdict after")
+    return Table(f"Refined estimates of {difference.case}", columns, rows)
+
+
+def _sentence(difference: CaseDifference) -> str:
+    if difference.only:
+        return f"This case is only in the result {difference.only}."
+    moved = sum(row.changed for row in difference.rows)
+    words = "No value changed" if not moved else f"{moved} of {len(difference.rows)} values changed"
+    states = {True: "accepted", False: "not accepted"}
+    before, after = states[bool(difference.before)], states[bool(difference.after)]
+    return f"{words}; {before} as before." if before == after else f"{words}; {before} before, {after} now."
+
+
+def render_difference(differences: Sequence[CaseDifference], before: str, after: str) -> str:
+    """Render the page of a comparison: one file, no script, no network.
+
+    Parameters
+    ----------
+    before, after
+        How the two results are called on the page.
+    """
+    context = {
+        "before": before,
+        "after": after,
+        "cases": [
+            {
+                "name": difference.case,
+                "sentence": _sentence(difference),
+                "worse": difference.worse,
+                "table": difference_table(difference) if difference.rows else None,
+            }
+            for difference in differences
+        ],
+        "changed": sum(difference.changed for difference in differences),
+        "worse": sum(difference.worse for difference in differences),
+        "version": rsgen.__version__,
+    }
+    return page_environment().get_template("report/difference.html").render(context)
+
+
+def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
+    """Give a comparison for a program; what is not known is None."""
+    return [
+        {
+            "case": difference.case,
+            "changed": difference.changed,
+            "worse": difference.worse,
+            "passed": {"before": difference.before, "after": difference.after},
+            "only": difference.only or None,
+            "values": [
+                {
+                    "name": row.name,
+                    "unit": row.unit,
+                    "before": row.before,
+                    "after": row.after,
+                    "change": row.change,
+                    "in_standard_errors": row.in_errors,
+                    "passed": {"before": row.passed_before, "after": row.passed_after},
+                    "changed": row.changed,
+                }
+                for row in difference.rows
+            ],
+        }
+        for difference in differences
+    ]
