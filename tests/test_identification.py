@@ -169,6 +169,19 @@ def test_too_few_points_are_refused_in_a_sentence() -> None:
         identify(surface("cubic"), model("cubic", hold_out=(5.0,)))
 
 
+@pytest.mark.parametrize("law", ["cubic", "combined", "bilinear"])
+def test_intervals_of_exact_data_allow_for_the_error_of_the_simulator(law: str) -> None:
+    found = identify(surface(law, accuracy=1e-5), model(law))
+    for estimate in found.refined:
+        # neighbours share the error, so the scatter of the points alone would promise ten times more
+        assert abs(estimate.value - truth(law)[estimate.name]) < 3 * estimate.standard_error, estimate
+
+
+def test_a_force_without_a_law_is_drawn_only_about_zero_mean() -> None:
+    assert identify(surface("cubic"), model("cubic")).restoring is not None
+    assert identify(surface("bilinear"), model("bilinear")).restoring is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "coulomb"])
 def test_intervals_keep_their_word(law: str) -> None:

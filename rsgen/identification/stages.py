@@ -56,6 +56,10 @@ _TYPICAL = 0.04
 """Relative misfit of starting values that is never called gross: first order may be as wrong."""
 
 
+_CENTRED = 0.01
+"""Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Values:
     """Values with covariance: the parameters of the law in order, then the mass where it is free."""
@@ -101,10 +105,11 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         name: untold_reason(name, law, points, refined.regression, model.mass is None)
         for name in _names(law, model)
     }
-    estimates = _estimates(_of_fit(refined), law, model, reasons)
-    curve = _curve(surface, points, used, refined.mass)
     # the expected noise has unit size in real and imaginary part each
     noise = refined.regression.noise * np.sqrt(2)
+    covariance = refined.regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
+    estimates = _estimates(replace(_of_fit(refined), covariance=covariance), law, model, reasons)
+    curve = _curve(surface, points, used, refined.mass)
     misfit = refined.regression.misfit[refined.regression.used]
     return Identification(
         model=model,
@@ -112,10 +117,10 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         first_order=_estimates(_of_fit(first), law, model, reasons),
         refined=estimates,
         first_order_bias=tuple(float(value) for value in bias),
-        covariance=refined.regression.covariance,
+        covariance=covariance,
         resonances=resonances,
         curve=curve,
-        restoring=invert_curve(curve, refined.mass),
+        restoring=invert_curve(curve, refined.mass) if _is_centred(kept) else None,
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
         levels=np.unique(points.level),
@@ -125,6 +130,19 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         solution=refined.values,
         warnings=find_warnings(surface, points, used, law, refined, resonances, estimates),
     )
+
+
+def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]) -> float:
+    """What a surface says of its own relative error: neighbours share it, so their scatter does not show it."""
+    error = surface.error[points.index[used]]
+    told = np.isfinite(error)
+    return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
+
+
+def _is_centred(points: Points) -> bool:
+    """Tell whether the motion stays about zero, where alone a force follows from k(X) without a law."""
+    mean = np.abs(points.harmonics[:, 0]) / points.amplitude
+    return 0 not in points.measured or float(np.sqrt(np.mean(mean**2))) < _CENTRED
 
 
 def _names(law: ForceLaw, model: Model) -> tuple[str, ...]:
