@@ -61,7 +61,9 @@ def reordered(problem):
 
 def test_noise_and_errors_are_found() -> None:
     runs = [fit(*reordered(line_through(0.01, seed))) for seed in range(100)]
-    assert np.mean([run.noise for run in runs]) == pytest.approx(1, rel=0.04)  # 4 standard errors of the mean of 100
+    assert np.mean([run.noise for run in runs]) == pytest.approx(
+        1, rel=0.04
+    )  # 4 standard errors of the mean of 100
     scores = [(run.parameters[1] - 2) / np.sqrt(run.covariance[1, 1]) for run in runs]
     assert np.std(scores) == pytest.approx(1, rel=0.25)  # 3.5 standard errors of a spread of 100
 
