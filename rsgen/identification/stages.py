@@ -133,7 +133,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
 
 
 def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]) -> float:
-    """What a surface says of its own relative error: neighbours share it, so their scatter does not show it."""
+    """Relative error that a surface reports of itself: neighbours share it, scatter does not show it."""
     error = surface.error[points.index[used]]
     told = np.isfinite(error)
     return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
