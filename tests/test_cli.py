@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -20,7 +21,9 @@ ROOT = Path(__file__).parent.parent
 FAULTS = sorted((Path(__file__).parent / "faults").glob("*.toml"))
 # the promise is 0.3 s on a quiet machine; a busy one gets air
 HELP_SECONDS = 1.0
-COMMANDS = ("run", "check", "derive", "simulate", "identify", "report", "init", "laws")
+COMMANDS = (
+    "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "init", "laws",
+)  # fmt: skip
 
 
 def call(*words: str | Path) -> int:
@@ -82,6 +85,12 @@ def test_no_words_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
         (("init", "../x"), "is not a plain name"),
         (("report", "--out", "absent"), "no folder of results"),
         (("simulate", "absent.toml"), "absent.toml"),
+        (("run", ROOT / "cases" / "cubc.toml"), "cubic.toml'?"),
+        (("run", ROOT / "cases", "--figures", "tiff"), "must be one of pdf, svg, png"),
+        (("report", "--figures", "pdf"), "name them"),
+        (("notebook", ROOT / "cases" / "cubic.toml", "--out", "x.txt"), "must end in .ipynb"),
+        (("diff", "absent", "absent"), "holds no result"),
+        (("show", "absent"), "holds no result"),
     ],
 )
 def test_faulty_words_get_a_sentence(
@@ -157,6 +166,26 @@ def test_init_writes_a_case_that_is_right(
     assert law.split("*")[0] in path.read_text()
 
 
+def test_init_takes_a_file_for_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "my-joint.toml"
+    assert call("init", path) == 0
+    assert 'name   = "my-joint"' in path.read_text()
+    assert call("check", path) == 0
+
+
+def test_init_asks_on_a_terminal_and_nowhere_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("pump\nk*x + c*v\n\n"))
+    assert call("init") == 2
+    assert "NAME: is missing" in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    assert call("init") == 0
+    assert call("check", "pump.toml") == 0
+    assert 'force = "k*x"' in Path("pump.toml").read_text()
+
+
 def test_init_of_a_measured_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.toml"
     assert call("init", "mine", "--measured", "mine.csv", "--out", path) == 0
@@ -210,6 +239,12 @@ def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
     assert again.returncode == 0
     assert "unchanged" in again.stdout
     assert "\x1b" not in again.stdout + again.stderr
+    figures = shell("run", path, "--out", tmp_path / "out", "--figures", "svg")
+    assert "unchanged" not in figures.stdout
+    assert len(list(tmp_path.glob("out/small/figure-*.svg"))) >= 8
+    unchanged = shell("diff", tmp_path / "out" / "small", tmp_path / "out", "--json")
+    assert unchanged.returncode == 0, unchanged.stderr
+    assert json.loads(unchanged.stdout)[0]["changed"] is False
     # no method is that good
     path.write_text(SMALL % "1e-300")
     missed = shell("run", path, "--out", tmp_path / "out")

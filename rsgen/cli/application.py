@@ -279,10 +279,18 @@ def show(
 
 @application.command(short_help="Begin a case file.")
 def init(
-    name: Annotated[str, typer.Argument(help="The case's name, and that of its report.", show_default=False)],
+    name: Annotated[
+        str | None,
+        typer.Argument(help="The case's name or file; asked for on a terminal.", show_default=False),
+    ] = None,
     force: Annotated[
-        str, typer.Option("--law", help="The force law in x and v; terms in x become the spring.")
-    ] = "k1*x + kn1*x**3 + c1*v",
+        str | None,
+        typer.Option(
+            "--law",
+            help="The force law in x and v; terms in x become the spring.",
+            show_default="k1*x + kn1*x**3 + c1*v",
+        ),
+    ] = None,
     measured: Annotated[
         str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
     ] = None,
@@ -290,10 +298,11 @@ def init(
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
     ] = None,
 ) -> None:
-    """Write a commented case file to begin with.
+    """Write a commented case file to begin with; without a name, answer three questions.
 
     \b
     Examples:
+      rsgen init
       rsgen init gearbox
       rsgen init joint --law "k*x + c*v + mu*sign(v)"
       rsgen init wire --measured wire.csv

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import sympy
@@ -17,6 +18,8 @@ from rsgen.output import write_atomic
 from rsgen.units import parameter_units
 
 __all__ = ["case_text", "init_command"]
+
+_LAW = "k1*x + kn1*x**3 + c1*v"
 
 _SIMULATED = """\
 [test]
@@ -150,9 +153,30 @@ def case_text(name: str, law: str, measured: str | None = None) -> str:
     return "\n".join(lines)
 
 
-def init_command(name: str, law: str, measured: str | None, out: Path | None) -> int:
+def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str | None]:
+    """Ask for what was not given, on a terminal only: a program would wait for ever."""
+    if not sys.stdin.isatty():
+        raise RsgenError("NAME: is missing; rsgen init gearbox")
+    import typer
+
+    name = str(typer.prompt("Name of the case", default="my-case", err=True))
+    if force is None:
+        force = str(typer.prompt("Force law in x and v", default=_LAW, err=True))
+    if measured is None:
+        text = typer.prompt("Measured file (none: simulate)", default="", show_default=False, err=True)
+        measured = str(text).strip() or None
+    return name.strip(), force, measured
+
+
+def init_command(name: str | None, law: str | None, measured: str | None, out: Path | None) -> int:
     """Write the case; a file that is there is left alone."""
-    text = case_text(name, law, measured)
+    if name is None:
+        name, law, measured = _ask(law, measured)
+    file = Path(name)
+    if file.suffix == ".toml":
+        # a file was named: the case is called like it
+        name, out = file.stem, out or file
+    text = case_text(name, law or _LAW, measured)
     target = out or Path(f"{name}.toml")
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")

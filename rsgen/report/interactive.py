@@ -64,6 +64,7 @@ def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, s
                 {
                     "type": "surface",
                     "name": words,
+                    "showlegend": True,
                     "x": _rounded(part.frequency[rows[0]]),
                     "y": _rounded(part.levels / force.factor),
                     "z": [_rounded(height[index]) for index in rows],
@@ -75,12 +76,15 @@ def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, s
                 }
             )
             continue
-        for index in rows:
+        for number, index in enumerate(rows):
             traces.append(
                 {
                     "type": "scatter3d",
                     "mode": "lines+markers",
-                    "name": f"{words}, {part.level[index[0]] / force.factor:.4g} {force.unit}",
+                    # one entry of the legend shows or hides all levels of a sweep
+                    "name": words,
+                    "legendgroup": sweep,
+                    "showlegend": number == 0,
                     "x": _rounded(part.frequency[index]),
                     "y": _rounded(part.level[index] / force.factor),
                     "z": _rounded(height[index]),
