@@ -115,8 +115,10 @@ class Page:
         while not self.loaded:
             await self._read(lambda message: "method" in message)
 
-    async def ask(self, expression: str) -> Any:
-        answer = await self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+    async def ask(self, expression: str, *, wait: bool = False) -> Any:
+        answer = await self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=wait
+        )
         return answer["result"].get("value")
 
     async def picture(self) -> bytes:

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from axe import find_axe
 from browser import Page, find_browser, in_browser
 from first_order import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
 from test_report import hostile_titles
 
 from rsgen.report import draw_all, write_index
+from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.environment import plain_text
 from rsgen.report.page import render_page
 from rsgen.report.printed import check_printed
@@ -67,11 +69,14 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     )
     (folder / "bare.html").write_text(POLICY.sub("", hostile), encoding="utf-8")
     write_index(folder / "results")
-    names = ("plain", "hostile", "bare")
+    places = (folder / "results" / "plain", folder / "results" / "hostile")
+    changes = render_difference(compare_results(*places), "before", titles[0])
+    (folder / "difference.html").write_text(changes, encoding="utf-8")
+    names = ("plain", "hostile", "bare", "difference")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}
 
 
-@pytest.mark.parametrize("name", ["plain", "hostile", "bare", "index"])
+@pytest.mark.parametrize("name", ["plain", "hostile", "bare", "difference", "index"])
 def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str) -> None:
     address = pages[name].as_uri()
 
@@ -100,6 +105,35 @@ def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str
             assert width <= PHONE, key
         elif key.startswith(str(DESK)):
             assert width <= DESK, key
+
+
+AXE_RUN = """
+axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(found.violations.map(rule =>
+  `${rule.id}: ` + rule.nodes.slice(0, 3).map(node => node.target + " " + node.failureSummary).join("; "))))
+"""
+
+
+@pytest.mark.parametrize("name", ["plain", "hostile", "difference", "index"])
+def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
+    axe = find_axe()
+    if axe is None:
+        pytest.skip("axe-core is not kept here and npm could not fetch it: accessibility was not judged")
+
+    async def visit(page: Page) -> dict[str, Any]:
+        found = {}
+        for width, dark in ((PHONE, False), (DESK, False), (DESK, True)):
+            await page.show(pages[name].as_uri(), width, dark=dark)
+            await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
+            # the protocol runs scripts in spite of the page's policy
+            await page.ask(axe)
+            found[f"{width}{' dark' if dark else ''}"] = await page.ask(AXE_RUN, wait=True)
+        # the judge is awake: it sees a fault that is made
+        await page.ask("document.documentElement.removeAttribute('lang')")
+        assert "html-has-lang" in await page.ask(AXE_RUN, wait=True)
+        return found
+
+    for where, violations in in_browser(chromium, visit).items():
+        assert violations == "[]", where
 
 
 def test_hostile_texts_are_shown_as_they_are(chromium: str, pages: dict[str, Path]) -> None:
