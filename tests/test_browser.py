@@ -12,6 +12,7 @@ from browser import Page, find_browser, in_browser
 from first_order import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
 from test_report import hostile_titles
 
+from rsgen.expression import parse
 from rsgen.report import draw_all, write_index
 from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.environment import plain_text
@@ -59,7 +60,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         save_surface(place / "surface.h5", surface)
         return text
 
+    # a formula that no phone shows in one line
+    long = "k1 + " + " + ".join(f"kn1**{n}*X**{2 * n}/k1**{n - 1}" for n in range(1, 9))
     write("plain")
+    write("wide", printed={"stiffness": parse(long)})
     hostile = write(
         "hostile",
         title=titles[0] + titles[1],
@@ -72,11 +76,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     places = (folder / "results" / "plain", folder / "results" / "hostile")
     changes = render_difference(compare_results(*places), "before", titles[0])
     (folder / "difference.html").write_text(changes, encoding="utf-8")
-    names = ("plain", "hostile", "bare", "difference")
+    names = ("plain", "wide", "hostile", "bare", "difference")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}
 
 
-@pytest.mark.parametrize("name", ["plain", "hostile", "bare", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "hostile", "bare", "difference", "index"])
 def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str) -> None:
     address = pages[name].as_uri()
 
@@ -113,7 +117,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 """
 
 
-@pytest.mark.parametrize("name", ["plain", "hostile", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "hostile", "difference", "index"])
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:

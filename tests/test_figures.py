@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -208,3 +209,14 @@ def test_text_of_a_figure_is_never_mathematics() -> None:
         assert mpl.rcParams["text.parse_math"] is False
     assert not any(text.get_parse_math() for text in drawing.figure.axes[0].texts)
     assert figure is not drawing.figure
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-12])
+def test_every_level_gets_its_own_curve(size: float) -> None:
+    """However small the forces are: those of a wire are piconewtons."""
+    surface = replace(SURFACE, level=SURFACE.level * size, force=SURFACE.force * size)
+    curves = tuple(replace(curve, level=curve.level * size) for curve in PREDICTION.curves)
+    drawing = figures.draw_responses(surface, replace(PREDICTION, curves=curves))
+    handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
+    assert len(set(labels)) == len(labels) == 6
+    assert len({float(handle.get_ydata().max()) for handle in handles}) == 6

@@ -117,7 +117,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
                     zorder=1.5,
                     rasterized=len(shown) > 400,
                 )
-        fitting = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9)]
+        fitting = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
         for curve in fitting[:1]:
             _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(level, "N", 3))
             curves.append(curve)
@@ -149,7 +149,7 @@ def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurf
     """Keep the levels for which there is a curve; all where there is none at all."""
     wanted = [curve.level for curve in prediction.curves if len(curve.frequency)]
     there = np.array(
-        [bool(np.isclose(level, wanted, rtol=1e-9).any()) for level in surface.level], dtype=bool
+        [bool(np.isclose(level, wanted, rtol=1e-9, atol=0).any()) for level in surface.level], dtype=bool
     )
     return surface.select(there) if there.any() else surface
 
@@ -188,7 +188,7 @@ def draw_held_out(prediction: Prediction) -> Drawing:
     words = []
     for axes, (level, items) in zip(panels, groups.items(), strict=True):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        curves = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9)]
+        curves = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
         for curve in curves[:1]:
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
