@@ -284,3 +284,22 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path: Path, number: s
     assert "interrupted" in errors
     left = [path.name for path in (tmp_path / "out").iterdir()] if (tmp_path / "out").exists() else []
     assert left == []
+
+
+@pytest.mark.slow
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text(SMALL % "1e-2")
+    outs = [tmp_path / "one", tmp_path / "two"]
+    for out in outs:
+        run = shell("run", path, "--out", out)
+        assert run.returncode == 0, run.stderr
+    for name in ("table1.md", "index.html", "small/kernel.py", "small/surface.h5", "small/notebook.ipynb"):
+        first, second = ((out / name).read_bytes() for out in outs)
+        assert first == second, name
+    # what is left may differ in the times alone
+    times = re.compile(r"<dt>(?:Written|Durations)</dt><dd>[^<]*</dd>|\"seconds\": [0-9.e-]+")
+    for name, count in (("small/report.html", 2), ("small/result.json", 1)):
+        first, second = (times.subn("", (out / name).read_text(encoding="utf-8")) for out in outs)
+        assert first == second, name
+        assert first[1] == count
