@@ -197,3 +197,27 @@ def test_intervals_keep_their_word(law: str) -> None:
     assert abs(np.mean(inside) - 0.95) < 4 * np.sqrt(0.05 * 0.95 / runs) * 0.75
     assert 0.8 < np.std(scores) < 1.2
     assert abs(np.mean(scores)) < 4 / np.sqrt(runs)
+
+
+def test_an_odd_law_may_move_about_one_of_two_wells() -> None:
+    values = {"k": -500.0, "kn": 5e6, "c": 3.0}
+    table = surface("cubic", np.linspace(1, 12, 8), np.linspace(1, 8, 41), values=values)
+    moves = table.select(table.settled)
+    assert np.abs(moves.harmonics[:, 0] / moves.harmonics[:, 1]).max() > 1
+    true = {**values, "m": 1.5}
+    for estimate in identify(table, model("cubic")).refined:
+        assert estimate.value == pytest.approx(true[estimate.name], rel=1e-5), estimate
+
+
+def test_a_wide_interval_is_told_as_such() -> None:
+    # far above resonance the spring is almost not seen, and the simulator's own error hides the rest
+    table = surface("cubic", frequencies=np.linspace(30, 60, 41), accuracy=1e-4)
+    found = {estimate.name: estimate for estimate in identify(table, model("cubic")).refined}
+    assert found["kn"].standard_error > 0.5 * abs(found["kn"].value)
+    assert "cannot be told" in found["kn"].remark
+
+
+def test_points_that_do_not_move_are_counted() -> None:
+    table = surface("coulomb", levels=np.array([0.1, 0.2]))
+    with pytest.raises(RsgenError, match="friction holds the mass"):
+        identify(table, model("coulomb"))

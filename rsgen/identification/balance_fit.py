@@ -88,8 +88,11 @@ def fit_balance(
     orders = np.arange(points.harmonics.shape[1])
     level = np.abs(points.force)
     start = np.zeros((len(points), max(order, 1) + 1), dtype=complex)
-    if not law.odd and 0 in points.measured:
-        start[:, 0] = points.harmonics[:, 0].real
+    if not law.odd:
+        # the measured waveform leads to the branch that was measured
+        known = min(order + 1, len(orders))
+        start[:, :known] = (points.harmonics * np.exp(-1j * phase[:, None] * orders))[:, :known]
+        start[:, 1] = 0
     seen: dict[str, Balance] = {}
 
     def predict(parameters: Array, own: Array) -> Balance:

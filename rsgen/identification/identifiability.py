@@ -79,12 +79,16 @@ def find_warnings(
         sentences.append(f"{unsettled} of {len(surface)} points have no settled response and were left aside")
     lost = int(np.count_nonzero(~used))
     if lost:
-        sentences.append(f"{lost} of {len(points)} points disagree with all others and were set aside")
+        sentences.append(
+            f"{lost} of {len(points)} points were set aside: they disagree with the others or lie too near a "
+            "jump to be followed"
+        )
     if not refined.regression.converged:
         sentences.append(
             "the refined fit did not converge: compare with the first-order estimates and doubt both"
         )
-    noise = refined.regression.noise
+    # of real and imaginary part together, as everywhere in the result
+    noise = refined.regression.noise * np.sqrt(2)
     if noise > _NOTICEABLE and _neighbour_correlation(points, refined, used) > _SYSTEMATIC:
         sentences.append(
             f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, "

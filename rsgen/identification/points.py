@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.surface import OUTCOMES, ResponseSurface
 
 __all__ = ["Points", "held_out_mask", "select_points"]
 
@@ -96,6 +96,19 @@ def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     return mask
 
 
+def _why_unused(surface: ResponseSurface) -> str:
+    """Count what keeps points out, in words."""
+    reasons = [
+        f"{count} {sentence}"
+        for kind, sentence in enumerate(OUTCOMES)
+        if kind and (count := int(np.count_nonzero(surface.outcome == kind)))
+    ]
+    still = int(np.count_nonzero(surface.settled & (surface.amplitude == 0)))
+    if still:
+        reasons.append(f"{still} do not move: friction holds the mass at these levels")
+    return f" ({'; '.join(reasons)})" if reasons else ""
+
+
 def select_points(surface: ResponseSurface, model: Model) -> Points:
     """Take the points that identification may use.
 
@@ -124,7 +137,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     if len(index) < _FEWEST:
         raise RsgenError(
             f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, finite "
-            f"force and response); identification needs at least {_FEWEST}"
+            f"force and response); identification needs at least {_FEWEST}{_why_unused(surface)}"
         )
     chosen = harmonics[index]
     measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))

@@ -60,6 +60,13 @@ _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
 
 
+_UNEVEN = 0.2
+"""Mean or second harmonic, relative to the fundamental, that a centred motion does not have."""
+
+_SOME = 3
+"""So many points are no accident."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Values:
     """Values with covariance: the parameters of the law in order, then the mass where it is free."""
@@ -92,6 +99,9 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     """
     points = select_points(surface, model)
     law = compile_law(model.force)
+    if law.odd and _leaves_the_middle(points):
+        # an odd law has motions that are not: in one well of two, or after the symmetry breaks
+        law = replace(law, odd=False)
     start = _start(points, law, model.mass)
     refined = _refined(points, law, start, model.mass)
     if law.rough:
@@ -101,13 +111,13 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     first = _fit(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
     bias = _first_order_bias(kept, law, refined, first, model.mass)
     paper, resonances = _paper(kept, law, model.mass, refined.mass)
-    reasons = {
-        name: untold_reason(name, law, points, refined.regression, model.mass is None)
-        for name in _names(law, model)
-    }
     # the expected noise has unit size in real and imaginary part each
     noise = refined.regression.noise * np.sqrt(2)
     covariance = refined.regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
+    told = replace(refined.regression, covariance=covariance)
+    reasons = {
+        name: untold_reason(name, law, points, told, model.mass is None) for name in _names(law, model)
+    }
     estimates = _estimates(replace(_of_fit(refined), covariance=covariance), law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
     misfit = refined.regression.misfit[refined.regression.used]
@@ -137,6 +147,12 @@ def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]
     error = surface.error[points.index[used]]
     told = np.isfinite(error)
     return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
+
+
+def _leaves_the_middle(points: Points) -> bool:
+    """Tell whether some motions have a mean or a second harmonic that no noise explains."""
+    even = np.abs(points.harmonics[:, 0:3:2]).max(axis=1) / points.amplitude
+    return int(np.count_nonzero(even > _UNEVEN)) >= _SOME
 
 
 def _is_centred(points: Points) -> bool:
