@@ -136,6 +136,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_rebuilt(own_cache: Path) -> None:
     source = generate(parse("c*v + k*x")) + "\n# a kernel of this test alone\n"
     expected = _one_step_further(load_kernel(source))
