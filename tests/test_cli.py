@@ -125,6 +125,7 @@ def test_check_says_what_a_run_will_do(capsys: pytest.CaptureFixture[str]) -> No
     answer = json.loads(capsys.readouterr().out)
     assert answer["faults"] == []
     assert answer["cases"][0]["parameters"] == ["c1", "k1", "kn1"]
+    assert answer["cases"][0]["identifies"] == ["m", "c1", "k1", "kn1"]
 
 
 def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
@@ -245,6 +246,11 @@ def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
     unchanged = shell("diff", tmp_path / "out" / "small", tmp_path / "out", "--json")
     assert unchanged.returncode == 0, unchanged.stderr
     assert json.loads(unchanged.stdout)[0]["changed"] is False
+    path.write_text(SMALL.replace("accept = { k = %s }\n", ""))
+    for _ in range(2):
+        open_case = shell("run", path, "--out", tmp_path / "out")
+        assert open_case.returncode == 0, open_case.stderr
+        assert "small: identified, nothing to accept" in open_case.stdout
     # no method is that good
     path.write_text(SMALL % "1e-300")
     missed = shell("run", path, "--out", tmp_path / "out")

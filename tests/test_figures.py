@@ -62,6 +62,16 @@ def test_drawing_is_whole(name: str) -> None:
             assert axes.get_ylabel()
 
 
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_or_no_resonances_are_said_as_they_are(count: int) -> None:
+    few = replace(IDENTIFICATION, resonances=IDENTIFICATION.resonances[:count])
+    unknown = {name: float("nan") for name in TRUTH}
+    words = [figures.draw_stiffness(few, unknown).alternative, figures.draw_resonance(few).alternative]
+    assert not re.search(r"\binf\b|\bnan\b|1 levels|1 resonances", " ".join(words))
+    assert ("No level could be read" if count == 0 else "The one level") in words[0]
+    assert ("No level has" if count == 0 else "One resonance") in words[1]
+
+
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_same_data_same_bytes(name: str) -> None:
     first, second = DRAWINGS[name](), DRAWINGS[name]()

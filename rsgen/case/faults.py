@@ -68,6 +68,10 @@ def _path(location: Iterable[int | str]) -> str:
     return ".".join(parts)
 
 
+def _count(number: int, one: str, many: str) -> str:
+    return f"{number} {one if number == 1 else many}"
+
+
 def _allowed(kind: str, context: dict[str, Any]) -> str | None:
     match kind:
         case "literal_error":
@@ -81,13 +85,13 @@ def _allowed(kind: str, context: dict[str, Any]) -> str | None:
         case "less_than_equal":
             return f"a number of at most {context['le']:g}"
         case "string_too_long":
-            return f"at most {context['max_length']} characters"
+            return f"at most {_count(context['max_length'], 'character', 'characters')}"
         case "string_too_short":
-            return f"at least {context['min_length']} characters"
+            return f"at least {_count(context['min_length'], 'character', 'characters')}"
         case "too_long":
-            return f"at most {context['max_length']} entries"
+            return f"at most {_count(context['max_length'], 'entry', 'entries')}"
         case "too_short":
-            return f"at least {context['min_length']} entries"
+            return f"at least {_count(context['min_length'], 'entry', 'entries')}"
         case "string_pattern_mismatch":
             return f"a text of the form {context['pattern']}"
         case _:

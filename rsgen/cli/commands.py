@@ -98,6 +98,7 @@ def _plan(case: Case) -> dict[str, Any]:
         "case": case.name,
         "title": case.title,
         "parameters": list(case.model.parameters),
+        "identifies": [*(["m"] if case.model.mass is None else []), *case.model.parameters],
         "warnings": list(case.warnings),
     }
     if isinstance(test, SimulatedTest):
@@ -127,16 +128,17 @@ def _plan(case: Case) -> dict[str, Any]:
 
 
 def _describe(plan: dict[str, Any]) -> str:
-    names = ", ".join(plan["parameters"])
+    names = ", ".join(plan["identifies"])
+    levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
     if plan["kind"] == "simulated":
         return (
-            f"{plan['case']}: {plan['levels']} levels x {plan['frequencies']} frequencies = {plan['points']} "
-            f"points to simulate, at most about {plan['seconds_at_most']} s and {plan['megabytes']} MB; "
-            f"identifies m, {names}"
+            f"{plan['case']}: {levels} x {plan['frequencies']} frequencies = {plan['points']} "
+            f"points to simulate; simulation at most about {plan['seconds_at_most']} s and "
+            f"{plan['megabytes']} MB; identifies {names}"
         )
     band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
     return (
-        f"{plan['case']}: {plan['points']} measured points at {plan['levels']} levels, {band}, "
+        f"{plan['case']}: {plan['points']} measured points at {levels}, {band}, "
         f"sweep {', '.join(plan['sweeps'])}; identifies {names}"
     )
 

@@ -105,6 +105,8 @@ def case_progress(total: int, quiet: bool) -> Iterator[Callable[[CaseRun], None]
         if run.passed is None:
             return f"{run.name}: failed"
         state = "accepted" if run.passed else "NOT accepted"
+        if not run.judged:
+            state = "identified, nothing to accept ([accept] is empty)"
         how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
         return f"{run.name}: {state} ({how}) {run.folder}"
 

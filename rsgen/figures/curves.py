@@ -85,7 +85,13 @@ def draw_resonance(identification: Identification) -> Drawing:
     lower.set_xlabel(scale.label("Amplitude X"))
     upper.legend(loc="best")
     text = "No level has a resonance that could be read."
-    if points:
+    if len(points) == 1:
+        text = (
+            f"One resonance: at the amplitude {quantity_text(amplitude[0], 'm', 3)} the resonance "
+            f"frequency is {quantity_text(frequency[0], 'Hz')} and the damping ratio "
+            f"{number_text(100 * ratio[0], 3)} %."
+        )
+    elif points:
         text = (
             f"{len(points)} resonances. From the smallest amplitude, "
             f"{quantity_text(amplitude[0], 'm', 3)}, to the largest, "
@@ -157,9 +163,10 @@ def _draw_equivalent(
     axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
     axes.legend(loc="best")
     text = _equivalent_words(what, grid, pick(refined), measured, y)
-    if truth is not None and grid.size:
-        scale = float(np.nanmax(np.abs(lines[-1]))) or 1.0
-        off = float(np.nanmax(np.abs(pick(refined) - lines[-1]))) / scale
+    known = np.isfinite(pick(refined) - lines[-1])
+    if truth is not None and known.any():
+        scale = float(np.max(np.abs(lines[-1][known]))) or 1.0
+        off = float(np.max(np.abs(pick(refined) - lines[-1])[known])) / scale
         text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
     name = "Spring" if what == "stiffness" else "Damper"
     caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
@@ -169,14 +176,30 @@ def _draw_equivalent(
 def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats, y: Scale) -> str:
     if not grid.size:
         return f"No amplitude was tested, so there is no equivalent {what} to show."
-    change = 100 * (fitted[-1] / fitted[0] - 1) if fitted[0] else float("nan")
+    read = measured[np.isfinite(measured)]
+    shown = (
+        [f"{number_text(value / y.factor)} {y.unit}" for value in (read.min(), read.max())]
+        if read.size
+        else []
+    )
+    if not shown:
+        levels = "No level could be read at resonance."
+    elif len(read) == 1:
+        levels = f"The one level that could be read at resonance has {shown[0]}."
+    else:
+        levels = f"{len(read)} levels read at resonance lie between {shown[0]} and {shown[1]}."
+    if not np.isfinite(fitted[[0, -1]]).all():
+        return f"The refined equivalent {what} is not known over the tested amplitudes. {levels}"
+    if len(grid) == 1:
+        at = quantity_text(grid[0], "m", 3)
+        return (
+            f"The refined equivalent {what} is {number_text(fitted[0] / y.factor)} {y.unit} at {at}. {levels}"
+        )
+    change = f" ({100 * (fitted[-1] / fitted[0] - 1):+.1f} %)" if fitted[0] else ""
     return (
         f"The refined equivalent {what} goes from {number_text(fitted[0] / y.factor)} {y.unit} at "
         f"{quantity_text(grid[0], 'm', 3)} to {number_text(fitted[-1] / y.factor)} {y.unit} at "
-        f"{quantity_text(grid[-1], 'm', 3)} ({change:+.1f} %). {len(measured)} levels read at resonance "
-        "lie between "
-        f"{number_text(np.min(measured, initial=np.inf) / y.factor)} and "
-        f"{number_text(np.max(measured, initial=-np.inf) / y.factor)} {y.unit}."
+        f"{quantity_text(grid[-1], 'm', 3)}{change}. {levels}"
     )
 
 

@@ -13,7 +13,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from numpy.typing import NDArray
 
 from rsgen.figures.drawing import Drawing, in_style, new_figure
-from rsgen.figures.scale import choose_scale, quantity_text
+from rsgen.figures.scale import choose_scale, count_text, quantity_text
 from rsgen.surface import ResponseSurface
 
 __all__ = ["draw_map", "draw_surface", "draw_thumbnail", "level_colours", "peaks_by_level"]
@@ -65,6 +65,16 @@ def _alternative(surface: ResponseSurface) -> str:
         return "No test point settled, so there is no surface to show."
     low, high = peaks[0], peaks[-1]
     shift = surface.frequency[high] / surface.frequency[low] - 1
+    unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
+    if len(peaks) == 1:
+        return (
+            f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}, "
+            f"{quantity_text(surface.frequency.min(), 'Hz', 5)} to "
+            f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The largest amplitude is "
+            f"{quantity_text(surface.amplitude[low], 'm', 3)} at "
+            f"{quantity_text(surface.frequency[low], 'Hz', 5)}, level "
+            f"{quantity_text(surface.level[low], 'N')}. {unsettled}"
+        )
     return (
         f"{len(surface)} test points, {len(surface.levels)} levels from "
         f"{quantity_text(surface.level.min(), 'N')} to "
@@ -75,7 +85,7 @@ def _alternative(surface: ResponseSurface) -> str:
         f"level) to {quantity_text(surface.amplitude[high], 'm', 3)} at "
         f"{quantity_text(surface.frequency[high], 'Hz', 5)} "
         f"(highest level): the peak moves by {100 * shift:+.2f} %. "
-        f"{int(np.count_nonzero(~surface.settled))} points did not settle."
+        f"{unsettled}"
     )
 
 

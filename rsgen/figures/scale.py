@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Scale", "choose_scale", "number_text", "quantity_text", "unit_text"]
+__all__ = ["Scale", "choose_scale", "count_text", "number_text", "quantity_text", "unit_text"]
 
 _PREFIXES = {
     "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"), (1e-12, "pm")),
@@ -54,6 +54,17 @@ def unit_text(unit: str) -> str:
     """
     text = unit.replace("**", "^").replace("*", "·")
     return re.sub(r"\^\(?(-?[0-9.]+)\)?", lambda power: power[1].translate(_POWERS), text)
+
+
+def count_text(count: int, noun: str) -> str:
+    """Print a number of things, one of them in the singular.
+
+    Examples
+    --------
+    >>> count_text(1, "level"), count_text(3, "level")
+    ('1 level', '3 levels')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def choose_scale(values: ArrayLike, unit: str) -> Scale:

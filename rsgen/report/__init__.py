@@ -54,7 +54,7 @@ def draw_all(
         draw_forces(identification, case.truth),
         draw_responses(surface, prediction),
     ]
-    if describe_mean(surface) is not None:
+    if describe_mean(surface, identification) is not None:
         drawings.append(draw_time_history(surface))
     if prediction.held_out:
         drawings.append(draw_held_out(prediction))
@@ -144,6 +144,6 @@ def write_report(
     write_notebook(
         place / "notebook.ipynb",
         case,
-        mean=describe_mean(surface) is not None,
+        mean=describe_mean(surface, identification) is not None,
         held_out=bool(prediction.held_out),
     )

@@ -10,12 +10,16 @@ from rsgen.describing import derive
 from rsgen.element import Element
 from rsgen.figures import number_text, quantity_text
 from rsgen.identification import Identification
+from rsgen.identification.force_law import compile_law
 from rsgen.surface import ResponseSurface
 
 __all__ = ["describe_element", "describe_elements", "describe_mean"]
 
 _LEAST_CHANGE = 5e-4
 """Relative change below which an equivalent property counts as constant: a line width in the figures."""
+
+_LEAST_FORCE = 1e-3
+"""Share of the largest force below which a force at rest or a departure from a straight line is none."""
 
 
 def _percent(change: float) -> str:
@@ -91,8 +95,30 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
     return {element.name: describe_element(element, identification) for element in elements}
 
 
-def describe_mean(surface: ResponseSurface) -> str | None:
+def _one_sided(identification: Identification, low: float, high: float) -> bool:
+    """Tell whether the identified spring is without force at rest and no straight line from low to high."""
+    law = compile_law(identification.model.force)
+    point = np.array([identification.values[name] for name in law.parameters])
+    x = np.append(np.linspace(low, high, 101), 0.0)
+    force = law.force(x, np.zeros_like(x), point)
+    size = float(np.max(np.abs(force)))
+    if not (np.isfinite(size) and abs(force[-1]) <= _LEAST_FORCE * size):
+        return False
+    line = np.polynomial.Polynomial.fit(x, force, 1)
+    return bool(np.max(np.abs(line(x) - force)) > _LEAST_FORCE * size)
+
+
+def describe_mean(surface: ResponseSurface, identification: Identification | None = None) -> str | None:
     """Say what the two peaks tell about a law with a mean; None where the mean is negligible.
+
+    Parameters
+    ----------
+    surface
+        Its largest settled response is described.
+    identification
+        The peaks tell the stiffness of the two sides only where its law has no force at rest and a spring
+        that is not linear: a constant force moves the mean of a linear spring as well.
+        Without it only the swing is told.
 
     With light damping the energy at the two turning points is the same: for a bilinear spring
     k6 Xp^2 = k7 Xn^2 (METHOD.md 2, from Liu et al., Sec. 2.5).
@@ -105,10 +131,16 @@ def describe_mean(surface: ResponseSurface) -> str | None:
     if abs(mean) < 1e-3 * amplitude or not np.isfinite(surface.peak[i]).all():
         return None
     high, low = (abs(float(value)) for value in surface.peak[i])
-    return (
+    swing = (
         f"At the largest response the displacement swings from {quantity_text(-low, 'm', 3)} to "
-        f"{quantity_text(high, 'm', 3)} about a mean of {quantity_text(mean, 'm', 3)}. The energy at the two "
-        "turning points is the same when damping is light, so the stiffness on the positive side is about "
+        f"{quantity_text(high, 'm', 3)} about a mean of {quantity_text(mean, 'm', 3)}."
+    )
+    bottom, top = float(surface.peak[i, 1]), float(surface.peak[i, 0])
+    if identification is None or not _one_sided(identification, bottom, top):
+        return swing
+    return (
+        f"{swing} The energy at the two turning points is the same when damping is light, so the "
+        "stiffness on the positive side is about "
         f"(negative peak / positive peak)² = {number_text((low / high) ** 2, 3)} times that on the "
         "negative side."
     )

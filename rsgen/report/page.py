@@ -11,11 +11,11 @@ from markupsafe import Markup
 
 import rsgen
 from rsgen.case import Case
-from rsgen.comparison import Comparison
+from rsgen.comparison import FORCE_KEYS, Comparison
 from rsgen.describing import derive
 from rsgen.element import Element
 from rsgen.expression import parse
-from rsgen.figures import Drawing, number_text, quantity_text
+from rsgen.figures import Drawing, count_text, number_text, quantity_text
 from rsgen.identification import Identification
 from rsgen.notation import mathml
 from rsgen.prediction import Prediction
@@ -55,8 +55,11 @@ def verdict_sentence(comparison: Comparison) -> str:
     """Say in one line whether the case is accepted."""
     judged = [row for row in comparison.rows if row.tolerance is not None]
     if not judged:
-        told = sum(row.refined.told for row in comparison.rows)
-        return f"Identified: {told} of {len(comparison.rows)} values, nothing to compare with"
+        parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
+        told = sum(row.refined.told for row in parameters)
+        known = any(math.isfinite(row.true) for row in parameters)
+        why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
+        return f"Identified: {told} of {count_text(len(parameters), 'parameter')}, {why}"
     missed = [row.name for row in judged if not row.passed]
     if missed:
         return f"Not accepted: {', '.join(missed)} outside the tolerance"
@@ -68,11 +71,13 @@ def _surface_sentence(surface: ResponseSurface) -> str:
     settled = int(np.count_nonzero(surface.settled))
     made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
     lowest, highest = (quantity_text(float(f(surface.level)), "N") for f in (np.min, np.max))
+    forces = f"from {lowest} to {highest}" if len(surface.levels) > 1 else f"of {highest}"
+    was = "was" if len(surface) == 1 else "were"
     text = (
-        f"{len(surface)} test points were {made}: {len(surface.levels)} levels from {lowest} to {highest}, "
-        f"{number_text(surface.frequency.min(), 5)} to "
-        f"{number_text(surface.frequency.max(), 5)} Hz, {surface.harmonics.shape[1] - 1} "
-        f"{'harmonic' if surface.harmonics.shape[1] == 2 else 'harmonics'} kept. "
+        f"{count_text(len(surface), 'test point')} {was} {made}: {count_text(len(surface.levels), 'level')} "
+        f"{forces}, {number_text(surface.frequency.min(), 5)} to "
+        f"{number_text(surface.frequency.max(), 5)} Hz, "
+        f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')} kept. "
     )
     if settled == len(surface):
         return text + "All of them settled."
@@ -152,7 +157,9 @@ def render_page(
         "outcome": identification.outcome,
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
-        "mean_sentence": describe_mean(surface),
+        "mean_sentence": describe_mean(surface, identification),
+        # identification warns with these words when the misfit is systematic
+        "law_fits": not any(text.startswith("the law does not fit") for text in identification.warnings),
         "warnings": [*case.warnings, *identification.warnings],
         "surface_sentence": _surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},

@@ -44,6 +44,8 @@ class CaseRun:
         How long it took.
     faults
         Why it failed, in sentences.
+    judged
+        False where nothing was asked: ``[accept]`` is empty, so ``passed`` says nothing.
     """
 
     path: Path
@@ -53,6 +55,7 @@ class CaseRun:
     skipped: bool = False
     seconds: float = 0.0
     faults: tuple[str, ...] = ()
+    judged: bool = True
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -97,7 +100,7 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
         passed = json.loads((folder / RESULT).read_text(encoding="utf-8"))["passed"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return CaseRun(case.path, case.name, folder, bool(passed), skipped=True)
+    return CaseRun(case.path, case.name, folder, bool(passed), skipped=True, judged=bool(case.accept))
 
 
 def _tested(case: Case) -> ResponseSurface:
@@ -244,7 +247,7 @@ def _guarded(
             return earlier
         passed = _execute(case, place, command, test, figures)
         seconds = time.perf_counter() - started
-        return CaseRun(file, name, place / name, passed, seconds=seconds)
+        return CaseRun(file, name, place / name, passed, seconds=seconds, judged=bool(case.accept))
     except CaseError as fault:
         faults = fault.faults
     except RsgenError as fault:
