@@ -195,7 +195,7 @@ def test_init_of_a_measured_case(tmp_path: Path, capsys: pytest.CaptureFixture[s
     rows = [f"{f},{1.0},{2.0},{90}" for f in (7, 8, 9)]
     (tmp_path / "mine.csv").write_text("\n".join(["f,F,a,phase", *rows]) + "\n")
     assert call("check", path) == 0
-    assert "3 measured points at 1 levels" in capsys.readouterr().out
+    assert "3 measured points at 1 level" in capsys.readouterr().out
     assert call("init", "mine", "--measured", "../mine.csv", "--out", tmp_path / "x.toml") == 2
 
 
