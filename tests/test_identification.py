@@ -134,6 +134,7 @@ def test_drifting_force_and_response_control_are_no_special_case() -> None:
     assert max(errors(found, "quintic").values()) < EXACT
 
 
+@pytest.mark.slow
 def test_what_the_test_does_not_tell_is_no_number() -> None:
     low = surface("piecewise", levels=np.array([0.2, 0.4, 0.6]))
     assert low.amplitude.max() < LAWS["piecewise"][1]["b"]

@@ -59,6 +59,7 @@ def test_there_are_commands_and_a_program() -> None:
     assert len(blocks("python")) == 1
 
 
+@pytest.mark.slow
 def test_quick_commands_run(tmp_path: Path) -> None:
     run_commands(tmp_path, quick=True)
 
