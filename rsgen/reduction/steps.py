@@ -102,7 +102,7 @@ def _monotone(factor: sympy.Expr) -> Form | None:
         return None
     if not unbounded and (level <= lowest) == True:  # noqa: E712 - a sympy relation, undecided is no
         up = constant(1)
-    elif not unbounded and (level >= highest) == True:  # noqa: E712
+    elif not unbounded and (level >= highest) == True:  # noqa: E712 - as above
         up = {}
     else:
         up = step_of_smooth(inner.args[0] - inverse(level))
