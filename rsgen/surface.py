@@ -81,6 +81,8 @@ class ResponseSurface:
         (n,) estimated relative error of the amplitude [1]; NaN where unknown.
     origin
         "simulated" or "measured".
+    phase_known
+        False where the test recorded amplitudes only: the phase of ``harmonics`` against ``force`` means nothing.
 
     Raises
     ------
@@ -98,6 +100,7 @@ class ResponseSurface:
     residual: NDArray[np.float64]
     error: NDArray[np.float64]
     origin: str
+    phase_known: bool = True
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.frequency))
@@ -157,7 +160,7 @@ class ResponseSurface:
     def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
         """Keep some points: a boolean mask (n,) or an index array."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return ResponseSurface(**{k: v if k == "origin" else v[mask] for k, v in values.items()})
+        return ResponseSurface(**{k: v[mask] if k in _UNITS else v for k, v in values.items()})
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -176,6 +179,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         file.attrs["format"] = "rsgen response surface"
         file.attrs["schema"] = _SCHEMA
         file.attrs["origin"] = surface.origin
+        file.attrs["phase_known"] = surface.phase_known
         file.attrs["outcomes"] = list(OUTCOMES)
         columns = {name: getattr(surface, name) for name in _UNITS}
         columns["sweep"] = columns["sweep"].astype("S4")
@@ -208,6 +212,8 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
                     raise MeasurementError(f"{path}: {name}: stored outside the file; not allowed")
                 values[name] = file[name][()]
             values["sweep"] = np.char.decode(values["sweep"], "ascii")
-            return ResponseSurface(**values, origin=str(file.attrs["origin"]))
+            # surfaces written before there were tests without phase do not say
+            known = bool(file.attrs.get("phase_known", True))
+            return ResponseSurface(**values, origin=str(file.attrs["origin"]), phase_known=known)
     except (OSError, KeyError, ValueError, TypeError) as fault:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault

@@ -32,13 +32,14 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         residual=random.exponential(size=n),
         error=np.full(n, np.nan),
         origin=str(random.choice(["simulated", "measured"])),
+        phase_known=bool(random.random() < 0.5),
     )
 
 
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
     for column in fields(ResponseSurface):
         a, b = getattr(one, column.name), getattr(two, column.name)
-        if column.name == "origin":
+        if column.name in ("origin", "phase_known"):
             assert a == b
         else:
             assert a.dtype == b.dtype
@@ -71,7 +72,7 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin"} | {"settled"}
+    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known"} | {"settled"}
 
 
 def test_amplitude_and_phase_follow_from_force_and_fundamental():
@@ -108,6 +109,7 @@ def test_selecting_keeps_rows_together():
     assert len(part) == mask.sum()
     np.testing.assert_array_equal(part.harmonics, surface.harmonics[mask])
     np.testing.assert_array_equal(part.force, surface.force[mask])
+    assert (part.origin, part.phase_known) == (surface.origin, surface.phase_known)
 
 
 @pytest.mark.parametrize(
