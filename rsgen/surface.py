@@ -82,7 +82,7 @@ class ResponseSurface:
     origin
         "simulated" or "measured".
     phase_known
-        False where the test recorded amplitudes only: the phase of ``harmonics`` against ``force`` means nothing.
+        False where the test recorded amplitudes only: the phase of the response is then without meaning.
 
     Raises
     ------
