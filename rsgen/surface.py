@@ -25,6 +25,7 @@ OUTCOMES = (
     "not settled: the response still changes after the longest transient allowed",
     "not settled: the response repeats after two periods of the force, not after one",
     "not settled: the response grows without bound",
+    "not settled: the sweep passes faster than the response follows",
 )
 """What became of a test point; the table stores the index."""
 
@@ -83,6 +84,8 @@ class ResponseSurface:
         "simulated" or "measured".
     phase_known
         False where the test recorded amplitudes only: the phase of the response is then without meaning.
+    notes
+        Sentences about how the surface came about that a reader should know before using its numbers.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class ResponseSurface:
     error: NDArray[np.float64]
     origin: str
     phase_known: bool = True
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.frequency))
@@ -180,6 +184,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         file.attrs["schema"] = _SCHEMA
         file.attrs["origin"] = surface.origin
         file.attrs["phase_known"] = surface.phase_known
+        file.attrs["notes"] = list(surface.notes)
         file.attrs["outcomes"] = list(OUTCOMES)
         columns = {name: getattr(surface, name) for name in _UNITS}
         columns["sweep"] = columns["sweep"].astype("S4")
@@ -214,6 +219,7 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
             values["sweep"] = np.char.decode(values["sweep"], "ascii")
             # surfaces written before there were tests without phase do not say
             known = bool(file.attrs.get("phase_known", True))
-            return ResponseSurface(**values, origin=str(file.attrs["origin"]), phase_known=known)
+            notes = tuple(str(note) for note in file.attrs.get("notes", ()))
+            return ResponseSurface(**values, origin=str(file.attrs["origin"]), phase_known=known, notes=notes)
     except (OSError, KeyError, ValueError, TypeError) as fault:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault

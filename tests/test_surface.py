@@ -33,13 +33,14 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         error=np.full(n, np.nan),
         origin=str(random.choice(["simulated", "measured"])),
         phase_known=bool(random.random() < 0.5),
+        notes=tuple(f"note {i}: ζ = {random.random()}" for i in range(random.integers(0, 3))),
     )
 
 
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
     for column in fields(ResponseSurface):
         a, b = getattr(one, column.name), getattr(two, column.name)
-        if column.name in ("origin", "phase_known"):
+        if column.name in ("origin", "phase_known", "notes"):
             assert a == b
         else:
             assert a.dtype == b.dtype
@@ -72,7 +73,9 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known"} | {"settled"}
+    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known", "notes"} | {
+        "settled"
+    }
 
 
 def test_amplitude_and_phase_follow_from_force_and_fundamental():

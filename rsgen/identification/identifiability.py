@@ -74,6 +74,7 @@ def find_warnings(
         shift = _small_shift(resonances)
         if shift:
             sentences.append(shift)
+    sentences += surface.notes
     unsettled = int(np.count_nonzero(~surface.settled))
     if unsettled:
         sentences.append(f"{unsettled} of {len(surface)} points have no settled response and were left aside")
