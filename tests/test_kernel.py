@@ -122,10 +122,11 @@ def _forget(source: str) -> None:
 
 def _one_step_further(march: object) -> np.ndarray:
     angle = np.pi / 32 * np.arange(64)
-    state = np.zeros((1, 2))
+    state = np.zeros((2, 1))
     march(
-        state, np.zeros((1, 2, 2)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, np.array([0.3, 40.0]),
-        np.array([np.cos(angle), np.sin(angle)]), 1, 0, 1, np.zeros((1, 0)), np.zeros((1, 2)),
+        np.array([0]), state, np.zeros((2, 2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0,
+        np.array([0.3, 40.0]), np.array([np.cos(angle), np.sin(angle)]), 1,
+        np.zeros((1, 0)), np.zeros((1, 2)),
     )  # fmt: skip
     return state
 
@@ -203,10 +204,11 @@ def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
     kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))
     values = np.array([0.5, 0.8, 40.0])
     omega = np.linspace(4, 9, 150)
-    force = np.full(150, 2.0 + 0.5j)
-    together = kernel.march(np.zeros((150, 2)), force, omega, 1.0, values, steps=48, periods=9).state
+    force = np.tile([2.0, 0.5], (150, 1))
+    points = np.arange(150)
+    together = kernel.march(points, np.zeros((2, 150)), force, omega, 1.0, values, steps=48, periods=9).state
     for i in (0, 71, 149):
         alone = kernel.march(
-            np.zeros((1, 2)), force[i : i + 1], omega[i : i + 1], 1.0, values, steps=48, periods=9
+            points[i : i + 1], np.zeros((2, 1)), force, omega, 1.0, values, steps=48, periods=9
         )
-        assert np.array_equal(alone.state[0], together[i])
+        assert np.array_equal(alone.state[:, 0], together[:, i])

@@ -1,10 +1,8 @@
-"""A compiled force law: carries many test points over periods of the force, on all cores."""
+"""A compiled force law: carries many test points over periods of the force."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,45 +16,27 @@ from rsgen.kernel.store import load_kernel
 
 __all__ = ["Kernel", "March", "compile_kernel"]
 
-_LANES = 64  # as in the template
-_POINTS_WORTH_A_THREAD = 4 * _LANES
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class March:
-    """Where n points are after some periods of the force.
+    """Where k lanes are after some periods of the force.
 
     Parameters
     ----------
     state
-        (n, 2) displacement [m] and velocity [m/s].
+        (2, k) y = (x, v/omega) [m], so that both parts weigh the same.
     trail
-        (n, 2, 2) the states two periods and one period before.
+        (2, 2, k) the states two periods and one period before.
     harmonics
-        (n, H+1) complex displacement of the last period [m]; (n, 0) where none was recorded.
+        (k, H+1) complex displacement of the last period [m]; (k, 0) where none was recorded.
     peak
-        (n, 2) largest and smallest displacement of the last period [m]; (0, 2) where none were recorded.
+        (k, 2) largest and smallest displacement of the last period [m]; (0, 2) where none were recorded.
     """
 
     state: NDArray[np.float64]
     trail: NDArray[np.float64]
     harmonics: NDArray[np.complex128]
     peak: NDArray[np.float64]
-
-
-def threads() -> int:
-    """How many cores work on one march: ``RSGEN_THREADS`` where it is set, else all of this process."""
-    chosen = os.environ.get("RSGEN_THREADS", "")
-    if chosen.isdigit() and int(chosen) > 0:
-        return int(chosen)
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
-
-
-@lru_cache(maxsize=1)
-def _pool(process: int, count: int) -> ThreadPoolExecutor:
-    # the process is part of the key: threads do not survive a fork
-    return ThreadPoolExecutor(count, thread_name_prefix="rsgen-march")
 
 
 @lru_cache(maxsize=32)
@@ -80,8 +60,9 @@ class Kernel:
 
     def march(
         self,
+        points: NDArray[np.intp],
         state: NDArray[np.float64],
-        force: NDArray[np.complex128],
+        force: NDArray[np.float64],
         omega: NDArray[np.float64],
         mass: float,
         values: NDArray[np.float64],
@@ -91,14 +72,16 @@ class Kernel:
         harmonics: int | None = None,
         peaks: bool = True,
     ) -> March:
-        """Carry points over some periods of f(t) = Re F exp(i omega t), from t = 0.
+        """Carry lanes over some periods of f(t) = Re F exp(i omega t), from t = 0.
 
         Parameters
         ----------
+        points
+            (k,) the test point of each lane, a row of ``force`` and ``omega``.
         state
-            (n, 2) displacement [m] and velocity [m/s] at the start; left as it is.
+            (2, k) y = (x, v/omega) [m] at the start; left as it is.
         force, omega
-            (n,) complex F [N] and angular frequency [rad/s].
+            (n, 2) real and imaginary part of F [N], and (n,) angular frequency [rad/s].
         mass
             m [kg].
         values
@@ -112,25 +95,15 @@ class Kernel:
         peaks
             Record the peaks besides.
         """
-        n = len(omega)
+        k = len(points)
         after = np.array(state, dtype=np.float64, order="C")
-        trail = np.empty((n, 2, 2))
-        waves = np.empty((n, 0 if harmonics is None else harmonics + 1), dtype=np.complex128)
-        wave = waves.view(np.float64)
-        peak = np.empty((n if peaks and harmonics is not None else 0, 2))
-        parts = np.column_stack([force.real, force.imag])
-        table = _phases(steps)
-
-        def run(first: int, stride: int) -> None:
-            self._march(
-                after, trail, parts, omega, mass, values, table, periods, first, stride, wave, peak
-            )  # fmt: skip
-
-        count = min(threads(), -(-n // _POINTS_WORTH_A_THREAD))
-        if count > 1:
-            list(_pool(os.getpid(), threads()).map(run, range(count), [count] * count))
-        elif n:
-            run(0, 1)
+        trail = np.empty((2, 2, k))
+        waves = np.empty((k, 0 if harmonics is None else harmonics + 1), dtype=np.complex128)
+        peak = np.empty((k if peaks and harmonics is not None else 0, 2))
+        self._march(
+            points, after, trail, force, omega, mass, values, _phases(steps), periods,
+            waves.view(np.float64), peak,
+        )  # fmt: skip
         return March(after, trail, waves, peak)
 
 

@@ -17,8 +17,8 @@ __all__ = ["generate", "parameter_order"]
 
 _TEMPLATE = "kernel/kernel.py.j2"
 _SIGNATURE = (
-    "void(float64[:,::1], float64[:,:,::1], float64[:,::1], float64[::1], float64, float64[::1], "
-    "float64[:,::1], int64, int64, int64, float64[:,::1], float64[:,::1])"
+    "void(int64[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[::1], float64, "
+    "float64[::1], float64[:,::1], int64, float64[:,::1], float64[:,::1])"
 )
 
 

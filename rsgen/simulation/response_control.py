@@ -81,14 +81,12 @@ class _Shooting:
     def march(
         self, points: NDArray[np.intp], w: Floats, steps: int, harmonics: int
     ) -> tuple[Floats, NDArray[np.complex128], Floats]:
-        omega = self.omega[points]
-        state = np.column_stack([w[:, 0], w[:, 1] * omega])
-        force = _complex(w) * self.unit(points)
+        force = w[:, 2:] * self.unit(points)[:, None]
         march = self.kernel.march(
-            state, force, omega, self.mass, self.values, steps=steps, periods=1, harmonics=harmonics
-        )
-        end = np.column_stack([march.state[:, 0], march.state[:, 1] / omega])
-        return end, march.harmonics, march.peak
+            np.arange(len(points)), w[:, :2].T, force, self.omega[points], self.mass, self.values,
+            steps=steps, periods=1, harmonics=harmonics,
+        )  # fmt: skip
+        return march.state.T, march.harmonics, march.peak
 
     def conditions(self, points: NDArray[np.intp], w: Floats, steps: int) -> Floats:
         end, harmonics, _ = self.march(points, w, steps, 1)
@@ -224,7 +222,7 @@ def _record(
     result.residual[points] = np.hypot(*(end - w[:, :2]).T) / shooting.amplitude[points]
     result.outcome[points] = 0
     # the first block of the Jacobian is that of P(y) - y at constant force
-    result.stable[points] = attraction(jacobian[:, :2, :2] + np.eye(2)) > 0
+    result.stable[points] = attraction((jacobian[:, :2, :2] + np.eye(2)).transpose(1, 2, 0)) > 0
 
 
 def _newton(

@@ -73,8 +73,9 @@ def verify(
     points = np.sort(choice)
     kernel = compile_kernel(oscillator.force, locate_all=True)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
-    force, omega = surface.force[points], surface.omega[points]
-    state = np.zeros((len(points), 2))
+    F, omega = surface.force[points], surface.omega[points]
+    force = np.column_stack([F.real, F.imag])
+    state = np.zeros((2, len(points)))
     repeats = np.zeros(len(points), dtype=bool)
     found = np.full(len(points), complex(np.nan, np.nan))
     active = np.arange(len(points))
@@ -83,13 +84,12 @@ def verify(
         look += 1
         with np.errstate(over="ignore", invalid="ignore"):
             march = kernel.march(
-                state[active], force[active], omega[active], oscillator.mass, values,
+                active, state[:, active], force, omega, oscillator.mass, values,
                 steps=_STEPS, periods=_PERIODS, harmonics=1,
             )  # fmt: skip
-            scale = np.column_stack([np.ones(len(active)), 1 / omega[active]])
-            change = np.abs((march.state - march.trail[:, 1]) * scale).max(axis=1)
-            size = np.abs(march.state * scale).max(axis=1)
-        state[active] = march.state
+            change = np.abs(march.state - march.trail[1]).max(axis=0)
+            size = np.abs(march.state).max(axis=0)
+        state[:, active] = march.state
         # a mass that friction holds does not move at all: nothing changes, and the size is none
         done = change <= _REPEATS * size
         repeats[active[done]] = True

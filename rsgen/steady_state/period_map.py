@@ -19,23 +19,23 @@ Indices = NDArray[np.intp]
 class PeriodMap:
     """The period maps of n test points of one oscillator.
 
-    States are y = (x, v/omega) [m], so that both parts weigh the same.
+    States are y = (x, v/omega) [m], so that both parts weigh the same; k of them are an array (2, k).
+    ``force`` (n, 2) holds the real and imaginary part of F [N].
     """
 
     kernel: Kernel
     mass: float
     values: Floats
-    force: NDArray[np.complex128]
+    force: Floats
     omega: Floats
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""
         return replace(self, force=self.force[points], omega=self.omega[points])
 
-    @property
     def scale(self) -> Floats:
         """(n,) displacement [m] below which a motion is none at all: a millionth of |F| / (m omega^2)."""
-        smallest: Floats = 1e-6 * np.abs(self.force) / (self.mass * self.omega**2)
+        smallest: Floats = 1e-6 * np.hypot(self.force[:, 0], self.force[:, 1]) / (self.mass * self.omega**2)
         return smallest
 
     def carry(
@@ -48,20 +48,29 @@ class PeriodMap:
         *,
         peaks: bool = False,
     ) -> March:
-        """Carry some points over periods; ``y`` (k, 2) and ``steps`` (k,) belong to ``points`` (k,)."""
-        if len(steps) and steps.min() == steps.max():
+        """Carry states over periods.
+
+        ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (2, k), or (2, r k) with the
+        points r times in a row.
+        """
+        several = y.shape[1] // max(len(points), 1)
+        if several > 1:
+            points = np.concatenate([points] * several)
+        if len(steps) and (steps == steps[0]).all():
             return self._march(points, y, int(steps[0]), periods, harmonics, peaks)
+        if several > 1:
+            steps = np.concatenate([steps] * several)
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
         whole = March(
-            np.empty((k, 2)),
-            np.empty((k, 2, 2)),
+            np.empty((2, k)),
+            np.empty((2, 2, k)),
             np.empty((k, columns), np.complex128),
             np.empty((k if peaks else 0, 2)),
         )
         for kind in np.unique(steps):
             mine = np.flatnonzero(steps == kind)
-            part = self._march(points[mine], y[mine], int(kind), periods, harmonics, peaks)
-            whole.state[mine], whole.trail[mine] = part.state, part.trail
+            part = self._march(points[mine], y[:, mine], int(kind), periods, harmonics, peaks)
+            whole.state[:, mine], whole.trail[:, :, mine] = part.state, part.trail
             whole.harmonics[mine] = part.harmonics
             if peaks:
                 whole.peak[mine] = part.peak
@@ -70,20 +79,7 @@ class PeriodMap:
     def _march(
         self, points: Indices, y: Floats, steps: int, periods: int, harmonics: int | None, peaks: bool
     ) -> March:
-        omega = self.omega[points]
-        state = y.copy()
-        state[:, 1] *= omega
-        march = self.kernel.march(
-            state,
-            self.force[points],
-            omega,
-            self.mass,
-            self.values,
-            steps=steps,
-            periods=periods,
-            harmonics=harmonics,
-            peaks=peaks,
-        )
-        march.state[:, 1] /= omega
-        march.trail[:, :, 1] /= omega[:, None]
-        return march
+        return self.kernel.march(
+            points, y, self.force, self.omega, self.mass, self.values,
+            steps=steps, periods=periods, harmonics=harmonics, peaks=peaks,
+        )  # fmt: skip

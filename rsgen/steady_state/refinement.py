@@ -6,7 +6,7 @@ difference between two step sizes is the error estimate (Richardson), and tells 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:
-    """Steady states of n points: ``y`` (n, 2), harmonics, peaks, residual and error relative to X."""
+    """Steady states of n points: ``y`` (2, n), harmonics, peaks, residual and error relative to X."""
 
     y: Floats
     harmonics: NDArray[np.complex128]
@@ -39,13 +39,14 @@ class Refined:
 
     def replace(self, points: Indices, better: Refined) -> None:
         """Put other answers in the place of some points."""
-        for entry in fields(self):
-            getattr(self, entry.name)[points] = getattr(better, entry.name)
+        self.y[:, points] = better.y
+        for name in ("harmonics", "peak", "residual", "error", "outcome"):
+            getattr(self, name)[points] = getattr(better, name)
 
 
 def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: float) -> Refined:
     """Bring every settled point to ``accuracy``, or as near as the finest steps come; the error says."""
-    n = len(settling.y)
+    n = settling.y.shape[1]
     result = Refined(
         y=settling.y.copy(),
         harmonics=np.full((n, harmonics + 1), complex(np.nan, np.nan)),
@@ -112,30 +113,37 @@ def _solve(
 
     Recording costs, so it begins with turn ``first_record``, when the corrections have become small.
     """
-    floor = period_map.scale
-    active = points
+    active, here, mine = points, result.y[:, points], steps[points]
+    slope, floor = jacobian[:, :, points], period_map.scale()[points]
     for turn in range(2 * _PERIODS):
         if not len(active):
             return
         if turn == _PERIODS:
-            fixed = find_fixed_points(period_map, active, result.y[active], steps[active], tolerance)
-            result.y[active], jacobian[active] = fixed.y, fixed.jacobian
+            fixed = find_fixed_points(period_map, active, here, mine, tolerance, floor)
+            here, slope = fixed.y, fixed.jacobian
+            jacobian[:, :, active] = slope
         record = harmonics if turn >= first_record else None
-        here = result.y[active]
-        march = period_map.carry(active, here, steps[active], 1, record, peaks=peaks and record is not None)
+        march = period_map.carry(active, here, mine, 1, record, peaks=peaks and record is not None)
         residual = march.state - here
-        move = correction(jacobian[active], residual)
+        move = correction(slope, residual)
         length = norm(move)
-        result.y[active] = here + np.where(np.isfinite(length)[:, None], move, 0.0)
-        if record is None:
-            continue
-        size = np.maximum(norm(here), floor[active])
-        done = length <= tolerance * size
-        kept = slice(None) if done.all() else done
-        mine = active[kept]
-        result.harmonics[mine, : harmonics + 1] = march.harmonics[kept]
-        result.residual[mine] = (norm(residual) / size)[kept]
-        if peaks:
-            result.peak[mine] = march.peak[kept]
-        active = active[~done]
+        finite = np.isfinite(length)
+        there = here + move if finite.all() else here + np.where(finite, move, 0.0)
+        if record is not None:
+            size = np.maximum(norm(here), floor)
+            done = length <= tolerance * size
+            kept = slice(None) if done.all() else done
+            at = active[kept]
+            result.y[:, at] = there[:, kept]
+            result.harmonics[at, : harmonics + 1] = march.harmonics[kept]
+            result.residual[at] = (norm(residual) / size)[kept]
+            if peaks:
+                result.peak[at] = march.peak[kept]
+            if done.all():
+                return
+            left = ~done
+            active, mine, floor = active[left], mine[left], floor[left]
+            slope, there = slope[:, :, left], there[:, left]
+        here = there
+    result.y[:, active] = here
     result.outcome[active] = UNSETTLED

@@ -33,7 +33,7 @@ _FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7  # of the 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settling:
-    """Where n points settled on the coarse map: state ``y`` (n, 2), ``jacobian``, ``steps``, ``outcome``."""
+    """Where n points settled on the coarse map: ``y`` (2, n), ``jacobian`` (2, 2, n), steps, outcome."""
 
     y: Floats
     jacobian: Floats
@@ -42,77 +42,92 @@ class Settling:
 
 
 def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int = COARSE) -> Settling:
-    """Carry n points from ``start`` (n, 2) until each has settled or is known not to."""
-    n = len(start)
+    """Carry n points from ``start`` (2, n) until each has settled or is known not to."""
+    n = start.shape[1]
     result = Settling(
         y=start.copy(),
-        jacobian=np.zeros((n, 2, 2)),
+        jacobian=np.zeros((2, 2, n)),
         steps=np.full(n, steps),
         outcome=np.full(n, UNSETTLED, dtype=np.int8),
     )
+    floor = period_map.scale()
     active = np.arange(n)
     for periods in _FROM_REST if from_rest else _FROM_START:
-        active = _one_round(period_map, result, active, periods)
+        active = _one_round(period_map, result, active, periods, floor)
         if not len(active):
             break
     return result
 
 
-def _one_round(period_map: PeriodMap, result: Settling, active: Indices, periods: int) -> Indices:
-    before = result.y[active]
-    march = period_map.carry(active, before, result.steps[active], periods)
-    bounded = np.isfinite(norm(march.state))
-    for _ in range(2):
-        lost = np.flatnonzero(~bounded & (result.steps[active] < COARSE * _STIFF**2))
-        if not len(lost):
-            break
-        # too few steps make a stiff law explode: that is no answer yet
-        result.steps[active[lost]] *= _STIFF
-        again = period_map.carry(active[lost], before[lost], result.steps[active[lost]], periods)
-        march.state[lost], march.trail[lost] = again.state, again.trail
-        bounded = np.isfinite(norm(march.state))
-    result.y[active] = march.state
-    result.outcome[active[~bounded]] = DIVERGED
-    active, y, trail = active[bounded], march.state[bounded], march.trail[bounded]
-    settled = _accept(period_map, result, active, y, trail)
-    size = np.maximum(norm(y), period_map.scale[active])
-    twice = ~settled & (norm(y - trail[:, 0]) < _TWICE * size) & (norm(y - trail[:, 1]) > 1e3 * _TWICE * size)
-    result.outcome[active[twice]] = PERIOD_TWO
-    return active[~settled & ~twice]
+def _one_round(
+    period_map: PeriodMap, result: Settling, active: Indices, periods: int, floor: Floats
+) -> Indices:
+    before, steps = result.y[:, active], result.steps[active]
+    march = period_map.carry(active, before, steps, periods)
+    y, trail = march.state, march.trail
+    bounded = np.isfinite(norm(y))
+    if not bounded.all():
+        for _ in range(2):
+            lost = np.flatnonzero(~bounded & (steps < COARSE * _STIFF**2))
+            if not len(lost):
+                break
+            # too few steps make a stiff law explode: that is no answer yet
+            steps[lost] *= _STIFF
+            again = period_map.carry(active[lost], before[:, lost], steps[lost], periods)
+            y[:, lost], trail[:, :, lost] = again.state, again.trail
+            bounded = np.isfinite(norm(y))
+        result.steps[active] = steps
+        result.y[:, active] = y
+        result.outcome[active[~bounded]] = DIVERGED
+        active, y, trail = active[bounded], y[:, bounded], trail[:, :, bounded]
+    else:
+        result.y[:, active] = y
+    settled = _accept(period_map, result, active, y, trail, floor[active])
+    left = np.flatnonzero(~settled)
+    size = np.maximum(norm(y[:, left]), floor[active[left]])
+    two_ago, one_ago = norm(y[:, left] - trail[0][:, left]), norm(y[:, left] - trail[1][:, left])
+    twice = (two_ago < _TWICE * size) & (one_ago > 1e3 * _TWICE * size)
+    result.outcome[active[left[twice]]] = PERIOD_TWO
+    return active[left[~twice]]
 
 
 def _accept(
-    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, trail: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, trail: Floats, floor: Floats
 ) -> NDArray[np.bool_]:
     """Record the points whose fixed point is certain; True for these."""
-    fixed = find_fixed_points(period_map, active, y, result.steps[active], _TOLERANCE)
-    size = np.maximum(norm(fixed.y), period_map.scale[active])
-    earlier = trail[:, 0] - fixed.y
-    predicted = times(fixed.jacobian, times(fixed.jacobian, earlier))
-    departure = norm(y - fixed.y - predicted)
-    linear = (departure <= _LINEAR * norm(earlier) + _CLOSE * size) & (norm(earlier) < size)
-    sure = fixed.found & linear & (attraction(fixed.jacobian) > 0)
-    faint = np.flatnonzero(sure & (attraction(fixed.jacobian) < _FAINT))
+    steps = result.steps[active]
+    fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, floor)
+    size = np.maximum(norm(fixed.y), floor)
+    earlier, away = trail[0] - fixed.y, y - fixed.y
+    departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
+    distance, inside = norm(earlier), attraction(fixed.jacobian)
+    linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
+    sure = fixed.found & linear & (inside > 0)
+    faint = np.flatnonzero(sure & (inside < _FAINT))
     if len(faint):
         # the integration itself damps a little: look with steps so fine that it does not
         fine = np.full(len(faint), _FAINT_STEPS)
-        _, jacobian = jacobians(period_map, active[faint], fixed.y[faint], fine, _FAINT_OFFSET * size[faint])
+        _, jacobian = jacobians(
+            period_map, active[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
+        )
         sure[faint] = attraction(jacobian) > _NEUTRAL
-    away = y - fixed.y
     wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
     if len(wide):
         sure[wide] = _is_linear_around(
             period_map,
             active[wide],
-            fixed.y[wide],
-            fixed.jacobian[wide],
-            away[wide],
-            result.steps[active[wide]],
+            fixed.y[:, wide],
+            fixed.jacobian[:, :, wide],
+            away[:, wide],
+            steps[wide],
         )
-    result.y[active[sure]] = fixed.y[sure]
-    still = ~sure & (norm(y - trail[:, 1]) <= _STILL * size) & (norm(y - trail[:, 0]) <= _STILL * size)
+    still = ~sure & (norm(y - trail[1]) <= _STILL * size) & (norm(y - trail[0]) <= _STILL * size)
     settled: NDArray[np.bool_] = sure | still
-    result.jacobian[active[settled]] = fixed.jacobian[settled]
+    if sure.all():
+        result.y[:, active], result.jacobian[:, :, active] = fixed.y, fixed.jacobian
+    else:
+        result.y[:, active[sure]] = fixed.y[:, sure]
+        result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
     result.outcome[active[settled]] = SETTLED
     return settled
 
@@ -129,11 +144,10 @@ def _is_linear_around(
 
     The last periods only show one direction; in another one a stop or a gap may still be met.
     """
-    turned = np.column_stack([-away[:, 1], away[:, 0]])
+    turned = np.array([-away[1], away[0]])
     along, across = times(jacobian, away), times(jacobian, turned)
-    rays = np.concatenate([center - away, center + turned, center - turned])
-    predicted = np.concatenate([center - along, center + across, center - across])
-    images = period_map.carry(np.tile(points, 3), rays, np.tile(steps, 3), 1).state
-    departure = norm(images - predicted).reshape(3, -1).max(axis=0)
+    rays = np.concatenate([center - away, center + turned, center - turned], axis=1)
+    predicted = np.concatenate([center - along, center + across, center - across], axis=1)
+    departure = norm(period_map.carry(points, rays, steps, 1).state - predicted).reshape(3, -1).max(axis=0)
     linear: NDArray[np.bool_] = departure <= _CIRCLE * norm(away)
     return linear

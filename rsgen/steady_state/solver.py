@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
+from rsgen.steady_state.batches import map_batches
 from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
@@ -19,7 +20,6 @@ TIGHTEST, LOOSEST = 1e-9, 1e-2  # accuracies that can be asked for
 MOST_HARMONICS = 64
 _CURVATURE = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 _SECOND_LOOK = 8  # times the steps of the first transient
-_BATCH = 4096  # points worked on at once: bounds the memory
 
 
 def solve_steady_states(
@@ -63,16 +63,14 @@ def solve_steady_states(
         raise RsgenError("start: must be finite everywhere")
     kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
-    parts = [slice(low, low + _BATCH) for low in range(0, max(len(f), 1), _BATCH)]
-    done = [
-        _solve_batch(
-            PeriodMap(kernel, oscillator.mass, values, F[part], 2 * np.pi * f[part]),
-            None if y is None else y[part],
-            harmonics,
-            accuracy,
-        )
-        for part in parts
-    ]
+    parts = np.column_stack([F.real, F.imag])
+    omega = 2 * np.pi * f
+
+    def solve(batch: slice) -> SteadyStates:
+        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch])
+        return _solve_batch(period_map, None if y is None else y[batch], harmonics, accuracy)
+
+    done = map_batches(solve, len(f))
     return done[0] if len(done) == 1 else SteadyStates.joined(done)
 
 
@@ -95,9 +93,7 @@ def _solve_batch(
     period_map: PeriodMap, start: NDArray[np.float64] | None, harmonics: int, accuracy: float
 ) -> SteadyStates:
     omega = period_map.omega
-    y = np.zeros((len(omega), 2))
-    if start is not None:
-        y[:, 0], y[:, 1] = start[:, 0], start[:, 1] / omega
+    y = np.zeros((2, len(omega))) if start is None else np.array([start[:, 0], start[:, 1] / omega])
     # far unstable motions overflow on their way; the outcome says so
     with np.errstate(over="ignore", invalid="ignore"):
         settling = settle(period_map, y, from_rest=start is None)
@@ -105,10 +101,12 @@ def _solve_batch(
         # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
         lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))
         if len(lost):
-            again = settle(period_map.of(lost), y[lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE)
+            again = settle(
+                period_map.of(lost), y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE
+            )
             refined.replace(lost, refine(period_map.of(lost), again, harmonics, accuracy))
-    state = np.column_stack([refined.y[:, 0], refined.y[:, 1] * omega])
-    unsettled = refined.outcome != 0
+    state = np.column_stack([refined.y[0], refined.y[1] * omega])
+    unsettled = np.flatnonzero(refined.outcome)
     refined.harmonics[unsettled] = complex(np.nan, np.nan)
     refined.peak[unsettled] = np.nan
     return SteadyStates(

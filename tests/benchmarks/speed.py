@@ -135,8 +135,9 @@ def arithmetic() -> tuple[float, float]:
 
     def work() -> None:
         kernel.march(
-            np.zeros((n, 2)), np.ones(n, complex), omega, o.mass, values, steps=steps, periods=periods
-        )
+            np.arange(n), np.zeros((2, n)), np.tile([1.0, 0.0], (n, 1)), omega, o.mass, values,
+            steps=steps, periods=periods,
+        )  # fmt: skip
 
     work()
     # a step: four evaluations of 8 operations (the law) and 5 (its place), three forces of 3, 15 to sum up
