@@ -107,6 +107,13 @@ class TimeHistory:
         return len(self.response)
 
     @property
+    def reference(self) -> NDArray[Any]:
+        """(n,) force [N]; a MeasurementError where none was measured."""
+        if self.force is None:
+            raise MeasurementError(f"{self.label}: no force; a forced test needs the measured force")
+        return self.force
+
+    @property
     def duration(self) -> float:
         """Length of the history [s]."""
         return len(self.response) / self.rate

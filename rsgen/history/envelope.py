@@ -1,0 +1,161 @@
+"""Complex envelopes of a signal against a reference phase: synchronous demodulation in one pass, block-wise.
+
+A signal y(t) = Re sum_h Y_h(t) exp(i h phi(t)) is mixed with exp(-i h phi) and a cubic is fitted to it by
+weighted least squares within a window of some periods: its value and derivatives at the middle are Y_h, Y_h'
+and Y_h''. That is a low-pass filter (Savitzky and Golay 1964, here with a cos^4 taper, so that the other
+harmonics are damped by 100 dB) which does not flatten a peak of the envelope, as a plain average would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.history.record import BLOCK
+
+__all__ = ["NOISE_WIDTH", "Windows", "demodulate", "place_windows"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_PER_PERIOD = 8
+"""Sums of samples that are kept in a period of the highest harmonic; finer sampling is added up first."""
+
+_FEWEST = 24
+"""Sums in a window; fewer do not carry the taper."""
+
+_LENGTHS = 16
+"""Lengths of windows in an octave."""
+
+
+@lru_cache(maxsize=256)
+def _kernel(count: int) -> Array:
+    """(3, count) weights for value, first and second derivative at the middle, time in units of a sum."""
+    place = np.arange(count) - (count - 1) / 2
+    taper = np.cos(np.pi * place / count) ** 4
+    powers = (place / count)[:, None] ** np.arange(4)
+    weights = np.linalg.solve(powers.T @ (taper[:, None] * powers), (powers * taper[:, None]).T)
+    return np.asarray(weights[:3] * np.array([[1.0], [1 / count], [2 / count**2]]))
+
+
+def _noise_width(count: int = 4096) -> float:
+    return float(count * np.sum(_kernel(count)[0] ** 2))
+
+
+NOISE_WIDTH = _noise_width()
+"""Bandwidth of the demodulation (both sides, equivalent for white noise) [Hz] times window length [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Windows:
+    """Where envelopes are taken.
+
+    Parameters
+    ----------
+    first
+        (n,) first sample of each window.
+    step
+        (n,) samples that are added up before the fit.
+    count
+        (n,) sums in each window.
+    """
+
+    first: NDArray[np.int64]
+    step: NDArray[np.int64]
+    count: NDArray[np.int64]
+
+    @property
+    def middle(self) -> Array:
+        """(n,) middle of each window, in samples."""
+        return np.asarray(self.first + (self.step * self.count - 1) / 2)
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def place_windows(middle: Array, length: Array, period: Array, orders: int, size: int) -> Windows:
+    """Lay windows around given places.
+
+    Parameters
+    ----------
+    middle, length, period
+        (n,) wanted middle and length of the windows, and period of the reference there, in samples.
+    orders
+        Highest harmonic that will be asked for.
+    size
+        Samples of the signal; windows that do not fit inside are left out.
+    """
+    finest = np.minimum(period / (_PER_PERIOD * max(orders, 1)), length / _FEWEST)
+    step = np.maximum(1, 2 ** np.floor(np.log2(np.maximum(finest, 1.0)))).astype(np.int64)
+    # in steps of 4 %, so that neighbours have one length and are mixed together
+    even = np.exp2(np.round(_LENGTHS * np.log2(length / step)) / _LENGTHS)
+    count = np.maximum(np.round(even), _FEWEST // 2).astype(np.int64)
+    # on the grid of their sums, so that neighbours share them
+    first = (np.round((middle - step * count / 2) / step) * step).astype(np.int64)
+    inside = (first >= 0) & (first + step * count <= size)
+    return Windows(first[inside], step[inside], count[inside])
+
+
+def _batches(windows: Windows) -> list[NDArray[np.intp]]:
+    """Cut windows in their order into runs of one step and one count that span about a block."""
+    batches: list[NDArray[np.intp]] = []
+    start = 0
+    for i in range(1, len(windows) + 1):
+        if (
+            i == len(windows)
+            or windows.step[i] != windows.step[start]
+            or windows.count[i] != windows.count[start]
+            or windows.first[i] - windows.first[start] > BLOCK
+        ):
+            batches.append(np.arange(start, i))
+            start = i
+    return batches
+
+
+def demodulate(
+    signal: NDArray[Any],
+    phase: Callable[[Array], Array],
+    windows: Windows,
+    orders: tuple[int, ...],
+) -> ComplexArray:
+    """Take envelopes of a real signal at some windows.
+
+    Parameters
+    ----------
+    signal
+        (n,) samples.
+    phase
+        Reference phase [rad] of sample numbers.
+    windows
+        In ascending order.
+    orders
+        Harmonics, ascending; 0 is the mean.
+
+    Returns
+    -------
+    (windows, orders, 3) envelope and its first and second derivative, per sample; the signal is
+    Re sum_h Y_h exp(i h phi).
+    """
+    out = np.zeros((len(windows), len(orders), 3), dtype=np.complex128)
+    for batch in _batches(windows):
+        step, count = int(windows.step[batch[0]]), int(windows.count[batch[0]])
+        begin = int(windows.first[batch[0]])
+        end = int(windows.first[batch[-1]]) + step * count
+        samples = np.asarray(signal[begin:end], dtype=np.float64)
+        turn = np.exp(-1j * phase(np.arange(begin, end, dtype=np.float64)))
+        mixed, reached = np.ones(1, dtype=complex), 0
+        kernel = _kernel(count).T / np.array([1.0, step, step**2]) / step
+        offsets = (windows.first[batch] - begin) // step
+        for column, order in enumerate(orders):
+            for _ in range(order - reached):
+                mixed = mixed * turn
+            reached = order
+            sums = (samples * mixed).reshape(-1, step).sum(axis=1)
+            views = np.lib.stride_tricks.sliding_window_view(sums, count)[offsets]
+            out[batch, column] = (views @ kernel) * (2.0 if order else 1.0)
+    return out

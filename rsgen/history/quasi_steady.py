@@ -1,0 +1,116 @@
+"""How far a sweep is from a sequence of steady states, and what is left when the rest is taken out.
+
+A sweep drags the response behind: with the motion's own complex rate s (growth and frequency) the fundamental
+of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (Krylov and Bogoliubov),
+
+    F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
+
+where a steady state has V = i omega X and A = -omega^2 X. Velocity and acceleration follow from the envelopes,
+so what is unknown is only the mass; it follows from the same equation over all points with k and c free
+functions of the amplitude. For a linear oscillator the equation is exact at any rate.
+
+The pure number of a sweep is rate / (zeta f)^2: how far the frequency moves while the response rings down,
+against the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965, thesis, California
+Institute of Technology). Slowly swept, a resonance comes out shifted by 1/(2 pi) of it, in half widths: its
+group delay 1/(2 pi zeta f) times the rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.history.motion import Motion
+
+__all__ = ["Inertia", "estimate_mass", "steady_force"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_KNOTS = 12
+"""Knots of the free functions k(X) and c(X)."""
+
+_ROUNDS = 4
+_OUTLIER = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """The mass that the sweeps themselves tell [kg], and its standard error."""
+
+    mass: float
+    standard_error: float
+
+
+def _hats(amplitude: Array) -> Array:
+    """(n, k) piecewise linear functions of the amplitude, knots where the points are."""
+    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, _KNOTS)))
+    if len(knots) < 2:
+        return np.ones((len(amplitude), 1))
+    return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)
+
+
+def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
+    """Find the mass from F = k(X) X + c(X) V + m A with k and c free, outliers aside; None if it is not told.
+
+    Parameters
+    ----------
+    force
+        (n,) complex [N].
+    motion
+        Of the fundamental, n points of one or several levels.
+    """
+    hats = _hats(np.abs(motion.displacement))
+    columns = np.concatenate(
+        [
+            hats * motion.displacement[:, None],
+            hats * motion.velocity[:, None],
+            motion.acceleration[:, None],
+        ],
+        axis=1,
+    )
+    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * 1e-3)
+    if len(force) < 2 * columns.shape[1]:
+        return None
+    weight = scale.copy()
+    for _ in range(_ROUNDS):
+        matrix = columns * weight[:, None]
+        stacked = np.concatenate([matrix.real, matrix.imag])
+        right = np.concatenate([(force * weight).real, (force * weight).imag])
+        size = np.linalg.norm(stacked, axis=0)
+        if not (np.all(np.isfinite(size)) and np.all(size > 0)):
+            return None
+        solution, _, rank, _ = np.linalg.lstsq(stacked / size, right, rcond=1e-10)
+        if rank < stacked.shape[1]:
+            return None
+        residual = np.abs(columns @ (solution / size) - force) * scale
+        spread = max(float(np.median(residual)), 1e-12)
+        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
+    left = right - stacked / size @ solution
+    freedom = max(len(right) - stacked.shape[1], 1)
+    inverse = np.linalg.inv((stacked / size).T @ (stacked / size))
+    error = float(np.sqrt(inverse[-1, -1] * (left @ left) / freedom) / size[-1])
+    return Inertia(float(solution[-1] / size[-1]), error)
+
+
+def steady_force(force: ComplexArray, motion: Motion, mass: float) -> tuple[ComplexArray, Array]:
+    """Find the force that would hold the motion steady, and the damping c(X) [N s/m].
+
+    Parameters
+    ----------
+    force
+        (n,) measured complex amplitude [N].
+    motion
+        Of the fundamental.
+    mass
+        [kg]
+    """
+    x, omega = motion.displacement, motion.omega
+    stiffness = force / x
+    inertia = motion.acceleration / x
+    rate = motion.velocity / x
+    damping = (stiffness.imag - mass * inertia.imag) / rate.imag
+    steady = (stiffness.real - damping * rate.real + 1j * omega * damping) * x
+    return np.asarray(steady), np.asarray(damping)

@@ -1,0 +1,220 @@
+"""Sweeps in a time history: where each begins and ends, up or down, and its law, from the force alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from rsgen.errors import MeasurementError
+from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
+from rsgen.history.law import LAWS, SweepLaw
+from rsgen.history.record import TimeHistory
+
+__all__ = ["Sweep", "find_sweeps"]
+
+Array = NDArray[np.float64]
+
+_LOOKS = 128
+"""Spectra taken along a history to see where the frequency goes."""
+
+_FEWEST = 10
+"""Spectra that a sweep must last; shorter ones are a start, a stop or an accident."""
+
+_QUIET = 0.1
+"""Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
+
+_TURN = 0.05
+"""A sweep has turned when the frequency moves back by this fraction of its range."""
+
+_PERIODS = 16.0
+"""Window of the refinement, in periods."""
+
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """One sweep of a history, from t = ``begin`` to ``end`` [s from the first sample], and its law."""
+
+    begin: float
+    end: float
+    law: SweepLaw
+
+
+def find_sweeps(
+    history: TimeHistory, given: SweepLaw | None = None, kind: str | None = None
+) -> tuple[Sweep, ...]:
+    """Find the sweeps of a history from its force.
+
+    Parameters
+    ----------
+    history
+        With a force.
+    given
+        The law if known; the history is then one sweep. Only its phase is refined.
+    kind
+        "linear" or "logarithmic" if known; otherwise the one that fits better.
+
+    Raises
+    ------
+    MeasurementError
+        There is no force, or no sweep in it, or the force does not follow the law.
+    """
+    time, frequency, loud = _ridge(history)
+    if given is not None:
+        kept = np.flatnonzero(loud)
+        if not len(kept):
+            raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
+        return (Sweep(float(time[kept[0]]), float(time[kept[-1]]), given),)
+    sweeps = []
+    for run in _runs(frequency, loud):
+        law = _first_law(time[run], frequency[run], kind)
+        begin, end = float(time[run[0]]), float(time[run[-1]])
+        sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
+    if not sweeps:
+        raise MeasurementError(
+            f"{history.label}: no sweep found in the force: its frequency must rise or fall over at least "
+            f"{_FEWEST / _LOOKS:.0%} of the history"
+        )
+    return tuple(sweeps)
+
+
+def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Find the strongest line of the force in spectra along the history: time, frequency, loud enough."""
+    force = history.reference
+    n = len(force)
+    length = max(16, min(n, 2 * n // _LOOKS))
+    starts = np.linspace(0, n - length, min(_LOOKS, n - length + 1)).astype(np.int64)
+    taper = np.hanning(length + 2)[1:-1]
+    frequency, size = np.zeros(len(starts)), np.zeros(len(starts))
+    for i, start in enumerate(starts):
+        samples = np.asarray(force[start : start + length], dtype=np.float64)
+        power = np.abs(np.fft.rfft((samples - samples.mean()) * taper)) ** 2
+        top = int(np.argmax(power[1:])) + 1
+        near = slice(max(top - 2, 0), top + 3)
+        total = float(power[near].sum())
+        place = np.arange(len(power))[near]
+        frequency[i] = float(power[near] @ place) / total if total > 0 else 0.0
+        size[i] = np.sqrt(total)
+    frequency *= history.rate / length
+    time = (starts + (length - 1) / 2) / history.rate
+    loud = (size > _QUIET * size.max(initial=0.0)) & (frequency > 0)
+    return np.asarray(time, dtype=np.float64), frequency, np.asarray(loud, dtype=np.bool_)
+
+
+def _runs(frequency: Array, loud: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Split into stretches in which the frequency only rises, or only falls."""
+    smooth = frequency.copy()
+    for i in range(1, len(frequency) - 1):
+        # a single spectrum taken in by a disturbance is no turn
+        smooth[i] = np.median(frequency[i - 1 : i + 2])
+    runs: list[NDArray[np.intp]] = []
+    if not loud.any():
+        return runs
+    threshold = _TURN * float(np.ptp(smooth[loud]))
+    start, extreme, direction = -1, 0, 0
+    for i in range(len(frequency) + 1):
+        if i == len(frequency) or not loud[i]:
+            if start >= 0:
+                runs.append(np.arange(start, i))
+            start, direction = -1, 0
+            continue
+        if start < 0:
+            start = extreme = i
+            continue
+        move = smooth[i] - smooth[extreme]
+        if direction == 0:
+            direction = int(np.sign(move)) if abs(move) > threshold else 0
+            extreme = i if direction else extreme
+        elif move * direction >= 0:
+            extreme = i
+        elif abs(move) > threshold:
+            # spectra over the turn see both sides: they belong to neither run
+            runs.append(np.arange(start, extreme))
+            start, extreme, direction = extreme + 2, i, -direction
+    return [run for run in runs if len(run) >= _FEWEST and np.ptp(smooth[run]) > threshold > 0]
+
+
+def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
+    """Fit a law through the spectra, outliers aside."""
+    best: tuple[float, SweepLaw] | None = None
+    spread = float(np.ptp(frequency))
+    for name in LAWS if kind is None else (kind,):
+        logarithmic = name == "logarithmic"
+        start = np.polyfit(time, np.log2(frequency) if logarithmic else frequency, 1)
+        first = np.array([2.0 ** start[1] if logarithmic else start[1], start[0]])
+
+        def misfit(p: Array, logarithmic: bool = logarithmic) -> Array:
+            model = p[0] * np.exp2(np.clip(p[1] * time, -60, 60)) if logarithmic else p[0] + p[1] * time
+            return np.asarray((model - frequency) / spread)
+
+        fit = least_squares(misfit, first, loss="soft_l1", f_scale=2e-3, x_scale=np.abs(first) + 1e-12)
+        if fit.x[0] > 0 and fit.x[1] != 0 and (best is None or fit.cost < best[0]):
+            best = float(fit.cost), SweepLaw(name, float(fit.x[0]), float(fit.x[1]))
+        elif not logarithmic and fit.x[0] <= 0:
+            continue
+    if best is None:
+        raise MeasurementError("sweep law: no law fits the frequency of the force; give it")
+    return best[1]
+
+
+def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
+    """Refine a law by the phase that the force has against it."""
+    force = history.reference
+    rate = history.rate
+    for _ in range(_ROUNDS):
+        time = _instants(law, begin, end, _PERIODS)
+        period = rate / law.frequency_at(time)
+        windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
+        if len(windows) < 8:
+            break
+        law, moved = _shifted(law, force, rate, windows, end - begin)
+        if moved < 1e-6:
+            break
+    return law
+
+
+def _shifted(
+    law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
+) -> tuple[SweepLaw, float]:
+    """Fit phase, frequency and rate of a law to the phase of the force against it; say how far they moved."""
+
+    def phase(i: Array) -> Array:
+        return law.phase_at(i / rate)
+
+    envelope = demodulate(force, phase, windows, (1,))[:, 0, 0]
+    instant = windows.middle / rate
+    lead = np.unwrap(np.angle(envelope))
+    weight = np.abs(envelope) / np.max(np.abs(envelope))
+    scale = np.array([1.0, 1 / duration, 1 / duration**2])
+    if law.kind == "logarithmic":
+        scale[2] /= float(law.frequency_at(instant).max())
+
+    def candidate(p: Array) -> SweepLaw:
+        step = p * scale
+        return SweepLaw(
+            law.kind, law.frequency + float(step[1]), law.rate + float(step[2]), law.phase + float(step[0])
+        )
+
+    def misfit(p: Array) -> Array:
+        try:
+            model = candidate(p).phase_at(instant) - law.phase_at(instant)
+        except MeasurementError:
+            # no frequency below zero, no standing sweep
+            return np.full(len(instant), 1e6)
+        return np.asarray(weight * (model - lead))
+
+    fit = least_squares(misfit, np.zeros(3), loss="soft_l1", f_scale=0.3)
+    return candidate(fit.x), float(np.max(np.abs(fit.x)))
+
+
+def _instants(law: SweepLaw, begin: float, end: float, periods: float) -> Array:
+    """Lay instants as far apart as windows of so many periods are independent."""
+    out = [begin]
+    while out[-1] < end:
+        out.append(out[-1] + periods / NOISE_WIDTH / float(law.frequency_at(np.array(out[-1]))))
+    return np.array(out)
