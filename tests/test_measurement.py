@@ -55,7 +55,7 @@ def plain(path: Path) -> MeasuredTest:
         },
     )
     return MeasuredTest(
-        file=path,
+        files=path,
         frequency="f",
         force=Signal(real="Fr", imaginary="Fi"),
         response=Signal(real="Xr", imaginary="Xi"),
@@ -89,7 +89,7 @@ def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
         delimiter=";",
     )
     return MeasuredTest(
-        file=path,
+        files=path,
         frequency="omega",
         frequency_factor=1 / (2 * math.pi),
         force=Signal(amplitude="F"),
@@ -116,7 +116,7 @@ def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
         header=False,
     )
     return MeasuredTest(
-        file=path,
+        files=path,
         frequency=4,
         force=Signal(real=5, imaginary=6, conjugate=True),
         response=Signal(real=2, imaginary=3, conjugate=True, factor=GRAVITY),
@@ -133,7 +133,7 @@ def _decimal_comma(path: Path) -> MeasuredTest:
         encoding="utf-8",
     )
     return MeasuredTest(
-        file=path,
+        files=path,
         frequency=1,
         force=test.force,
         response=test.response,
@@ -150,7 +150,7 @@ def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
     text = "\n".join(["made by hand", "", "% f Fr Fi Xr Xi", *body[:14], "", *body[14:]]) + "\n"
     path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
     return MeasuredTest(
-        file=path,
+        files=path,
         frequency="f",
         force=test.force,
         response=test.response,
@@ -299,7 +299,12 @@ def test_hash_is_checked_and_vouches_for_the_end(tmp_path: Path) -> None:
     def reading(sha256: str | None) -> ResponseSurface:
         return read_measurement(
             MeasuredTest(
-                path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "displacement", sha256=sha256
+                path,
+                1,
+                Signal(amplitude=2),
+                Signal(real=3, imaginary=4),
+                "displacement",
+                sha256=(sha256,) if sha256 else (),
             )
         )
 

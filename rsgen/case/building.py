@@ -288,7 +288,7 @@ class _Builder:
             parts.printed = MappingProxyType(self.printed(units))
             parts.accept = MappingProxyType(self.accept(units, simulated))
         if isinstance(table, MeasuredTable):
-            parts.test = build_measured(table, self.folders, self.faults)
+            parts.test = build_measured(table, self.folders, self.faults, mass)
         else:
             parts.test = self.simulated(table)
         hold_out = self.hold_out(parts.test)

@@ -6,6 +6,7 @@ must be known, dimensions, grids) is checked in ``building``, so that all faults
 
 from __future__ import annotations
 
+import re
 from math import isfinite
 from typing import Annotated, Any, Literal
 
@@ -14,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 __all__ = [
     "CaseDocument",
+    "DemodulationTable",
     "ElementTable",
     "ForceTable",
     "FrequencyTable",
@@ -24,12 +26,15 @@ __all__ = [
     "ResponseTable",
     "SimulatedTable",
     "SweepTable",
+    "TimeTable",
     "case_schema",
 ]
 
 MAX_TEXT = 2_000
 MAX_NAME = 200
 MAX_COLUMN = 10_000
+MAX_FILES = 200
+_SHA256 = re.compile(r"[0-9a-f]{64}\Z")
 
 
 def _quantity(value: object) -> object:
@@ -52,6 +57,25 @@ def _column(value: object) -> object:
     return value
 
 
+def _texts(value: object) -> object:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not 1 <= len(texts) <= MAX_FILES:
+        raise PydanticCustomError("column", f"a text, or a list of 1 to {MAX_FILES} texts")
+    if not all(isinstance(text, str) and len(text) <= MAX_TEXT for text in texts):
+        raise PydanticCustomError("column", f"texts of at most {MAX_TEXT} characters")
+    return texts
+
+
+def _hashes(value: object) -> object:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not 1 <= len(texts) <= MAX_FILES:
+        raise PydanticCustomError("column", "a SHA-256, or a list of them")
+    for text in texts:
+        if not isinstance(text, str) or not _SHA256.match(text):
+            raise PydanticCustomError("column", "a SHA-256 of 64 signs 0-9 a-f, or one for each file")
+    return texts
+
+
 Quantity = Annotated[
     float | str,
     PlainValidator(_quantity),
@@ -62,7 +86,22 @@ Column = Annotated[
     int | str,
     PlainValidator(_column),
     WithJsonSchema({"type": ["integer", "string"]}),
-    Field(description="A column by its number (1 is the first) or by its name in the header."),
+    Field(
+        description="A column by its number (1 is the first), by its name in the header, or by its path in "
+        'the file\'s tree, such as "runs/*/freq" or "Acceleration[3]" (rsgen inspect lists them).'
+    ),
+]
+Files = Annotated[
+    list[str],
+    PlainValidator(_texts),
+    WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}}),
+    Field(description="A relative path with / and without .. to the data, or a list of such."),
+]
+Hashes = Annotated[
+    list[str],
+    PlainValidator(_hashes),
+    WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}}),
+    Field(description="The SHA-256 of the file, or of each of them."),
 ]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 Formula = Annotated[str, Field(min_length=1, max_length=MAX_TEXT)]
@@ -171,6 +210,8 @@ class _ComplexTable(_Table):
     phase: Column | None = None
     real: Column | None = None
     imaginary: Column | None = None
+    complex: Column | None = Field(default=None, description="A column of complex numbers.")
+    samples: Column | None = Field(default=None, description="The samples of a time history.")
     phase_unit: PhaseUnit = "deg"
     phase_sense: PhaseSense | None = None
     scale: Scale = "peak"
@@ -181,6 +222,9 @@ class ForceTable(_ComplexTable):
     """Where the force is; an amplitude without a phase is the reference of all phases."""
 
     unit: Annotated[str, Field(max_length=40)] = "N"
+    nominal: bool = Field(
+        default=False, description="True: the force was not recorded, and the level stands for it."
+    )
 
 
 class ResponseTable(_ComplexTable):
@@ -188,6 +232,35 @@ class ResponseTable(_ComplexTable):
 
     quantity: Literal["displacement", "velocity", "acceleration"]
     unit: Annotated[str, Field(max_length=40)] | None = None
+    file: Files | None = Field(
+        default=None, description="Where the response lies in files of its own: one for each of test.file."
+    )
+    per_force: bool = Field(
+        default=False, description="True: response over force, as frequency response functions are."
+    )
+    phase_known: bool = Field(default=True, description="False: amplitudes alone were recorded.")
+
+
+class TimeTable(_Table):
+    """Where the time of a time history is: a column of instants, or the sampling rate."""
+
+    column: Column | None = None
+    unit: Literal["s", "ms", "us"] = "s"
+    rate: Quantity | None = Field(default=None, description='The sampling rate, such as "400 Hz".')
+    rate_column: Column | None = Field(default=None, description="Where the file tells the rate [Hz].")
+    start: Quantity | None = Field(default=None, description="Leave out what comes before [s].")
+    stop: Quantity | None = Field(default=None, description="Leave out what comes after [s].")
+
+
+class DemodulationTable(_Table):
+    """How time histories become amplitudes; rsgen chooses what is not said."""
+
+    band: list[Quantity] | None = Field(
+        default=None, min_length=2, max_length=2, description="Lowest and highest frequency [Hz]."
+    )
+    law: Literal["linear", "logarithmic"] | None = Field(default=None, description="Of a swept sine.")
+    bandwidth: Quantity | None = Field(default=None, description="Of a swept sine's demodulation [Hz].")
+    harmonics: Annotated[int, Field(ge=1, le=64)] | None = None
 
 
 class SweepTable(_Table):
@@ -200,9 +273,15 @@ class SweepTable(_Table):
 
 
 class LevelTable(_Table):
-    """The nominal level of each point: one value, a column, or groups found in the measured force."""
+    """The nominal level of each point: values, a column, from the file's name, or groups of like forces."""
 
     value: Quantity | None = None
+    values: list[Quantity] | None = Field(
+        default=None, min_length=1, max_length=MAX_FILES, description="One level for each file."
+    )
+    name: Text | None = Field(
+        default=None, description='The form of the files\' names, such as "sweep_{level}N.mat".'
+    )
     column: Column | None = None
     unit: Annotated[str, Field(max_length=40)] = "N"
     scale: Scale = "peak"
@@ -213,15 +292,22 @@ class LevelTable(_Table):
 
 
 class MeasuredTable(_Table):
-    """A real test: a file beside the case, or in the folder that RSGEN_DATA names."""
+    """A real test: files beside the case, or in the folder that RSGEN_DATA names."""
 
     kind: Literal["measured"]
-    file: Text = Field(description="A relative path with / and without .. to the data.")
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
-    format: Literal["csv"] = "csv"
+    file: Files
+    sha256: Hashes | None = None
+    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff"] = Field(
+        default="auto", description="auto: recognised by how the file begins. csv: columns of text."
+    )
+    excitation: Literal["steady", "swept-sine", "stepped-sine", "ring-down"] = Field(
+        default="steady", description="steady: a table of amplitudes. The others: time histories."
+    )
     layout: LayoutTable = LayoutTable()
-    frequency: FrequencyTable
-    force: ForceTable
+    time: TimeTable | None = None
+    demodulation: DemodulationTable = DemodulationTable()
+    frequency: FrequencyTable | None = None
+    force: ForceTable | None = None
     response: ResponseTable
     sweep: SweepTable = SweepTable()
     level: LevelTable = LevelTable()

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from math import pi, sqrt
 from pathlib import Path
 
-from rsgen.case.document import ForceTable, LevelTable, MeasuredTable, ResponseTable, SweepTable
+from rsgen.case.document import (
+    ForceTable,
+    LevelTable,
+    MeasuredTable,
+    ResponseTable,
+    SweepTable,
+    TimeTable,
+)
 from rsgen.case.wording import is_device, quote
 from rsgen.errors import RsgenError
-from rsgen.measurement import Layout, LevelRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
 from rsgen.units import quantity
 
 __all__ = ["build_measured", "path_fault"]
@@ -16,6 +25,7 @@ __all__ = ["build_measured", "path_fault"]
 _SI = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 _HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 MAX_PATH = 400
 MAX_PART = 120
 SPREAD = 0.05
@@ -48,28 +58,49 @@ def path_fault(text: str) -> str | None:
     return None
 
 
-def _resolve(text: str, folders: tuple[Path, ...], faults: list[str]) -> Path:
+def _resolve(text: str, folders: tuple[Path, ...], key: str, faults: list[str]) -> Path:
     for folder in folders:
         path = folder / text
         try:
             there = path.exists()
         except OSError as fault:
-            faults.append(
-                f"test.file: cannot be looked for: {fault.strerror}; a file that may be read is needed"
-            )
+            faults.append(f"{key}: cannot be looked for: {fault.strerror}; a file that may be read is needed")
             return path
         if there:
             if not path.resolve().is_relative_to(folder.resolve()):
-                faults.append(f"test.file: {quote(text)} leads out of its folder; a file inside it is needed")
+                faults.append(f"{key}: {quote(text)} leads out of its folder; a file inside it is needed")
             return path
     # nowhere: the case's own folder is the last, and the place to name
     return folders[-1] / text
 
 
+def _files(texts: list[str], folders: tuple[Path, ...], key: str, faults: list[str]) -> tuple[Path, ...]:
+    paths = []
+    for number, text in enumerate(texts, start=1):
+        place = key if len(texts) == 1 else f"{key}.{number}"
+        fault = path_fault(text)
+        if fault:
+            faults.append(f"{place}: {fault}")
+        else:
+            paths.append(_resolve(text, folders, place, faults))
+    return tuple(paths)
+
+
+def _quantity(path: str, value: float | str | None, unit: str, faults: list[str]) -> float | None:
+    """Turn a value into SI, or note a fault; None where there is none."""
+    if value is None:
+        return None
+    try:
+        return quantity(value, unit)
+    except RsgenError as fault:
+        faults.append(f"{path}: {' '.join(str(fault).split())}")
+        return None
+
+
 def _scaled(path: str, unit: str, factor: float | str, target: str, faults: list[str]) -> float | None:
     """Find what 1 ``unit`` times ``factor`` is in ``target``; the factor may have a unit of its own."""
     # in a list of accelerations g is the standard gravity, never the gram
-    name = "standard_gravity" if unit.strip() in ("g", "g_n", "gn") and target == "m/s^2" else unit
+    name = re.sub(r"^\s*(g|g_n|gn)(?=/|\s*$)", "standard_gravity", unit) if "s^2" in target else unit
     try:
         if isinstance(factor, str):
             # column x unit x factor must come out as the target, so this is the unit the factor must have
@@ -80,27 +111,47 @@ def _scaled(path: str, unit: str, factor: float | str, target: str, faults: list
         return None
 
 
+def _column_faults(table: ForceTable | ResponseTable, path: str, history: bool) -> Iterator[str]:
+    """Say what does not fit among the columns of a signal."""
+    sets = {
+        "samples": (table.samples,),
+        "amplitude": (table.amplitude,),
+        "complex": (table.complex,),
+        "real": (table.real, table.imaginary),
+    }
+    given = [key for key, columns in sets.items() if any(column is not None for column in columns)]
+    if history:
+        if given != ["samples"] or table.phase is not None:
+            yield f"{path}: a time history is told by 'samples', its column, and by nothing else"
+        return
+    halved = "real" in given and None in sets["real"]
+    if len(given) != 1 or halved or "samples" in given:
+        yield f"{path}: give amplitude (with phase), or real and imaginary, or complex; one is needed"
+    if given != ["amplitude"] and table.phase is not None:
+        yield f"{path}.phase: goes with amplitude only; leave one out"
+    if isinstance(table, ResponseTable) and given == ["amplitude"]:
+        if table.phase is None and table.phase_known:
+            yield (
+                f"{path}.phase: is missing; amplitude and phase, or real and imaginary, are needed "
+                "(or phase_known = false)"
+            )
+        if table.phase is not None and not table.phase_known:
+            yield f"{path}.phase_known: is false, but there is a phase; leave one out"
+    turned = table.phase is not None or table.imaginary is not None or table.complex is not None
+    if turned and table.phase_sense is None:
+        yield f"{path}.phase_sense: is missing; 'lag' (positive means later) or 'lead' (earlier) is needed"
+
+
 def _signal(
-    table: ForceTable | ResponseTable, path: str, unit: str, target: str, faults: list[str]
+    table: ForceTable | ResponseTable, path: str, unit: str, target: str, history: bool, faults: list[str]
 ) -> Signal | None:
     before = len(faults)
-    polar = table.amplitude is not None
-    cartesian = table.real is not None or table.imaginary is not None
-    if polar == cartesian or (cartesian and (table.real is None or table.imaginary is None)):
-        faults.append(
-            f"{path}: give amplitude (with phase), or real and imaginary; one of the two pairs is needed"
-        )
-    if cartesian and table.phase is not None:
-        faults.append(f"{path}.phase: does not go with real and imaginary; leave one out")
-    if isinstance(table, ResponseTable) and polar and table.phase is None:
-        faults.append(f"{path}.phase: is missing; amplitude and phase, or real and imaginary, are needed")
-    if (table.phase is not None or table.imaginary is not None) and table.phase_sense is None:
-        faults.append(
-            f"{path}.phase_sense: is missing; 'lag' (positive means later) or 'lead' (earlier) is needed"
-        )
+    faults += _column_faults(table, path, history)
     factor = _scaled(path, unit, table.factor, target, faults)
     if factor == 0:
         faults.append(f"{path}.factor: is 0; a number other than 0 is needed")
+    if history and table.scale == "rms":
+        faults.append(f"{path}.scale: is 'rms', but samples are instants; leave it out")
     if len(faults) > before or factor is None:
         return None
     sense = -1.0 if table.phase_sense == "lag" else 1.0
@@ -109,10 +160,30 @@ def _signal(
         phase=table.phase,
         real=table.real,
         imaginary=table.imaginary,
+        complex=table.complex,
+        samples=table.samples,
         factor=factor * (sqrt(2) if table.scale == "rms" else 1.0),
         phase_factor=sense * (pi / 180 if table.phase_unit == "deg" else 1.0),
         conjugate=table.phase_sense == "lag",
     )
+
+
+def _force(table: MeasuredTable, history: bool, faults: list[str]) -> Signal | None:
+    force = table.force
+    if force is None:
+        if table.excitation != "ring-down":
+            faults.append("test.force: is missing; where it is, or nominal = true, is needed")
+        return None
+    if not force.nominal:
+        return _signal(force, "test.force", force.unit, "N", history, faults)
+    recorded = (force.amplitude, force.phase, force.real, force.imaginary, force.complex, force.samples)
+    if any(column is not None for column in recorded):
+        faults.append("test.force.nominal: is true, but there are columns of the force; leave one out")
+    if history:
+        faults.append("test.force.nominal: a time history needs the force as it was; 'samples' is needed")
+    if all(getattr(table.level, key) is None for key in ("value", "values", "column", "name")):
+        faults.append("test.level: is missing; without a force value, values, column or name is needed")
+    return None
 
 
 def _sweep(table: SweepTable, faults: list[str]) -> SweepRule:
@@ -127,24 +198,85 @@ def _sweep(table: SweepTable, faults: list[str]) -> SweepRule:
     return SweepRule(table.direction or "recognise", table.column, table.up, table.down)
 
 
-def _level(table: LevelTable, faults: list[str]) -> LevelRule:
-    given = [key for key in ("value", "column", "spread") if getattr(table, key) is not None]
+def _level(table: LevelTable, files: int, faults: list[str]) -> LevelRule:
+    keys = ("value", "values", "column", "name", "spread")
+    given = [key for key in keys if getattr(table, key) is not None]
     if len(given) > 1:
         faults.append(f"test.level: has {' and '.join(given)}; give one of them")
-    value = None
-    if table.value is not None:
-        try:
-            value = quantity(table.value, "N")
-            if not value > 0:
-                faults.append(f"test.level.value: is {value:g} N; must be above 0")
-        except RsgenError as fault:
-            faults.append(f"test.level.value: {' '.join(str(fault).split())}")
+    if table.values is not None and len(table.values) != files:
+        faults.append(f"test.level.values: {len(table.values)} for {files} files; one for each is needed")
+    if table.name is not None and table.name.count("{level}") != 1:
+        faults.append("test.level.name: must have {level} once, where the number stands: run_{level}N.csv")
+    value = _quantity("test.level.value", table.value, "N", faults)
+    values = [
+        _quantity(f"test.level.values.{number}", entry, "N", faults)
+        for number, entry in enumerate(table.values or (), start=1)
+    ]
+    told = [("value", value), *((f"values.{number}", entry) for number, entry in enumerate(values, start=1))]
+    for key, level in told:
+        if level is not None and not level > 0:
+            faults.append(f"test.level.{key}: is {level:g} N; must be above 0")
     factor = _scaled("test.level", table.unit, table.factor, "N", faults)
     rms = sqrt(2) if table.scale == "rms" else 1.0
-    return LevelRule(value, table.column, (factor or 1.0) * rms, table.spread or SPREAD)
+    return LevelRule(
+        value=value,
+        column=table.column,
+        factor=(factor or 1.0) * rms,
+        spread=table.spread or SPREAD,
+        values=tuple(level for level in values if level is not None),
+        name=table.name,
+    )
 
 
-def build_measured(table: MeasuredTable, folders: tuple[Path, ...], faults: list[str]) -> MeasuredTest | None:
+def _history(table: MeasuredTable, mass: float | None, faults: list[str]) -> HistoryRule | None:
+    if table.excitation == "steady":
+        if table.time is not None:
+            faults.append("test.time: belongs to time histories; leave it out, or set test.excitation")
+        return None
+    if table.frequency is not None:
+        faults.append("test.frequency: is found from the time histories; leave it out")
+    time = table.time or TimeTable()
+    given = [key for key in ("column", "rate", "rate_column") if getattr(time, key) is not None]
+    if len(given) != 1:
+        faults.append("test.time: one of column, rate and rate_column is needed")
+    before = len(faults)
+    rate = _quantity("test.time.rate", time.rate, "Hz", faults)
+    start = _quantity("test.time.start", time.start, "s", faults)
+    stop = _quantity("test.time.stop", time.stop, "s", faults)
+    plan = table.demodulation
+    bandwidth = _quantity("test.demodulation.bandwidth", plan.bandwidth, "Hz", faults)
+    band = [
+        _quantity(f"test.demodulation.band.{number}", edge, "Hz", faults)
+        for number, edge in enumerate(plan.band or (), start=1)
+    ]
+    for key, value in (("time.rate", rate), ("demodulation.bandwidth", bandwidth)):
+        if value is not None and not value > 0:
+            faults.append(f"test.{key}: is {value:g} Hz; must be above 0")
+    if len(faults) > before or len(given) != 1:
+        return None
+    edges = tuple(edge for edge in band if edge is not None)
+    if edges and not 0 <= edges[0] < edges[1]:
+        faults.append("test.demodulation.band: the lowest frequency stands first, the highest above it")
+        return None
+    return HistoryRule(
+        excitation=table.excitation,
+        rate=rate,
+        rate_column=time.rate_column,
+        time=time.column,
+        factor=_SECONDS[time.unit] if time.column is not None else 1.0,
+        start=start,
+        stop=stop,
+        band=(edges[0], edges[1]) if edges else None,
+        law=plan.law,
+        bandwidth=bandwidth,
+        harmonics=plan.harmonics,
+        mass=mass,
+    )
+
+
+def build_measured(
+    table: MeasuredTable, folders: tuple[Path, ...], faults: list[str], mass: float | None = None
+) -> MeasuredTest | None:
     """Build the plan for reading; faults are appended, each with its key.
 
     Parameters
@@ -152,38 +284,50 @@ def build_measured(table: MeasuredTable, folders: tuple[Path, ...], faults: list
     table
         The [test] table.
     folders
-        Where the file is looked for, in this order; the last is meant when it is nowhere.
+        Where the files are looked for, in this order; the last is meant when they are nowhere.
     faults
         Gets one sentence for each fault.
+    mass
+        The moving mass [kg], if the case tells it.
     """
     before = len(faults)
-    fault = path_fault(table.file)
-    if fault:
-        faults.append(f"test.file: {fault}")
-    force = _signal(table.force, "test.force", table.force.unit, "N", faults)
-    target = _SI[table.response.quantity]
-    response = _signal(table.response, "test.response", table.response.unit or target, target, faults)
+    history = _history(table, mass, faults)
+    timed = table.excitation != "steady"
+    if not timed and table.frequency is None:
+        faults.append("test.frequency: is missing; its column is needed")
+    force = _force(table, timed, faults)
+    target = _SI[table.response.quantity] + ("/N" if table.response.per_force else "")
+    response = _signal(table.response, "test.response", table.response.unit or target, target, timed, faults)
+    if timed and table.response.per_force:
+        faults.append("test.response.per_force: is for frequency responses, not for time histories")
     sweep = _sweep(table.sweep, faults)
-    level = _level(table.level, faults)
+    level = _level(table.level, len(table.file), faults)
     if table.layout.decimal == "," and table.layout.delimiter == ",":
         faults.append(
             "test.layout.delimiter: ',' is the decimal sign here; ';', '\\t', '|' or 'whitespace' is allowed"
         )
-    file = folders[-1] if fault else _resolve(table.file, folders, faults)
-    if len(faults) > before or force is None or response is None:
+    files = _files(table.file, folders, "test.file", faults)
+    others = _files(table.response.file or [], folders, "test.response.file", faults)
+    for key, count in (("sha256", len(table.sha256 or ())), ("response.file", len(others))):
+        if count not in (0, len(table.file)):
+            faults.append(f"test.{key}: {count} for {len(table.file)} files; one for each is needed")
+    if len(faults) > before or response is None:
         return None
+    layout = table.layout
     return MeasuredTest(
-        file=file,
-        frequency=table.frequency.column,
-        frequency_factor=_HERTZ[table.frequency.unit],
+        files=files,
+        frequency=table.frequency.column if table.frequency else None,
+        frequency_factor=_HERTZ[table.frequency.unit] if table.frequency else 1.0,
         force=force,
         response=response,
         quantity=table.response.quantity,
         sweep=sweep,
         level=level,
-        layout=Layout(
-            table.layout.delimiter, table.layout.decimal, tuple(table.layout.comments), table.layout.skip
-        ),
-        sha256=table.sha256,
+        layout=Layout(layout.delimiter, layout.decimal, tuple(layout.comments), layout.skip),
+        sha256=tuple(table.sha256 or ()),
         format=table.format,
+        per_force=table.response.per_force,
+        phase_known=table.response.phase_known,
+        response_files=others,
+        history=history,
     )

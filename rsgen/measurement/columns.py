@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import re
-import stat
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.measurement.files import file_label, open_regular
 from rsgen.measurement.mapping import Layout
 
 __all__ = ["Columns", "read_columns"]
@@ -188,23 +188,7 @@ class _Table:
             self.settle(line, text)
 
 
-def _open(path: Path, name: str) -> BinaryIO:
-    try:
-        # looked at before opening: opening a pipe would wait for ever
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise MeasurementError(f"{name}: is no regular file; a data file is needed")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise MeasurementError(f"{name}: {size} bytes; at most {MAX_BYTES} are read")
-        return path.open("rb")
-    except (OSError, ValueError) as fault:
-        reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
-        raise MeasurementError(
-            f"{name}: cannot be read: {reason}; it is looked for in the case's folder and in RSGEN_DATA"
-        ) from fault
-
-
-def _decoded(file: BinaryIO, name: str, digest: hashlib._Hash, complete: bool) -> Iterator[tuple[int, str]]:
+def _decoded(file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool) -> Iterator[tuple[int, str]]:
     number = 0
     total = 0
     while raw := file.readline(MAX_LINE + 1):
@@ -262,10 +246,10 @@ def read_columns(
         File missing, no regular file, too large, not text, cut off; a row with fewer or more cells than
         the first; a wanted cell that is no finite number; a column that is not there; the hash differs.
     """
-    name = path.name if path.name.isprintable() else repr(path.name)
+    name = file_label(path)
     digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
-    with _open(path, name) as file:
+    with open_regular(path, MAX_BYTES) as file:
         try:
             for line, text in _decoded(file, name, digest, sha256 is not None):
                 if line > layout.skip:

@@ -1,83 +1,148 @@
-"""A measured file and its plan to a response surface: displacement and force as SI peak values."""
+"""Measured files and their plan to a response surface: displacement and force as SI peak values."""
 
 from __future__ import annotations
+
+import re
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.columns import Columns, read_columns
+from rsgen.measurement.address import show
+from rsgen.measurement.files import file_label
 from rsgen.measurement.mapping import MeasuredTest, Signal, SweepRule
 from rsgen.measurement.sweep import group_levels, recognise_directions
+from rsgen.measurement.tables import Table, read_table
 from rsgen.surface import ResponseSurface
 
-__all__ = ["read_measurement"]
+__all__ = ["level_of_file", "read_measurement"]
 
 _INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+_NUMBER = r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 
 
-class _Reader:
-    """The columns of one file by their name in the case."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """What one file gives; the level is None where it is to be found from the forces of all files."""
 
-    def __init__(self, test: MeasuredTest) -> None:
-        self.test = test
-        self.wanted = list(
-            dict.fromkeys(
-                column
-                for column in (
-                    test.frequency,
-                    *_columns(test.force),
-                    *_columns(test.response),
-                    test.sweep.column,
-                    test.level.column,
-                )
-                if column is not None
-            )
+    frequency: NDArray[np.float64]
+    force: NDArray[np.complex128]
+    displacement: NDArray[np.complex128]
+    level: NDArray[np.float64] | None
+    said: NDArray[np.float64] | None
+    block: NDArray[np.int64]
+
+
+def level_of_file(test: MeasuredTest, number: int) -> float | None:
+    """Tell the level of a file from the plan and its name [N]; None where a file has no level of its own.
+
+    Raises
+    ------
+    MeasurementError
+        The name does not have the form that the plan says, or the number is not above 0.
+    """
+    rule = test.level
+    if rule.value is not None:
+        return rule.value
+    if rule.values:
+        return rule.values[number]
+    if rule.name is None:
+        return None
+    name = test.files[number].name
+    before, _, after = rule.name.partition("{level}")
+    match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
+    if match is None:
+        raise MeasurementError(
+            f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
         )
-        columns = read_columns(test.file, test.layout, self.wanted, test.sha256)
-        frequency = columns.values[:, self.wanted.index(test.frequency)]
-        self.refuse(columns, frequency < 0, "frequency is negative; positive frequencies are needed")
-        # exported receptances often begin at 0 Hz, where there is no harmonic test
-        keep = frequency > 0
-        if not keep.any():
-            raise MeasurementError(f"{test.file.name}: no row with a frequency above 0")
-        self.columns = Columns(columns.values[keep], columns.line[keep], columns.block[keep], columns.sha256)
+    level = float(match[1]) * rule.factor
+    if not level > 0:
+        raise MeasurementError(
+            f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"
+        )
+    return level
 
-    def refuse(self, columns: Columns, bad: NDArray[np.bool_], what: str) -> None:
-        if bad.any():
-            line = int(columns.line[int(np.argmax(bad))])
-            raise MeasurementError(f"{self.test.file.name}: line {line}: {what}")
 
-    def column(self, name: int | str) -> NDArray[np.float64]:
-        return self.columns.values[:, self.wanted.index(name)]
+def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
+    """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
+    sense = -1 if signal.conjugate else 1
+    if signal.complex is not None:
+        value = np.asarray(table.columns[signal.complex], dtype=np.complex128)
+        value = value.conj() if signal.conjugate else value
+    elif signal.real is not None and signal.imaginary is not None:
+        value = table.real(signal.real) + sense * 1j * table.real(signal.imaginary)
+    elif signal.amplitude is not None:
+        magnitude = table.real(signal.amplitude)
+        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
+        turn = np.zeros_like(magnitude) if signal.phase is None else table.real(signal.phase)
+        value = magnitude * np.exp(1j * signal.phase_factor * turn)
+    else:
+        raise MeasurementError(
+            f"{what}: no column given; amplitude, real and imaginary, or complex is needed"
+        )
+    value = np.asarray(value * signal.factor, dtype=np.complex128)
+    table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
+    table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
+    return value
 
-    def signal(self, signal: Signal, what: str) -> NDArray[np.complex128]:
-        """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
-        if signal.real is not None and signal.imaginary is not None:
-            sense = -1 if signal.conjugate else 1
-            value = self.column(signal.real) + sense * 1j * self.column(signal.imaginary)
-        elif signal.amplitude is not None:
-            magnitude = self.column(signal.amplitude)
-            self.refuse(self.columns, magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
-            turn = np.zeros_like(magnitude) if signal.phase is None else self.column(signal.phase)
-            value = magnitude * np.exp(1j * signal.phase_factor * turn)
-        else:
-            raise MeasurementError(f"{what}: no column given; amplitude or real and imaginary needed")
-        value = np.asarray(value * signal.factor, dtype=np.complex128)
-        self.refuse(self.columns, ~np.isfinite(value), f"{what} is too large after conversion to SI units")
-        self.refuse(self.columns, value == 0, f"{what} is zero; every point needs one that is not")
-        return value
 
-    def directions(
-        self, rule: SweepRule, frequency: NDArray[np.float64], level: NDArray[np.float64]
-    ) -> NDArray[np.str_]:
-        if rule.column is not None:
-            said = self.column(rule.column)
-            up, down = (_as_number(value) for value in (rule.up, rule.down))
-            return np.where(said == up, "up", np.where(said == down, "down", "rest"))
-        if rule.direction == "recognise":
-            return recognise_directions(frequency, level, self.columns.block)
-        return np.full(len(frequency), rule.direction, dtype="U4")
+def _distinct(*places: int | str | None) -> list[int | str]:
+    return list(dict.fromkeys(place for place in places if place is not None))
+
+
+def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
+    """Read the table of a file, and that of the response where it lies in a file of its own."""
+    forces = test.force.columns if test.force is not None else ()
+    own = (test.frequency, *forces, test.sweep.column, test.level.column)
+    apart = bool(test.response_files)
+    sha256 = test.sha256[number] if test.sha256 else None
+    wanted = _distinct(*own, *(() if apart else test.response.columns))
+    table = read_table(test.files[number], test.format, test.layout, wanted, test.frequency, sha256)
+    if not apart:
+        return table, table
+    path = test.response_files[number]
+    other = read_table(path, test.format, test.layout, _distinct(*test.response.columns))
+    if len(other.number) != len(table.number):
+        raise MeasurementError(
+            f"{other.label}: {len(other.number)} rows; {table.label} has {len(table.number)}: one each needed"
+        )
+    return table, other
+
+
+def _part(test: MeasuredTest, number: int) -> _Part:
+    if test.frequency is None:
+        raise MeasurementError("frequency: is missing; where it is must be told")
+    table, other = _tables(test, number)
+    raw = table.real(test.frequency)
+    table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
+    # exported receptances often begin at 0 Hz, where there is no harmonic test
+    keep = raw > 0
+    if not keep.any():
+        raise MeasurementError(f"{table.label}: no row with a frequency above 0")
+    same = other is table
+    table = table.keep(keep)
+    other = table if same else other.keep(keep)
+    frequency = raw[keep] * test.frequency_factor
+    level: NDArray[np.float64] | None = None
+    alone = level_of_file(test, number)
+    if alone is not None:
+        level = np.full(len(frequency), alone)
+    elif test.level.column is not None:
+        level = table.real(test.level.column) * test.level.factor
+        table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    if test.force is not None:
+        force = _signal(table, test.force, "force")
+    elif level is not None:
+        force = level.astype(np.complex128)
+    else:
+        raise MeasurementError(f"{table.label}: no force recorded and no level told; one of them is needed")
+    response = _signal(other, test.response, "response") * (force if test.per_force else 1.0)
+    displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
+    if not test.phase_known:
+        force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
+    said = None if test.sweep.column is None else table.real(test.sweep.column)
+    return _Part(frequency, force, displacement, level, said, table.block)
 
 
 def _as_number(value: int | str | None) -> float:
@@ -89,8 +154,45 @@ def _as_number(value: int | str | None) -> float:
         ) from None
 
 
-def _columns(signal: Signal) -> tuple[int | str | None, ...]:
-    return signal.amplitude, signal.phase, signal.real, signal.imaginary
+def _directions(
+    rule: SweepRule,
+    frequency: NDArray[np.float64],
+    level: NDArray[np.float64],
+    said: NDArray[np.float64] | None,
+    block: NDArray[np.int64],
+) -> NDArray[np.str_]:
+    if said is not None:
+        up, down = (_as_number(value) for value in (rule.up, rule.down))
+        return np.where(said == up, "up", np.where(said == down, "down", "rest"))
+    if rule.direction == "recognise":
+        return recognise_directions(frequency, level, block)
+    return np.full(len(frequency), rule.direction, dtype="U4")
+
+
+def _amplitudes(test: MeasuredTest) -> ResponseSurface:
+    parts = [_part(test, number) for number in range(len(test.files))]
+    frequency = np.concatenate([part.frequency for part in parts])
+    force = np.concatenate([part.force for part in parts])
+    displacement = np.concatenate([part.displacement for part in parts])
+    told = [part.level for part in parts if part.level is not None]
+    level = np.concatenate(told) if told else group_levels(np.abs(force), test.level.spread)
+    saids = [part.said for part in parts if part.said is not None]
+    counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
+    block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
+    unknown = np.full(len(frequency), np.nan)
+    return ResponseSurface(
+        level=level,
+        frequency=frequency,
+        force=force,
+        harmonics=np.stack([np.zeros_like(displacement), displacement], axis=1),
+        peak=np.stack([unknown, unknown], axis=1),
+        sweep=_directions(test.sweep, frequency, level, np.concatenate(saids) if saids else None, block),
+        outcome=np.zeros(len(frequency), dtype=np.int8),
+        residual=unknown,
+        error=unknown,
+        origin="measured",
+        phase_known=test.phase_known,
+    )
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface:
@@ -103,40 +205,16 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     Parameters
     ----------
     test
-        Which file, and where in it what is found.
+        Which files, and where in them what is found.
 
     Returns
     -------
     ResponseSurface
-        One row a row of the file, in its order, with origin "measured".
+        For tables of amplitudes one row a row of the files, in their order, with origin "measured".
 
     Raises
     ------
     MeasurementError
-        The file cannot be read as the plan says; the message names file and line.
+        A file cannot be read as the plan says; the message names file and line or row.
     """
-    reader = _Reader(test)
-    frequency = reader.column(test.frequency) * test.frequency_factor
-    force = reader.signal(test.force, "force")
-    response = reader.signal(test.response, "response")
-    displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
-    if test.level.value is not None:
-        level = np.full(len(frequency), test.level.value)
-    elif test.level.column is not None:
-        level = reader.column(test.level.column) * test.level.factor
-        reader.refuse(reader.columns, level <= 0, "level is not positive; levels above 0 are needed")
-    else:
-        level = group_levels(np.abs(force), test.level.spread)
-    unknown = np.full(len(frequency), np.nan)
-    return ResponseSurface(
-        level=level,
-        frequency=frequency,
-        force=force,
-        harmonics=np.stack([np.zeros_like(displacement), displacement], axis=1),
-        peak=np.stack([unknown, unknown], axis=1),
-        sweep=reader.directions(test.sweep, frequency, level),
-        outcome=np.zeros(len(frequency), dtype=np.int8),
-        residual=unknown,
-        error=unknown,
-        origin="measured",
-    )
+    return _amplitudes(test)

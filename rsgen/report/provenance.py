@@ -30,8 +30,8 @@ def _versions() -> str:
 def _test(case: Case) -> dict[str, str]:
     if not isinstance(case.test, SimulatedTest):
         return {
-            "Measured file": case.test.file.name,
-            "SHA-256 of the measured file": case.test.sha256 or "not fixed by the case",
+            "Measured file": ", ".join(path.name for path in (*case.test.files, *case.test.response_files)),
+            "SHA-256 of the measured file": ", ".join(case.test.sha256) or "not fixed by the case",
         }
     noise = (
         f"{case.test.noise_relative:g} relative, seed {case.test.seed}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import logging
 import time
@@ -62,7 +63,11 @@ def _inputs(case: Case) -> dict[str, str | None]:
     inputs: dict[str, str | None] = {"case": case.sha256}
     if isinstance(case.test, MeasuredTest):
         try:
-            inputs["data"] = file_hash(case.test.file)
+            hashes = [file_hash(path) for path in (*case.test.files, *case.test.response_files)]
+            # of several files the hash of their hashes
+            inputs["data"] = (
+                hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+            )
         except OSError:
             # reading it will say what is wrong, in a sentence
             inputs["data"] = None

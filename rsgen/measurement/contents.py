@@ -1,0 +1,163 @@
+"""What is inside a data file: a tree of named arrays of numbers, whatever the format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+
+__all__ = ["LARGEST_BYTES", "Channel", "Contents", "Entry", "Node", "array_bytes", "kept", "largest_bytes"]
+
+LARGEST_BYTES = 2**30
+"""Bytes of numbers that are taken from one file, at most."""
+_SMALL_BYTES = 64 * 2**20
+_EXPANSION = 20
+"""A file may unpack to so many times its size: measured numbers hardly compress, bombs do a thousandfold."""
+_KINDS = "fiubc"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """An array in a file that is open, seen by the process that reads it; read when it is asked for.
+
+    Parameters
+    ----------
+    path
+        Names from the root, with / between.
+    shape, dtype
+        As the file declares them; ``dtype`` is "" where it is no array of numbers.
+    load
+        Reads the numbers, once sizes are checked.
+    unit, remark
+        What the file says about it.
+    fault
+        Why it cannot be read; "" where it can.
+    """
+
+    path: str
+    shape: tuple[int, ...]
+    dtype: str
+    load: Callable[[], NDArray[Any]]
+    unit: str = ""
+    remark: str = ""
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An array in a file, described: path, shape, kind of number, unit, first values.
+
+    Parameters
+    ----------
+    path, shape, dtype, unit, remark, fault
+        As in ``Node``.
+    first
+        The first values, as text.
+    low, high
+        Smallest and largest value, None where unknown or complex.
+    order
+        "rising", "falling", "constant" or "mixed"; "" where unknown.
+    step
+        Distance of the values where it is even, else None.
+    """
+
+    path: str
+    shape: tuple[int, ...] = ()
+    dtype: str = ""
+    unit: str = ""
+    remark: str = ""
+    fault: str = ""
+    first: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    order: str = ""
+    step: float | None = None
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        count = 1
+        for length in self.shape:
+            count *= length
+        return count
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a data file holds.
+
+    Parameters
+    ----------
+    file, format
+        The file, and the format it was recognised as.
+    entries
+        Its arrays, in their order.
+    remarks
+        What else is to be said about the file.
+    """
+
+    file: Path
+    format: str
+    entries: tuple[Entry, ...]
+    remarks: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """An array that was read.
+
+    Parameters
+    ----------
+    path
+        Where it was found; with wildcards there are several.
+    values
+        Real or complex numbers, of any shape.
+    unit
+        What the file says, or "".
+    """
+
+    path: str
+    values: NDArray[Any]
+    unit: str = ""
+
+
+def kept(values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
+    """Give the ``load`` of a node whose numbers are read already."""
+    return lambda: values
+
+
+def largest_bytes(size: int) -> int:
+    """Tell how many bytes of numbers a file of ``size`` bytes may unpack to."""
+    return min(LARGEST_BYTES, max(_SMALL_BYTES, _EXPANSION * size))
+
+
+def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> int:
+    """Check the declared size of an array before anything is read.
+
+    Returns
+    -------
+    Its bytes.
+
+    Raises
+    ------
+    MeasurementError
+        A length is negative, it is too large, or holds no numbers; the message has no place yet.
+    """
+    if dtype.kind not in _KINDS or dtype.itemsize > 16:
+        raise MeasurementError("holds no numbers of a kind that is read; real and complex numbers are")
+    count = 1
+    for length in shape:
+        if length < 0:
+            raise MeasurementError(f"declares a length of {length}; 0 or more is allowed")
+        count *= length
+    if count * dtype.itemsize > largest:
+        raise MeasurementError(
+            f"declares {count * dtype.itemsize} bytes; at most {largest} are read from a file of this size"
+        )
+    return count * dtype.itemsize

@@ -1,0 +1,74 @@
+"""Data files on the disk: regular, not too large, and of which format."""
+
+from __future__ import annotations
+
+import stat
+import sys
+from pathlib import Path
+from typing import IO
+
+from rsgen.errors import MeasurementError
+
+__all__ = ["file_label", "open_regular", "recognise_format"]
+
+_SUFFIXES = {
+    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "npy", ".npz": "npz",
+    ".uff": "uff", ".unv": "uff", ".uf": "uff", ".58": "uff",
+}  # fmt: skip
+
+
+def file_label(path: Path) -> str:
+    """Name a file in messages."""
+    return path.name if path.name.isprintable() else repr(path.name)
+
+
+def open_regular(path: Path, most: int) -> IO[bytes]:
+    """Open a regular file of at most ``most`` bytes.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large.
+    """
+    name = file_label(path)
+    try:
+        # looked at before opening: opening a pipe would wait for ever
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise MeasurementError(f"{name}: is no regular file; a data file is needed")
+        size = path.stat().st_size
+        if size > most:
+            raise MeasurementError(f"{name}: {size} bytes; at most {most} are read")
+        return path.open("rb")
+    except (OSError, ValueError) as fault:
+        reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        raise MeasurementError(
+            f"{name}: cannot be read: {reason}; it is looked for in the case's folder and in RSGEN_DATA"
+        ) from fault
+
+
+def recognise_format(path: Path) -> str:
+    """Tell the format of a data file by how it begins, then by its ending.
+
+    Returns
+    -------
+    "mat", "hdf5", "npy", "npz", "uff", or "csv" for everything else: columns of text.
+
+    Raises
+    ------
+    MeasurementError
+        Missing or no regular file.
+    """
+    with open_regular(path, sys.maxsize) as file:
+        head = file.read(1024)
+    if b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520]) or head.startswith(b"MATLAB 7.3 MAT-file"):
+        return "hdf5"
+    if head.startswith(b"MATLAB 5.0 MAT-file") or head[126:128] in (b"IM", b"MI"):
+        return "mat"
+    if head.startswith(b"\x93NUMPY"):
+        return "npy"
+    if head.startswith(b"PK\x03\x04"):
+        return "npz"
+    first = head.lstrip().split(b"\n", 1)
+    if len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit():
+        return "uff"
+    return _SUFFIXES.get(path.suffix.lower(), "csv")

@@ -1,0 +1,111 @@
+"""MATLAB files up to version 7: variables, structs and cells as a tree of arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, BinaryIO
+
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.contents import Node, array_bytes, kept
+
+__all__ = ["walk_matlab"]
+
+MAX_DEPTH = 12
+MAX_NODES = 50_000
+_WIDTHS = {
+    "double": "f8", "single": "f4", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "logical": "u1",
+}  # fmt: skip
+_NOT_READ = "is no array of numbers; structs, cells and numbers are read, nothing else"
+
+
+def _nothing() -> NDArray[Any]:
+    raise MeasurementError(_NOT_READ)
+
+
+def _children(value: NDArray[Any], path: str) -> Iterator[tuple[str, Any]]:
+    """Take a struct or cell apart; members of a struct array are numbered from 1."""
+    flat = value.ravel(order="F")
+    for number, element in enumerate(flat, start=1):
+        base = path if len(flat) == 1 and value.dtype.names else f"{path}/{number}"
+        if value.dtype.names:
+            for name in value.dtype.names:
+                yield f"{base}/{name}", element[name]
+        else:
+            yield base, element
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind in "US"
+
+
+def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
+    known = isinstance(value, np.ndarray)
+    if not known or isinstance(value, MatlabObject | MatlabOpaque | MatlabFunction):
+        yield Node(path, (), "", _nothing, fault=_NOT_READ)
+    elif value.dtype.names or value.dtype == object:
+        if depth >= MAX_DEPTH:
+            yield Node(path, value.shape, "", _nothing, fault=f"is nested more than {MAX_DEPTH} deep")
+            return
+        if not value.dtype.names and value.size and all(_is_text(member) for member in value.flat):
+            yield Node(path, value.shape, "", _nothing, fault="is a list of texts; numbers are needed")
+            return
+        for inner, child in _children(value, path):
+            yield from _walk(child, inner, depth + 1)
+    elif value.dtype.kind in "US":
+        first = str(value.ravel()[0]) if value.size else ""
+        yield Node(path, value.shape, "", _nothing, remark=first[:60], fault="is a text; numbers are needed")
+    elif value.dtype.kind in "fiubc":
+        yield Node(path, value.shape, value.dtype.name, kept(value))
+    else:
+        yield Node(path, value.shape, "", _nothing, fault=_NOT_READ)
+
+
+def _check_sizes(file: BinaryIO, heads: set[str] | None, largest: int) -> list[str]:
+    wanted = []
+    opened: Any = file
+    for name, shape, kind in scipy.io.whosmat(opened):
+        if heads is not None and name not in heads and "*" not in "".join(heads):
+            continue
+        try:
+            array_bytes(tuple(map(int, shape)), np.dtype(_WIDTHS.get(kind, "f8")), largest)
+        except MeasurementError as fault:
+            raise MeasurementError(f"variable {name[:60]!r} {fault}") from None
+        wanted.append(name)
+    file.seek(0)
+    return wanted
+
+
+def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
+    """Walk through the variables of a MAT file of version 4 to 7.
+
+    Parameters
+    ----------
+    file
+        The open file.
+    heads
+        Variables that are wanted; None for all.
+    largest
+        Bytes of numbers that may be read.
+
+    Raises
+    ------
+    MeasurementError
+        No MAT file, damaged, or a declared size is too large.
+    """
+    names = _check_sizes(file, heads, largest)
+    opened: Any = file
+    loaded = scipy.io.loadmat(opened, variable_names=names, chars_as_strings=True, struct_as_record=True)
+    count = 0
+    # in the order of the file
+    for name in names:
+        for node in _walk(loaded.pop(name, None), name, 0):
+            count += 1
+            if count > MAX_NODES:
+                raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
+            yield node
