@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -123,17 +123,9 @@ def test_points_that_did_not_settle_leave_holes() -> None:
 
 
 def test_both_sweeps_give_two_panels() -> None:
-    from dataclasses import fields
-
     up, down = cubic_surface(sweep="up"), cubic_surface(sweep="down")
-    both = ResponseSurface(
-        **{
-            f.name: "simulated"
-            if f.name == "origin"
-            else np.concatenate([getattr(up, f.name), getattr(down, f.name)])
-            for f in fields(up)
-        }
-    )
+    columns = [f.name for f in fields(up) if isinstance(getattr(up, f.name), np.ndarray)]
+    both = replace(up, **{name: np.concatenate([getattr(up, name), getattr(down, name)]) for name in columns})
     titles = [axes.get_title(loc="left") for axes in figures.draw_map(both).figure.axes]
     assert titles[:2] == ["sweep up", "sweep down"]
 

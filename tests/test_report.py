@@ -248,7 +248,8 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
     """An identification that found exactly these values."""
     model = Model((make_element("law", force),), mass=MASS)
     refined = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in sorted(values.items()))
-    return model, replace(IDENTIFICATION, model=model, refined=refined)
+    exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
+    return model, replace(IDENTIFICATION, model=model, refined=refined, **exact)
 
 
 def checked(model: Model, identification: Identification, formula: str) -> PrintedFormula:
@@ -309,18 +310,68 @@ def test_no_free_vibration_without_a_spring() -> None:
     ("force", "values", "words"),
     [
         ("k*x", {"k": 5920.0}, "linear: stiffness stays at 5.92 kN/m"),
-        ("k*x + kn*x**3", {"k": K1, "kn": KN1}, "softening: stiffness falls by 7"),
-        ("k*x + kn*x**3", {"k": K1, "kn": -KN1}, "hardening: stiffness rises by 7"),
+        (
+            "k*x + kn*x**3",
+            {"k": K1, "kn": KN1},
+            "softening, cubic: stiffness falls by 7.4 %, from 5.92 kN/m at 520 µm to 5.48 kN/m at 52 mm",
+        ),
+        ("k*x + kn*x**3", {"k": K1, "kn": -KN1}, "hardening, cubic: stiffness rises by 7"),
         ("c*v", {"c": 3.8}, "linear: damping stays at 3.8 N·s/m"),
-        ("Ff*sign(v)", {"Ff": 0.4}, "friction-like, damping falls with amplitude"),
-        ("c*v*abs(v)", {"c": 2.0}, "damping grows with amplitude"),
+        (
+            "Ff*sign(v)",
+            {"Ff": 0.4},
+            "dry friction: damping falls from 15.7 N·s/m at 520 µm to 157 mN·s/m at 52 mm, a factor of 100",
+        ),
+        ("c*v*abs(v)", {"c": 2.0}, "quadratic: damping rises from"),
+        ("c*v*abs(v)", {"c": 2.0}, "a factor of 100 (at 10 Hz)"),
+        ("c*v + d*v**2*sign(v)", {"c": 3.0, "d": 0.01}, "quadratic: damping rises by"),
+        (
+            "k*x + a*x**3 + b*x**5",
+            {"k": 5e3, "a": -2e6, "b": 2e9},
+            "first softening, then hardening, cubic and",
+        ),
+        ("k*tanh(a*x)", {"k": 100.0, "a": 50.0}, "softening: stiffness falls"),
+        ("c*(x**2 - b)*v", {"c": 100.0, "b": 3e-4}, "and changes its sign"),
+        ("c*(x**2 - b)*v", {"c": 100.0, "b": 1e-2}, "negative, it drives the motion"),
+        (
+            "k*Max(x - b, 0) + k*Min(x + b, 0)",
+            {"k": 9e3, "b": 0.02},
+            "piecewise: stiffness comes up from zero",
+        ),
+        # a gap that the test never closes
+        ("k*x + h*Max(x - b, 0)", {"k": 5e3, "h": 1e3, "b": 0.2}, "linear: stiffness stays at 5 kN/m"),
         ("k*x", {"k": float("nan")}, "not told by this test: k"),
         ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "the mean moves to"),
+        ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "though the law is not linear: stiffness"),
     ],
 )
 def test_elements_are_put_into_words(force: str, values: dict[str, float], words: str) -> None:
     model, identification = identified(force, values)
     assert words in describe_element(model.elements[0], identification)
+
+
+def test_a_change_within_its_uncertainty_is_none() -> None:
+    model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": KN1})
+    whole = 0.75 * KN1 * exact.amplitude_range[1] ** 2
+    for share, words in (
+        (0.1, "softening, cubic"),
+        (3.0, "no change with amplitude that this test could tell"),
+    ):
+        spread = abs(share * KN1 / 2)
+        noisy = replace(exact, covariance=np.diag([0.0, spread**2]))
+        assert words in (sentence := describe_element(model.elements[0], noisy))
+    # the 95 % half width of 3/4 kn X^2, three halves of it as one standard error
+    assert f"± {1.96 * 1.5 * abs(whole) / 1e3:.2g} kN/m" in sentence
+
+
+def test_parameters_that_the_test_does_not_tell_are_named_beside_what_it_tells() -> None:
+    model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": 0.0})
+    told, untold = exact.refined
+    untold = replace(untold, value=float("nan"), remark="kn: too small to be told")
+    partly = replace(exact, refined=(told, untold), solution=np.array([K1, 0.0]))
+    words = describe_element(model.elements[0], partly)
+    assert words.startswith("linear: stiffness stays at 5.92 kN/m")
+    assert words.endswith("not told by this test: kn")
 
 
 def test_mean_is_put_into_words_where_there_is_one() -> None:

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
+import sympy
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
+from rsgen.expression import symbol
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.equivalent import (
     Backbone,
@@ -220,15 +222,23 @@ def draw_collapse(identification: Identification) -> Drawing:
     colours = level_colours()
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     figure = new_figure(4.4, 4.6)
-    panels = figure.subplots(2, 1, sharex=True)
-    parts = (
-        ("k", "N/m", curve.stiffness, model.stiffness, 0.06),
-        ("c", "N*s/m", curve.damping, model.damping, 0.2),
+    # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
+    speed = _acts_on_velocity(identification.model.force)
+    panels = figure.subplots(2, 1, sharex=not speed)
+    rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
+    over_amplitude = (curve.amplitude / x.factor, grid / x.factor)
+    over_velocity = (
+        curve.amplitude * 2 * np.pi * curve.frequency / rate.factor,
+        grid * model.omega / rate.factor,
     )
-    for axes, (symbol, unit, cloud, line, least) in zip(panels, parts, strict=True):
+    parts = (
+        ("k", "N/m", curve.stiffness, model.stiffness, 0.06, over_amplitude),
+        ("c", "N*s/m", curve.damping, model.damping, 0.2, over_velocity if speed else over_amplitude),
+    )
+    for axes, (letter, unit, cloud, line, least, (place, course)) in zip(panels, parts, strict=True):
         y = choose_scale(line if line.size else cloud, unit)
         axes.scatter(
-            curve.amplitude / x.factor,
+            place,
             cloud / y.factor,
             c=curve.level / force.factor,
             cmap=colours,
@@ -237,30 +247,53 @@ def draw_collapse(identification: Identification) -> Drawing:
             linewidths=0,
             rasterized=len(cloud) > 300,
         )
-        _plot(axes, grid / x.factor, line / y.factor, {**REFINED, "lw": 1.1}, "refined model at resonance")
+        _plot(axes, course, line / y.factor, {**REFINED, "lw": 1.1}, "refined model at resonance")
         calm_limits(axes, [cloud / y.factor, line / y.factor], least=least)
-        axes.set_ylabel(y.label(f"{'Stiffness' if symbol == 'k' else 'Damping'} {symbol}"))
+        axes.set_ylabel(y.label(f"{'Stiffness' if letter == 'k' else 'Damping'} {letter}"))
     panels[0].legend(loc="best")
-    panels[1].set_xlabel(x.label("Amplitude X"))
+    panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
+    if speed:
+        panels[0].set_xlabel(x.label("Amplitude X"))
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(panels), pad=0.02, aspect=35)
     bar.set_label(force.label("Level F"))
     bar.outline.set_visible(False)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)
-    caption = "Every test point, coloured by level: one curve means that the law is right."
-    return Drawing("collapse", figure, caption, _collapse_words(identification, grid, model))
+    caption = (
+        "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
+        "higher harmonics add."
+    )
+    return Drawing("collapse", figure, caption, _collapse_words(identification, grid, model, speed))
 
 
-def _collapse_words(identification: Identification, grid: Floats, model: Backbone) -> str:
+def _acts_on_velocity(force: sympy.Expr) -> bool:
+    """Tell whether the force has a part that is not linear in v and does not depend on x."""
+    v = symbol("v")
+    damper = force - force.subs(v, 0)
+    # evaluated as text is enough: an x that would cancel leaves the axis as it is
+    if damper.has(symbol("x")):
+        damper = sympy.expand(damper)
+    return not damper.has(symbol("x")) and sympy.diff(damper, v, 2) != 0
+
+
+def _collapse_words(identification: Identification, grid: Floats, model: Backbone, speed: bool) -> str:
     curve = identification.curve
     if not grid.size:
         return "No test point could be used."
     words = []
-    for what, cloud, line in (
-        ("stiffness", curve.stiffness, model.stiffness),
-        ("damping", curve.damping, model.damping),
+    velocity = curve.amplitude * 2 * np.pi * curve.frequency
+    over_amplitude = (curve.amplitude, grid)
+    for what, cloud, line, (place, course) in (
+        ("stiffness", curve.stiffness, model.stiffness, over_amplitude),
+        (
+            "damping",
+            curve.damping,
+            model.damping,
+            (velocity, grid * model.omega) if speed else over_amplitude,
+        ),
     ):
-        expected = np.interp(curve.amplitude, grid, line)
+        order = np.argsort(course)
+        expected = np.interp(place, course[order], line[order])
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.abs(cloud / expected - 1)
         off = off[np.isfinite(off)]

@@ -22,6 +22,9 @@ __all__ = ["draw_forces", "force_function"]
 
 Floats = NDArray[np.float64]
 
+_WIDEST_BAND = 0.5
+"""Half width of a band, relative to the largest force, beyond which a point says nothing about the law."""
+
 
 def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Floats, Floats], Floats]:
     """Give the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
@@ -101,18 +104,19 @@ def _panel(
     y = choose_scale(force, "N")
     if inverted is not None:
         at, drawn, band = inverted
+        # where the band is wider than the force itself nothing was told: near rest, and at rare amplitudes
+        told = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
+        at, drawn, band = at[told], drawn[told], band[told]
         low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
         axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
-        few = np.unique(np.linspace(0, len(at) - 1, 16).astype(int))
+        few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
         axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="without a law", **POINT)
     axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
     if true is not None:
         axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)
     # a band that is wide for want of data must not make the forces flat
     lines = [
-        line / y.factor
-        for line in (force, true, None if inverted is None else inverted[1])
-        if line is not None
+        line / y.factor for line in (force, true, None if inverted is None else drawn) if line is not None
     ]
     calm_limits(axes, lines)
     axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))

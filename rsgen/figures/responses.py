@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.overview import level_colours, peaks_by_level
-from rsgen.figures.scale import choose_scale, number_text, quantity_text
+from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface
 
@@ -140,7 +140,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
         f"{quantity_text(p.frequency[0], 'Hz', 5)}"
         for p in peaks
     )
-    share = f"{len(levels)} of {len(surface.levels)} levels"
+    share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
     text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
     return Drawing("responses", figure, caption, text)
 

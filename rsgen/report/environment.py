@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 
 from rsgen.errors import RsgenError
 
-__all__ = ["page_environment", "plain_text", "templates_folder", "verbatim"]
+__all__ = ["page_environment", "plain_text", "templates_folder", "unbroken", "verbatim"]
 
 _MOST_CHARACTERS = 2000
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
@@ -63,6 +63,17 @@ def verbatim(text: str) -> Markup:
     return Markup(escape(plain_text(text.replace("\r\n", "\n"), most=200_000, keep="\n\t")))  # noqa: S704 - escaped
 
 
+def unbroken(text: str) -> str:
+    """Keep a number, its power of ten and its unit on one line.
+
+    Examples
+    --------
+    >>> unbroken("4.1 × 10⁻⁶ %")
+    '4.1\xa0×\xa010⁻⁶\xa0%'
+    """
+    return str(text).replace(" × ", "\u00a0×\u00a0").replace(" %", "\u00a0%")
+
+
 def _finalize(value: object) -> object:
     return plain_text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
@@ -79,5 +90,5 @@ def page_environment() -> jinja2.Environment:
         keep_trailing_newline=True,
         finalize=_finalize,
     )
-    environment.filters["verbatim"] = verbatim
+    environment.filters.update(verbatim=verbatim, unbroken=unbroken)
     return environment

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
+import sympy
+from numpy.typing import NDArray
 
 from rsgen.describing import derive
 from rsgen.element import Element
+from rsgen.expression import symbol
 from rsgen.figures import number_text, quantity_text
 from rsgen.identification import Identification
 from rsgen.identification.force_law import compile_law
@@ -15,38 +19,160 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["describe_element", "describe_elements", "describe_mean"]
 
+Array = NDArray[np.float64]
+
 _LEAST_CHANGE = 5e-4
 """Relative change below which an equivalent property counts as constant: a line width in the figures."""
 
 _LEAST_FORCE = 1e-3
 """Share of the largest force below which a force at rest or a departure from a straight line is none."""
 
+_TURN = 0.05
+"""Share of the whole course by which it must turn back to be told as two courses."""
 
-def _percent(change: float) -> str:
-    return f"{number_text(100 * abs(change), 2)} %"
+_FACTOR = 2.0
+"""From this ratio on a change is told as a factor: "falls by 99.7 %" says little."""
+
+_NORMAL_95 = 1.959964
+
+_DEGREES = {0: "constant force", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
 
-def _course(kind: str, first: float, last: float, unit: str, low: str, high: str) -> str:
-    change = last / first - 1 if first else float("inf")
-    if abs(change) < _LEAST_CHANGE:
-        return f"linear: {kind} stays at {quantity_text(first, unit)} from {low} to {high}"
-    if kind == "stiffness":
-        word = "hardening" if change > 0 else "softening"
-    else:
-        word = "damping grows with amplitude" if change > 0 else "friction-like, damping falls with amplitude"
-    if not np.isfinite(change):
-        return f"{word}: {kind} comes up from zero to {quantity_text(last, unit)} at {high}"
-    if abs(change) < 3:
-        verb = "rises" if change > 0 else "falls"
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """How stiffness or damping of an element goes over the tested amplitudes.
+
+    ``amplitude`` and ``value`` (n,) ascending in amplitude; ``error`` standard error of last minus first;
+    ``shape`` is the law's in a word, "" where there is none.
+    """
+
+    kind: str
+    unit: str
+    amplitude: Array
+    value: Array
+    error: float
+    shape: str
+    linear: bool
+    frequency: str
+
+    def at(self, i: int) -> str:
+        """Give value and amplitude of a point in words."""
         return (
-            f"{word}: {kind} {verb} by {_percent(change)}, from {quantity_text(first, unit, 3)} at {low} to "
-            f"{quantity_text(last, unit, 3)} at {high}"
+            f"{quantity_text(float(self.value[i]), self.unit, 3)} at "
+            f"{quantity_text(float(self.amplitude[i]), 'm', 2)}"
         )
-    return (
-        f"{word}: {kind} goes from {quantity_text(first, unit, 3)} at {low} to "
-        f"{quantity_text(last, unit, 3)} "
-        f"at {high}, {number_text(last / first, 2)} times as much"
+
+    @property
+    def range(self) -> str:
+        """Give the tested amplitudes in words."""
+        low, high = (quantity_text(float(self.amplitude[i]), "m", 2) for i in (0, -1))
+        return f"from {low} to {high}"
+
+
+def _tell(course: _Course) -> str:
+    first, last = float(course.value[0]), float(course.value[-1])
+    size = float(np.abs(course.value).max())
+    if float(np.ptp(course.value)) < _LEAST_CHANGE * size:
+        word = "linear" if course.linear else "the same at every amplitude, though the law is not linear"
+        stays = quantity_text(float(np.median(course.value)), course.unit)
+        return f"{word}: {course.kind} stays at {stays} {course.range}{course.frequency}"
+    turn = _turning(course.value)
+    if turn:
+        verbs = ("falls", "rises") if course.value[turn] < first else ("rises", "falls")
+        word = f"first {_direction(course, verbs[0])}, then {_direction(course, verbs[1])}"
+        word = f"{word}, {course.shape}" if course.shape else word
+        return (
+            f"{word}: {course.kind} {verbs[0]} from {course.at(0)} to {course.at(turn)} and {verbs[1]} to "
+            f"{course.at(-1)}{course.frequency}"
+        )
+    change = last - first
+    if _NORMAL_95 * course.error > abs(change):
+        return (
+            f"no change with amplitude that this test could tell: {course.kind} is {course.at(0)} and "
+            f"{course.at(-1)}, a difference of {quantity_text(change, course.unit, 2)} ± "
+            f"{quantity_text(_NORMAL_95 * course.error, course.unit, 2)}{course.frequency}"
+        )
+    verb = "rises" if change > 0 else "falls"
+    head = f"{_word(course, verb)}: {course.kind}"
+    if abs(first) < 1e-9 * size:
+        return f"{head} comes up from zero to {course.at(-1)}{course.frequency}"
+    if first * last <= 0:
+        return f"{head} {verb} from {course.at(0)} to {course.at(-1)}, and changes its sign{course.frequency}"
+    if last < 0:
+        feeds = "drives the motion" if course.kind == "damping" else "pushes away from rest"
+        return f"{head} {verb} from {course.at(0)} to {course.at(-1)}: negative, it {feeds}{course.frequency}"
+    factor = max(last / first, first / last)
+    if factor >= _FACTOR:
+        return (
+            f"{head} {verb} from {course.at(0)} to {course.at(-1)}, a factor of "
+            f"{number_text(factor, 2)}{course.frequency}"
+        )
+    share = number_text(100 * abs(change / first), 2)
+    return f"{head} {verb} by {share} %, from {course.at(0)} to {course.at(-1)}{course.frequency}"
+
+
+def _direction(course: _Course, verb: str) -> str:
+    if course.kind == "stiffness":
+        return "hardening" if verb == "rises" else "softening"
+    return "growing with amplitude" if verb == "rises" else "falling with amplitude"
+
+
+def _word(course: _Course, verb: str) -> str:
+    if course.kind == "damping" and course.shape:
+        return course.shape
+    word = _direction(course, verb)
+    return f"{word}, {course.shape}" if course.shape else word
+
+
+def _turning(value: Array) -> int:
+    """Give the index where a course turns back; 0 where it does not."""
+    low, high = float(min(value[0], value[-1])), float(max(value[0], value[-1]))
+    span = float(np.ptp(value))
+    if low - float(value.min()) > _TURN * span:
+        return int(np.argmin(value))
+    return int(np.argmax(value)) if float(value.max()) - high > _TURN * span else 0
+
+
+def _shape(force: sympy.Expr) -> str:
+    """Name the nonlinear part of a law by its degree; "" where it has none or is no sum of powers."""
+    if force.has(sympy.Piecewise, sympy.Heaviside, sympy.Max, sympy.Min):
+        return "piecewise"
+    x, v = symbol("x"), symbol("v")
+    size = sympy.Symbol("size", positive=True)
+    names: dict[sympy.Expr, str] = {}
+    for term in sympy.Add.make_args(sympy.expand(force)):
+        scaled = sympy.expand_power_base(term.subs({x: size * x, v: size * v}, simultaneous=True))
+        power = (scaled / term).as_base_exp()
+        if scaled != term and power[0] != size:
+            return ""
+        degree = sympy.Integer(0) if scaled == term else power[1]
+        if degree == 0 and (term.has(x) or term.has(v)):
+            names[degree] = "dry friction" if term.has(v) else "preloaded"
+        elif degree not in (0, 1):
+            names[degree] = _DEGREES.get(degree, f"power {degree}" if degree.is_number else "power law")
+    if len(names) > 2 and all(degree == int(degree) for degree in names if degree.is_number):
+        return f"polynomial of degree {max(names)}"
+    return " and ".join(names[degree] for degree in sorted(names, key=str))
+
+
+def _linear_within(
+    element: Element, values: dict[str, float], high: float, fast: float, mean: float
+) -> tuple[bool, bool]:
+    """Tell whether the force is a straight line over the tested displacements, and over the velocities."""
+    law = compile_law(element.force)
+    point = np.array([values[name] for name in law.parameters])
+    reach, rest = np.linspace(-1, 1, 101), np.zeros(101)
+    x, v = (
+        law.force(place, speed, point)
+        for place, speed in ((mean + high * reach, rest), (mean + rest, fast * reach))
     )
+    return _is_line(x), _is_line(v)
+
+
+def _is_line(force: Array) -> bool:
+    reach = np.linspace(-1, 1, len(force))
+    line = np.polynomial.Polynomial.fit(reach, force, 1)(reach)
+    return bool(np.max(np.abs(force - line)) <= _LEAST_FORCE * max(np.max(np.abs(force)), 1e-300))
 
 
 def describe_element(element: Element, identification: Identification) -> str:
@@ -59,35 +185,86 @@ def describe_element(element: Element, identification: Identification) -> str:
     identification
         Gives the values and the tested range; parameters that the test does not tell are named.
     """
-    values = {name: identification.values[name] for name in element.parameters}
-    unknown = [name for name, value in values.items() if not np.isfinite(value)]
-    if unknown:
-        return f"not told by this test: {', '.join(unknown)}"
+    told = {estimate.name: estimate.told for estimate in identification.refined}
+    unknown = [name for name in element.parameters if not told.get(name, True)]
+    missing = f"not told by this test: {', '.join(unknown)}"
+    # the fit reproduces the test with these values, also where single ones of them are not told
+    names = sorted(identification.model.parameters)
+    values = dict(zip(names, identification.solution.tolist(), strict=True))
+    if len(unknown) == len(element.parameters) > 0 or not np.isfinite(list(values.values())).all():
+        return missing
+    words = _courses(element, identification, values)
+    return "; ".join([*words, missing] if unknown else words or ["no force over the tested amplitudes"])
+
+
+def _courses(element: Element, identification: Identification, values: dict[str, float]) -> list[str]:
     low, high = identification.amplitude_range
-    middle = 2 * np.pi * sum(identification.frequency_range) / 2
-    ends, speeds = np.array([low, high]), np.array([middle, middle])
+    middle = sum(identification.frequency_range) / 2
+    omega = 2 * np.pi * middle
+    amplitude = np.unique(np.concatenate([np.linspace(low, high, 41), np.geomspace(low, high, 41)]))
+    speed = np.full(amplitude.shape, omega)
     # the mean is a matter of all elements together
-    whole = derive(identification.model.force).evaluate(ends, speeds, dict(identification.values))
-    centred = np.where(np.isfinite(whole.mean), whole.mean, 0.0)
-    result = derive(element).evaluate(ends, speeds, values, mean=centred)
-    stiffness, damping, mean = (
-        np.broadcast_to(np.asarray(part, dtype=float), (2,))
-        for part in (result.stiffness, result.damping, result.mean)
-    )
-    places = (quantity_text(low, "m", 2), quantity_text(high, "m", 2))
+    whole = derive(identification.model.force).evaluate(amplitude, speed, values)
+    mean = np.where(np.isfinite(whole.mean), whole.mean, 0.0)
+    function = derive(element)
+
+    def evaluate(changed: dict[str, float]) -> tuple[Array, Array]:
+        own = {name: changed[name] for name in element.parameters}
+        result = function.evaluate(amplitude, speed, own, mean=mean)
+        return np.array(result.stiffness, dtype=float), np.array(result.damping, dtype=float)
+
+    parts = evaluate(values)
+    errors = _change_errors(evaluate, identification, values, element.parameters)
+    lines = _linear_within(element, values, high, omega * high, float(mean[-1]))
+    spring = element.force.subs(symbol("v"), 0)
     words = []
     # an element has a share in stiffness or damping when it is not round-off beside the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
-    if np.abs(stiffness).max() > 1e-9 * size:
-        words.append(_course("stiffness", float(stiffness[0]), float(stiffness[1]), "N/m", *places))
-    if np.abs(damping).max() * middle > 1e-9 * size:
-        words.append(_course("damping", float(damping[0]), float(damping[1]), "N*s/m", *places))
-    if abs(mean[1]) > 1e-6 * high and np.abs(stiffness).max() > 1e-9 * size:
+    kinds = (
+        ("stiffness", "N/m", 1.0, function.stiffness, spring),
+        ("damping", "N*s/m", omega, function.damping, element.force - spring),
+    )
+    for (kind, unit, rate, formula, part), value, error, linear in zip(
+        kinds, parts, errors, lines, strict=True
+    ):
+        if np.abs(value).max() * rate > 1e-9 * size and np.isfinite(value).all():
+            moving = formula.has(symbol("omega"))
+            frequency = f" (at {quantity_text(middle, 'Hz', 3)})" if moving else ""
+            shape = "" if linear else _shape(part)
+            words.append(_tell(_Course(kind, unit, amplitude, value, error, shape, linear, frequency)))
+    if abs(mean[-1]) > 1e-6 * high and np.abs(parts[0]).max() > 1e-9 * size:
         words.append(
-            f"the mean moves to {quantity_text(float(mean[1]), 'm', 2)} at {places[1]}, "
-            f"{_percent(float(mean[1]) / high)} of the amplitude"
+            f"the mean moves to {quantity_text(float(mean[-1]), 'm', 2)} at {quantity_text(high, 'm', 2)}, "
+            f"{number_text(100 * abs(float(mean[-1])) / high, 2)} % of the amplitude"
         )
-    return "; ".join(words) if words else "no force over the tested amplitudes"
+    return words
+
+
+def _change_errors(
+    evaluate: Callable[[dict[str, float]], tuple[Array, Array]],
+    identification: Identification,
+    values: dict[str, float],
+    parameters: tuple[str, ...],
+) -> tuple[float, float]:
+    """Give the standard error of last minus first, for stiffness [N/m] and damping [N s/m]."""
+    rows = {estimate.name: i for i, estimate in enumerate(identification.refined)}
+    covariance = identification.covariance
+    if covariance.shape != (len(rows), len(rows)):
+        return 0.0, 0.0
+    widths = np.sqrt(np.diag(covariance))
+    moving = [name for name in parameters if np.isfinite(widths[rows[name]]) and widths[rows[name]] > 0]
+    centre = [part[-1] - part[0] for part in evaluate(values)]
+    slopes = np.zeros((2, len(moving)))
+    for column, name in enumerate(moving):
+        step = float(widths[rows[name]])
+        moved = evaluate({**values, name: values[name] + step})
+        slopes[:, column] = [
+            (part[-1] - part[0] - old) / step for part, old in zip(moved, centre, strict=True)
+        ]
+    index = [rows[name] for name in moving]
+    variance = np.einsum("wi,ij,wj->w", slopes, covariance[np.ix_(index, index)], slopes)
+    stiffness, damping = np.sqrt(np.maximum(variance, 0.0)).tolist()
+    return stiffness, damping
 
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:

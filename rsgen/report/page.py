@@ -31,6 +31,7 @@ from rsgen.report.tables import (
     resonance_table,
     verdict_table,
 )
+from rsgen.report.typesetting import set_sentence
 from rsgen.surface import ResponseSurface
 
 __all__ = ["render_page", "verdict_sentence"]
@@ -51,20 +52,32 @@ def _formula(expression: Any, display: bool = False) -> Markup:
     return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
 
 
-def verdict_sentence(comparison: Comparison) -> str:
-    """Say in one line whether the case is accepted."""
+def verdict_sentence(comparison: Comparison, *, fits: bool = True) -> str:
+    """Say in one line whether the case is accepted.
+
+    Parameters
+    ----------
+    fits
+        False where the law misses the test by more than noise: values without a truth are then no result.
+    """
     judged = [row for row in comparison.rows if row.tolerance is not None]
     if not judged:
         parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
         told = sum(row.refined.told for row in parameters)
         known = any(math.isfinite(row.true) for row in parameters)
         why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
-        return f"Identified: {told} of {count_text(len(parameters), 'parameter')}, {why}"
+        counted = f"{told} of {count_text(len(parameters), 'parameter')}"
+        if not fits:
+            return f"The law does not fit the test: {counted} identified, none to be relied on"
+        return f"Identified: {counted}, {why}"
     missed = [row.name for row in judged if not row.passed]
     if missed:
         return f"Not accepted: {', '.join(missed)} outside the tolerance"
     worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
-    return f"Accepted: all {len(judged)} values within tolerance, largest error {error_text(worst)}"
+    counted = {1: "the one judged value", 2: "both judged values"}.get(
+        len(judged), f"all {len(judged)} values"
+    )
+    return f"Accepted: {counted} within tolerance, largest error {error_text(worst)}"
 
 
 def _surface_sentence(surface: ResponseSurface) -> str:
@@ -147,23 +160,27 @@ def render_page(
         The templates are not found.
     """
     meaning = describe_elements(case.model.elements, identification)
+    names = case.model.parameters
+    # identification warns with these words when the misfit is systematic
+    fits = not any(text.startswith("the law does not fit") for text in identification.warnings)
+    # what comes from the case stays as it is written there
+    warnings = [*case.warnings, *(set_sentence(text, names) for text in identification.warnings)]
     context = {
         "title": case.title or case.name,
         "name": case.name,
         "source": case.source,
         "contents": _CONTENTS,
         "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
-        "verdict": verdict_sentence(comparison),
-        "outcome": identification.outcome,
+        "verdict": verdict_sentence(comparison, fits=fits),
+        "outcome": set_sentence(identification.outcome, names),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
         "mean_sentence": describe_mean(surface, identification),
-        # identification warns with these words when the misfit is systematic
-        "law_fits": not any(text.startswith("the law does not fit") for text in identification.warnings),
-        "warnings": [*case.warnings, *identification.warnings],
+        "law_fits": fits,
+        "warnings": warnings,
         "surface_sentence": _surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
-        "prediction_remarks": prediction.remarks,
+        "prediction_remarks": [set_sentence(remark, names) for remark in prediction.remarks],
         "held_out_table": held_out_table(prediction),
         "elements": [_element(element) for element in case.model.elements],
         "printed": [

@@ -44,11 +44,15 @@ class TableRow:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Caption, column headings, rows; the first cell of a row is its heading."""
+    """Caption, column headings, rows; the first cell of a row is its heading.
+
+    ``aside`` names the columns that a narrow screen leaves out.
+    """
 
     caption: str
     columns: tuple[str, ...]
     rows: tuple[TableRow, ...]
+    aside: tuple[str, ...] = ()
 
 
 def error_text(error: float | None, digits: int = 2) -> str:
@@ -94,7 +98,7 @@ def verdict_table(comparison: Comparison) -> Table:
     shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
     rows = tuple(_verdict_row(row, known, judged) for row in shown)
     caption = "True against identified values" if known else "Identified values; no truth is known"
-    return Table(caption, tuple(columns), rows)
+    return Table(caption, tuple(columns), rows, ("Paper", "First order", "Error, first order"))
 
 
 def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
