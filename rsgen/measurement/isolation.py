@@ -190,7 +190,6 @@ def read_binary(
                         raise process.broken()
                     most -= array_bytes(shape, np.dtype(item["dtype"]), most)
                     values = process.array(shape, item["dtype"])
-                    values.flags.writeable = False
                     channels[int(item["wanted"])].append(
                         Channel(str(item["path"]), values, str(item["unit"]))
                     )

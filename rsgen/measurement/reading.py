@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.address import show
-from rsgen.measurement.files import file_label
-from rsgen.measurement.mapping import MeasuredTest, Signal, SweepRule
-from rsgen.measurement.sweep import group_levels, recognise_directions
+from rsgen.history import demodulate_sweep
+from rsgen.measurement.histories import read_histories
+from rsgen.measurement.mapping import HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.sweep import group_levels, level_of_file, recognise_directions
 from rsgen.measurement.tables import Table, read_table
 from rsgen.surface import ResponseSurface
 
-__all__ = ["level_of_file", "read_measurement"]
+__all__ = ["read_measurement"]
 
+NOMINAL = (
+    "the force was not recorded and the nominal level stands for it; real forces fall at "
+    "resonance, which then looks like damping and stiffness of the structure"
+)
 _INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
-_NUMBER = r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,36 +34,6 @@ class _Part:
     level: NDArray[np.float64] | None
     said: NDArray[np.float64] | None
     block: NDArray[np.int64]
-
-
-def level_of_file(test: MeasuredTest, number: int) -> float | None:
-    """Tell the level of a file from the plan and its name [N]; None where a file has no level of its own.
-
-    Raises
-    ------
-    MeasurementError
-        The name does not have the form that the plan says, or the number is not above 0.
-    """
-    rule = test.level
-    if rule.value is not None:
-        return rule.value
-    if rule.values:
-        return rule.values[number]
-    if rule.name is None:
-        return None
-    name = test.files[number].name
-    before, _, after = rule.name.partition("{level}")
-    match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
-    if match is None:
-        raise MeasurementError(
-            f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
-        )
-    level = float(match[1]) * rule.factor
-    if not level > 0:
-        raise MeasurementError(
-            f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"
-        )
-    return level
 
 
 def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
@@ -179,6 +151,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     saids = [part.said for part in parts if part.said is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
+    notes = () if test.force is not None else (NOMINAL,)
     unknown = np.full(len(frequency), np.nan)
     return ResponseSurface(
         level=level,
@@ -192,7 +165,18 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         error=unknown,
         origin="measured",
         phase_known=test.phase_known,
+        notes=notes,
     )
+
+
+def _demodulated(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    histories = read_histories(test)
+    if rule.excitation == "swept-sine":
+        given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
+        return demodulate_sweep(
+            histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
+        )
+    raise MeasurementError(f"excitation: {rule.excitation!r} is not evaluated yet; 'swept-sine' is")
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface:
@@ -217,4 +201,4 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     MeasurementError
         A file cannot be read as the plan says; the message names file and line or row.
     """
-    return _amplitudes(test)
+    return _amplitudes(test) if test.history is None else _demodulated(test, test.history)

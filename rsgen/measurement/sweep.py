@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["group_levels", "recognise_directions"]
+from rsgen.errors import MeasurementError
+from rsgen.measurement.address import show
+from rsgen.measurement.files import file_label
+from rsgen.measurement.mapping import MeasuredTest
+
+__all__ = ["group_levels", "level_of_file", "recognise_directions"]
 
 TURN = 0.02
 """A sweep has turned when the frequency moves back by this fraction of the block's range; less is jitter."""
+_NUMBER = r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 
 
 def _runs(frequency: NDArray[np.float64]) -> list[tuple[int, int, str]]:
@@ -97,4 +104,34 @@ def group_levels(force: NDArray[np.float64], spread: float) -> NDArray[np.float6
     medians = np.array([np.median(ordered[group == number]) for number in range(int(group[-1]) + 1)])
     level = np.empty(len(force))
     level[order] = medians[group]
+    return level
+
+
+def level_of_file(test: MeasuredTest, number: int) -> float | None:
+    """Tell the level of a file from the plan and its name [N]; None where a file has no level of its own.
+
+    Raises
+    ------
+    MeasurementError
+        The name does not have the form that the plan says, or the number is not above 0.
+    """
+    rule = test.level
+    if rule.value is not None:
+        return rule.value
+    if rule.values:
+        return rule.values[number]
+    if rule.name is None:
+        return None
+    name = test.files[number].name
+    before, _, after = rule.name.partition("{level}")
+    match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
+    if match is None:
+        raise MeasurementError(
+            f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
+        )
+    level = float(match[1]) * rule.factor
+    if not level > 0:
+        raise MeasurementError(
+            f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"
+        )
     return level

@@ -1,0 +1,150 @@
+"""Time histories from files of any format: force and one response, evenly sampled, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.history import TimeHistory
+from rsgen.measurement.address import show
+from rsgen.measurement.columns import read_columns
+from rsgen.measurement.files import file_label
+from rsgen.measurement.mapping import HistoryRule, MeasuredTest
+from rsgen.measurement.sweep import level_of_file
+from rsgen.measurement.tables import read_channels
+
+__all__ = ["read_histories"]
+
+UNEVEN = 0.1
+"""An instant may be off by this fraction of a step, as rounded times in a text are."""
+_BLOCK = 2**18
+
+
+def _rows(
+    path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None
+) -> dict[int | str, NDArray[Any]]:
+    """Read rows of samples, as they are in the file."""
+    label = file_label(path)
+    known, groups = read_channels(path, test.format, wanted, sha256)
+    if known == "csv":
+        text = read_columns(path, test.layout, wanted, sha256)
+        return {name: text.values[:, number] for number, name in enumerate(wanted)}
+    rows: dict[int | str, NDArray[Any]] = {}
+    for name, channels in zip(wanted, groups, strict=True):
+        if len(channels) != 1:
+            raise MeasurementError(f"{label}: {show(name)} means {len(channels)} arrays; name one of them")
+        values = channels[0].values.reshape(-1)
+        if values.size != max(channels[0].values.shape, default=1):
+            raise MeasurementError(
+                f"{label}: {show(name)}: shape {channels[0].values.shape}; name one channel, as in "
+                f"{show(f'{name}[1]')}"
+            )
+        if values.dtype.kind == "c":
+            raise MeasurementError(f"{label}: {show(name)} is complex; samples are real numbers")
+        rows[name] = values
+    return rows
+
+
+def _scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Turn samples into SI in place, for long histories are not copied; 16 bits fit into single precision."""
+    if values.dtype not in (np.float32, np.float64):
+        values = values.astype(np.float32 if values.dtype.itemsize <= 2 else np.float64)
+    elif factor == 1:
+        return values
+    values *= values.dtype.type(factor)
+    return values
+
+
+def _rate_of(label: str, name: int | str, time: NDArray[Any]) -> tuple[float, float]:
+    """Find rate and first instant of evenly spaced times."""
+    if len(time) < 2:
+        raise MeasurementError(f"{label}: {show(name)} has {len(time)} instants; at least two are needed")
+    first, last = float(time[0]), float(time[-1])
+    step = (last - first) / (len(time) - 1)
+    if not step > 0:
+        raise MeasurementError(
+            f"{label}: {show(name)} does not rise; instants one after the other are needed"
+        )
+    for begin in range(0, len(time), _BLOCK):
+        part = time[begin : begin + _BLOCK]
+        off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
+        # a NaN is off as well
+        bad = ~(off <= UNEVEN * step)
+        if bad.any():
+            place = begin + int(np.argmax(bad)) + 1
+            raise MeasurementError(
+                f"{label}: {show(name)}: sample {place} is off the even spacing of {step:g} s; "
+                "evenly sampled histories are needed (resample it)"
+            )
+    return 1 / step, first
+
+
+def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
+    distinct = np.unique(values)
+    if len(distinct) != 1 or not (np.isfinite(distinct[0]) and distinct[0] > 0):
+        raise MeasurementError(f"{label}: {show(name)} is no sampling rate; one number above 0 is needed")
+    return float(distinct[0])
+
+
+def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
+    path = test.files[number]
+    label = file_label(path)
+    force = test.force.samples if test.force is not None else None
+    response = test.response.samples
+    if response is None or (test.force is not None and force is None):
+        raise MeasurementError("signal: a time history is told by samples, its column")
+    apart = bool(test.response_files)
+    if force == response and not apart:
+        raise MeasurementError(f"{label}: {show(response)} is force and response; they must differ")
+    places = (force, rule.time, rule.rate_column, None if apart else response)
+    wanted = list(dict.fromkeys(place for place in places if place is not None))
+    sha256 = test.sha256[number] if test.sha256 else None
+    rows = _rows(path, test, wanted, sha256) if wanted else {}
+    other = _rows(test.response_files[number], test, [response], None) if apart else rows
+    start = 0.0
+    if rule.time is not None:
+        rate, start = _rate_of(label, rule.time, rows.pop(rule.time))
+        rate, start = rate / rule.factor, start * rule.factor
+    elif rule.rate_column is not None:
+        rate = _rate_in(label, rule.rate_column, rows.pop(rule.rate_column)) * rule.factor
+    else:
+        rate = rule.rate or 0.0
+    length = len(other[response])
+    if force is not None and len(rows[force]) != length:
+        raise MeasurementError(
+            f"{label}: {len(rows[force])} samples of force, {length} of response; one of each is needed"
+        )
+    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate)))
+    end = length if rule.stop is None else min(length, int(np.floor((rule.stop - start) * rate)) + 1)
+    if end <= begin:
+        raise MeasurementError(
+            f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"
+        )
+    part = slice(begin, end)
+    return TimeHistory(
+        rate=rate,
+        force=None if force is None or test.force is None else _scaled(rows[force][part], test.force.factor),
+        response=_scaled(other[response][part], test.response.factor),
+        quantity=test.quantity,
+        level=level_of_file(test, number),
+        start=start + begin / rate,
+        label=label,
+    )
+
+
+def read_histories(test: MeasuredTest) -> list[TimeHistory]:
+    """Read the time histories of a test, one a file.
+
+    Raises
+    ------
+    MeasurementError
+        A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
+    """
+    if test.history is None:
+        raise MeasurementError("history: no plan for time histories; excitation and time are needed")
+    return [_history(test, test.history, number) for number in range(len(test.files))]
