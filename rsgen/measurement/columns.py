@@ -22,7 +22,7 @@ from rsgen.errors import MeasurementError
 from rsgen.measurement.files import file_label, open_regular
 from rsgen.measurement.mapping import Layout
 
-__all__ = ["Columns", "read_columns"]
+__all__ = ["Columns", "read_columns", "text_lines"]
 
 MAX_BYTES = 256 * 2**20
 MAX_LINE = 1_000_000
@@ -188,7 +188,10 @@ class _Table:
             self.settle(line, text)
 
 
-def _decoded(file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool) -> Iterator[tuple[int, str]]:
+def text_lines(
+    file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool
+) -> Iterator[tuple[int, str]]:
+    """Give number and text of each line, the bytes checked and hashed."""
     number = 0
     total = 0
     while raw := file.readline(MAX_LINE + 1):
@@ -251,7 +254,7 @@ def read_columns(
     table = _Table(name, layout, wanted)
     with open_regular(path, MAX_BYTES) as file:
         try:
-            for line, text in _decoded(file, name, digest, sha256 is not None):
+            for line, text in text_lines(file, name, digest, sha256 is not None):
                 if line > layout.skip:
                     table.take(line, text)
         except OSError as fault:

@@ -7,10 +7,13 @@ memory and time. What comes back is a line of JSON and bytes of numbers: nothing
 
 from __future__ import annotations
 
+import io
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator
 from importlib import import_module
+from math import ceil
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.address import find, select
-from rsgen.measurement.contents import Node, array_bytes, largest_bytes
+from rsgen.measurement.contents import LARGEST_BYTES, Node, array_bytes, facts, largest_bytes
 
 __all__ = ["FORMATS", "READY", "main"]
 
@@ -30,15 +33,45 @@ FORMATS = {
     "uff": ("rsgen.measurement.universal", "walk_universal"),
 }
 READY = b"ready\n"
-FIRST = 4
-"""Values shown of each array."""
 _MEMORY_BYTES = 160 * 2**20
 _COPIES = 3
-_CPU_SECONDS = 60
-_EVEN = 1e-6
-"""Samples whose distances differ by less than this fraction are evenly spaced."""
+_SECONDS = 1.0
+_RATE = 20 * 2**20
+"""Time to read a file: so many seconds, and one more for so many bytes."""
 
 Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
+
+
+def _sample(form: str) -> bytes:
+    """Make a small file of a format, or nothing where the reader is our own."""
+    numbers = np.arange(3.0)
+    file = io.BytesIO()
+    if form == "mat":
+        import scipy.io
+
+        tree = {"a": {"b": numbers, "c": np.array([1, "x"], dtype=object)}, "d": 1j * numbers}
+        opened: Any = file
+        scipy.io.savemat(opened, tree, do_compression=True)
+    elif form == "hdf5":
+        import h5py
+
+        with h5py.File(file, "w") as made:
+            data = made.create_dataset("a/b", data=numbers, chunks=(2,), compression="gzip")
+            data.attrs["units"] = "m"
+    elif form == "npy":
+        np.save(file, numbers)
+    elif form == "npz":
+        np.savez_compressed(file, a=numbers)
+    return file.getvalue()
+
+
+def _rehearse(form: str, walk: Walk) -> None:
+    """Read a sample, so that everything is imported before no file can be opened any more."""
+    sample = _sample(form)
+    if sample:
+        for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
+            _describe(node)
+    json.dumps(facts(np.arange(3.0)))
 
 
 def _limit(largest: int, size: int) -> None:
@@ -48,7 +81,9 @@ def _limit(largest: int, size: int) -> None:
         # Windows has no such limits; the time limit of the reading process holds there, too
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (_CPU_SECONDS, _CPU_SECONDS))
+    # seconds of work, not of waiting: a busy machine must not refuse a good file
+    seconds = ceil(time.process_time() + _SECONDS + size / _RATE)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     # none beyond standard input, output and error: links to other files lead nowhere
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
@@ -61,7 +96,7 @@ def _limit(largest: int, size: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
-def _describe(node: Node, largest: int) -> dict[str, Any]:
+def _describe(node: Node) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "path": node.path,
         "shape": list(node.shape),
@@ -76,28 +111,7 @@ def _describe(node: Node, largest: int) -> dict[str, Any]:
         values = node.load().ravel()
     except MeasurementError as fault:
         return entry | {"fault": str(fault)}
-    entry["first"] = [f"{value:.6g}" for value in values[:FIRST]]
-    if values.size and values.dtype.kind in "fiu":
-        entry |= _facts(values)
-    return entry
-
-
-def _facts(values: NDArray[Any]) -> dict[str, Any]:
-    finite = np.isfinite(values)
-    if not finite.all():
-        return {"remark": f"{int((~finite).sum())} of {len(values)} are not finite"}
-    facts: dict[str, Any] = {"low": float(values.min()), "high": float(values.max())}
-    if len(values) > 1:
-        steps = np.diff(values.astype(np.float64, copy=False))
-        low, high = float(steps.min()), float(steps.max())
-        order = (
-            "constant" if low == high == 0 else "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
-        )
-        facts["order"] = order
-        scale = max(abs(low), abs(high))
-        if 0 < scale < np.inf and high - low <= _EVEN * scale:
-            facts["step"] = float(steps.mean())
-    return facts
+    return entry | facts(values)
 
 
 def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
@@ -164,6 +178,7 @@ def main() -> None:
     size = sys.stdin.buffer.seek(0, 2)
     sys.stdin.buffer.seek(0)
     largest = largest_bytes(size)
+    _rehearse(order["format"], walk)
     _limit(largest, size)
     sys.stdout.buffer.write(READY)
     sys.stdout.buffer.flush()
@@ -174,7 +189,7 @@ def main() -> None:
             if not nodes:
                 raise MeasurementError("holds nothing; arrays of numbers are needed")
             if wanted is None:
-                _say({"entries": [_describe(node, largest) for node in nodes]}, [])
+                _say({"entries": [_describe(node) for node in nodes]}, [])
             else:
                 _channels(nodes, wanted, largest)
         except MemoryError:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.measurement.mapping import Layout
 
 __all__ = ["LARGEST_BYTES", "Channel", "Contents", "Entry", "Node", "array_bytes", "kept", "largest_bytes"]
 
@@ -20,6 +22,11 @@ _SMALL_BYTES = 64 * 2**20
 _EXPANSION = 20
 """A file may unpack to so many times its size: measured numbers hardly compress, bombs do a thousandfold."""
 _KINDS = "fiubc"
+FIRST = 4
+"""Values shown of each array."""
+EVEN = 1e-3
+"""Numbers whose distances differ by less than this fraction are evenly spaced; texts are rounded."""
+MANY = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +72,8 @@ class Entry:
         "rising", "falling", "constant" or "mixed"; "" where unknown.
     step
         Distance of the values where it is even, else None.
+    distinct
+        How many different values there are; 0 where unknown.
     """
 
     path: str
@@ -78,6 +87,7 @@ class Entry:
     high: float | None = None
     order: str = ""
     step: float | None = None
+    distinct: int = 0
 
     @property
     def size(self) -> int:
@@ -98,14 +108,14 @@ class Contents:
         The file, and the format it was recognised as.
     entries
         Its arrays, in their order.
-    remarks
-        What else is to be said about the file.
+    layout
+        How a text is laid out; None for other formats.
     """
 
     file: Path
     format: str
     entries: tuple[Entry, ...]
-    remarks: tuple[str, ...] = field(default=())
+    layout: Layout | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,3 +171,53 @@ def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> i
             f"declares {count * dtype.itemsize} bytes; at most {largest} are read from a file of this size"
         )
     return count * dtype.itemsize
+
+
+def facts(values: NDArray[Any]) -> dict[str, Any]:
+    """Describe numbers for ``Entry``: first values, range, order, even step, how many distinct ones."""
+    flat = values.ravel()
+    known: dict[str, Any] = {"first": [f"{value:.6g}" for value in flat[:FIRST]]}
+    if not flat.size or flat.dtype.kind not in "fiu":
+        return known
+    finite = np.isfinite(flat)
+    if not finite.all():
+        return known | {"remark": f"{int((~finite).sum())} of {len(flat)} are not finite"}
+    known |= {"low": float(flat.min()), "high": float(flat.max()), "distinct": _distinct(flat)}
+    if len(flat) > 1:
+        steps = np.diff(flat.astype(np.float64, copy=False))
+        low, high = float(steps.min()), float(steps.max())
+        if low == high == 0:
+            known["order"] = "constant"
+        else:
+            known["order"] = "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
+        scale = max(abs(low), abs(high))
+        if 0 < scale < np.inf and high - low <= EVEN * scale:
+            known["step"] = float(steps.mean())
+    return known
+
+
+def _distinct(flat: NDArray[Any]) -> int:
+    # of long histories a part is enough to tell that there are many
+    return int(np.count_nonzero(np.diff(np.sort(flat[:MANY])))) + 1
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and isfinite(value) else None
+
+
+def make_entry(item: dict[str, Any]) -> Entry:
+    """Make an entry from what the reading process says of it."""
+    return Entry(
+        path=str(item["path"]),
+        shape=tuple(int(length) for length in item["shape"]),
+        dtype=str(item["dtype"]),
+        unit=str(item["unit"]),
+        remark=str(item["remark"]),
+        fault=str(item["fault"]),
+        first=tuple(str(value) for value in item.get("first", ())),
+        low=_finite(item.get("low")),
+        high=_finite(item.get("high")),
+        order=str(item.get("order", "")),
+        step=_finite(item.get("step")),
+        distinct=int(item.get("distinct", 0)),
+    )

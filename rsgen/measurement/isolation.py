@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
+import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.contents import Channel, Contents, Entry, array_bytes, largest_bytes
+from rsgen.measurement.contents import Channel, Contents, array_bytes, largest_bytes, make_entry
 from rsgen.measurement.files import file_label, open_regular
 
 __all__ = ["list_binary", "read_binary"]
@@ -27,9 +28,12 @@ MAX_BYTES = 2**30
 MAX_HEADER = 64 * 2**20
 START_SECONDS = 60.0
 """To start the process, on a busy machine as well."""
-READ_SECONDS = 1.2
-READ_RATE = 10 * 2**20
-"""Time to read a file: so many seconds, and one more for so many bytes."""
+WAIT_SECONDS = 30.0
+WAIT_RATE = 2 * 2**20
+"""Time to wait for an answer, so many seconds and one more for so many bytes: the reading process itself ends
+sooner, after a second of work, but only where the system can count that."""
+UNCOUNTED = 10.0
+"""Where it cannot, waiting is shorter by this factor."""
 _READY = b"ready\n"
 _PROGRAM = (
     "import sys, json; sys.path[:] = json.loads(sys.argv.pop(2)); "
@@ -91,6 +95,10 @@ class _Process:
             code = self.process.wait(timeout=5)
         except subprocess.TimeoutExpired:
             code = 0
+        if code == -getattr(signal, "SIGXCPU", 0):
+            return MeasurementError(
+                f"{self.name}: takes more time than a file of its size may; an undamaged file is needed"
+            )
         return MeasurementError(
             f"{self.name}: the reading process broke down (code {code}), so the file is damaged or hostile; "
             "a file that MATLAB, h5py or the measuring system itself opens is needed"
@@ -143,7 +151,8 @@ def _hash(file: IO[bytes]) -> str:
 
 
 def _seconds(size: int) -> float:
-    return READ_SECONDS + size / READ_RATE
+    seconds = WAIT_SECONDS + size / WAIT_RATE
+    return seconds if find_spec("resource") else seconds / UNCOUNTED
 
 
 def read_binary(
@@ -214,27 +223,7 @@ def list_binary(path: Path, form: str) -> Contents:
         with _Process(file, name, order, _seconds(size)) as process:
             entries = process.answer().get("entries")
             try:
-                listed = tuple(_entry(item) for item in entries or ())
+                listed = tuple(make_entry(item) for item in entries or ())
             except (KeyError, TypeError, ValueError):
                 raise process.broken() from None
     return Contents(path, form, listed)
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
-
-
-def _entry(item: dict[str, Any]) -> Entry:
-    return Entry(
-        path=str(item["path"]),
-        shape=tuple(int(length) for length in item["shape"]),
-        dtype=str(item["dtype"]),
-        unit=str(item["unit"]),
-        remark=str(item["remark"]),
-        fault=str(item["fault"]),
-        first=tuple(str(value) for value in item.get("first", ())),
-        low=_number(item.get("low")),
-        high=_number(item.get("high")),
-        order=str(item.get("order", "")),
-        step=_number(item.get("step")),
-    )

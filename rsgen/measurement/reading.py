@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.history import demodulate_sweep
-from rsgen.measurement.histories import read_histories
 from rsgen.measurement.mapping import HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.sweep import group_levels, level_of_file, recognise_directions
 from rsgen.measurement.tables import Table, read_table
@@ -170,6 +168,10 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
 
 
 def _demodulated(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    # imported here, for the process that opens binary files imports this room and must start quickly
+    from rsgen.history import demodulate_sweep
+    from rsgen.measurement.histories import read_histories
+
     histories = read_histories(test)
     if rule.excitation == "swept-sine":
         given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from typing import Any, BinaryIO
 
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.contents import Node, array_bytes, kept
+from rsgen.measurement.contents import Node, array_bytes
 
 __all__ = ["walk_universal"]
 
@@ -190,18 +191,22 @@ def _parse(text: bytes, first: int) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def _split(head: _Head, flat: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Split numbers into abscissa and ordinate."""
+def _finite(values: NDArray[Any]) -> NDArray[Any]:
+    if not np.isfinite(values).all():
+        raise MeasurementError("holds a number that is not finite; finite numbers are needed")
+    return values
+
+
+def _abscissa(head: _Head, flat: NDArray[Any]) -> NDArray[Any]:
+    if head.even:
+        return head.start + head.step * np.arange(head.count)
+    return _finite(np.array(flat.reshape(head.count, -1)[:, 0], dtype=np.float64))
+
+
+def _ordinate(head: _Head, flat: NDArray[Any]) -> NDArray[Any]:
     table = flat.reshape(head.count, -1)
     ordinate = table if head.even else table[:, 1:]
-    if head.even:
-        abscissa = head.start + head.step * np.arange(head.count)
-    else:
-        abscissa = np.array(table[:, 0], dtype=np.float64)
-    value = ordinate[:, 0] + 1j * ordinate[:, 1] if head.paired else ordinate[:, 0]
-    if not (np.isfinite(abscissa).all() and np.isfinite(value).all()):
-        raise MeasurementError("holds a number that is not finite; finite numbers are needed")
-    return abscissa, np.array(value)
+    return _finite(ordinate[:, 0] + 1j * ordinate[:, 1] if head.paired else ordinate[:, 0])
 
 
 def _width(head: _Head) -> int:
@@ -322,7 +327,6 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
         number += 1
         if number > MAX_SETS:
             raise MeasurementError(f"more than {MAX_SETS} data sets; at most that many are read")
-        abscissa, ordinate = _split(head, flat)
         known, unit = _ABSCISSAS.get(head.abscissa.kind, ("", ""))
         fault = ""
         if head.function not in _RESPONSES:
@@ -331,12 +335,13 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
                 f"is a {what}, which is no response to one sine; "
                 "a time response, frequency response or spectrum is needed"
             )
+        kind = f"{'complex' if head.paired else 'float'}{flat.itemsize * (16 if head.paired else 8)}"
         yield Node(
-            f"{number}/abscissa", abscissa.shape, abscissa.dtype.name, kept(abscissa),
+            f"{number}/abscissa", (head.count,), "float64", partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
         yield Node(
-            f"{number}/ordinate", ordinate.shape, ordinate.dtype.name, kept(ordinate),
+            f"{number}/ordinate", (head.count,), kind, partial(_ordinate, head, flat),
             unit=head.ordinate.unit, remark=_remark(head), fault=fault,
         )  # fmt: skip
     if not number:
