@@ -5,9 +5,9 @@ of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (
 
     F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
 
-where a steady state has V = i omega X and A = -omega^2 X. Velocity and acceleration follow from the envelopes,
-so what is unknown is only the mass; it follows from the same equation over all points with k and c free
-functions of the amplitude. For a linear oscillator the equation is exact at any rate.
+where a steady state has V = i omega X and A = -omega^2 X. Velocity and acceleration follow from the
+envelopes, so what is unknown is only the mass; it follows from the same equation over all points with k and c
+free functions of the amplitude. For a linear oscillator the equation is exact at any rate.
 
 The pure number of a sweep is rate / (zeta f)^2: how far the frequency moves while the response rings down,
 against the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965, thesis, California
@@ -38,10 +38,11 @@ _OUTLIER = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """The mass that the sweeps themselves tell [kg], and its standard error."""
+    """The mass that sweeps themselves tell [kg], its standard error, the misfit relative to the force."""
 
     mass: float
     standard_error: float
+    misfit: float
 
 
 def _hats(amplitude: Array) -> Array:
@@ -92,7 +93,7 @@ def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
     freedom = max(len(right) - stacked.shape[1], 1)
     inverse = np.linalg.inv((stacked / size).T @ (stacked / size))
     error = float(np.sqrt(inverse[-1, -1] * (left @ left) / freedom) / size[-1])
-    return Inertia(float(solution[-1] / size[-1]), error)
+    return Inertia(float(solution[-1] / size[-1]), error, float(np.median(residual)))
 
 
 def steady_force(force: ComplexArray, motion: Motion, mass: float) -> tuple[ComplexArray, Array]:

@@ -47,6 +47,9 @@ _ASKED = 0.1
 _TOLD = 0.1
 """Relative standard error up to which the mass from the sweeps themselves is used."""
 
+_ONE_MODE = 0.15
+"""Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
+
 _SLOW = 0.1
 """rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
 
@@ -183,7 +186,7 @@ def demodulate_sweep(
 
     Every history may hold several sweeps, up and down, at several levels. The frequency of a row is that of
     the steady motion with the same acceleration, and its force is the measured one less what the sweep itself
-    asked for (``quasi_steady``), where the mass is given or told by the sweeps; else the force is as measured.
+    asked for (``quasi_steady``), where the mass is given or told by the sweeps; else it is as measured.
 
     Parameters
     ----------
@@ -239,6 +242,8 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
     if mass is None and np.count_nonzero(good) > 50:
         picked = np.flatnonzero(good)
         found = estimate_mass(force[picked], Motion(*(getattr(motion, k)[picked] for k in Motion.__slots__)))
+        if found and found.misfit > _ONE_MODE:
+            found = None
         if found and 0 < found.standard_error < _TOLD * abs(found.mass):
             known = found.mass
     steady = force
@@ -250,8 +255,8 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         notes += _pace(rows, force, steady, motion, damping, good, known, mass is not None)
     else:
         notes.append(
-            "the sweeps do not tell the moving mass, so the measured force was not corrected for the sweep; "
-            "give the mass, or compare sweeps up and down"
+            "the force was not corrected for the pace of the sweep: over this band the sweeps do not tell a "
+            "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
         )
     notes += _distortions(rows)
     level = name_levels([(r.history.level, float(np.median(np.abs(r.force)))) for r in rows])
@@ -305,8 +310,8 @@ def _pace(
         change = float(np.median(np.abs(force[part][top] / steady[part][top] - 1)))
         note = (
             f"{r.history.label}: the sweep {r.direction} at {rate:.3g} Hz/s is fast for a resonance at "
-            f"{f:.4g} Hz with half width {width:.2g} Hz: rate/(half width)^2 = {pace:.2g}, which shifts it by "
-            f"{pace / 2 / pi:.2g} half widths. The force was corrected for that, by {change:.1%} at the "
+            f"{f:.4g} Hz with half width {width:.2g} Hz: rate/(half width)^2 = {pace:.2g}, which shifts it "
+            f"by {pace / 2 / pi:.2g} half widths. The force was corrected for that, by {change:.1%} at the "
             f"resonance, with the mass {mass:.4g} kg ({'given' if given else 'from the sweeps themselves'})"
         )
         if pace > _FAST:

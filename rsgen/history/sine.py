@@ -1,0 +1,114 @@
+"""Least-squares fit of a sine and its harmonics, frequency refined (as IEEE 1057 does), block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.history.record import BLOCK
+
+__all__ = ["Sine", "fit_sine", "refine_frequency"]
+
+ComplexArray = NDArray[np.complex128]
+
+_ROUNDS = 12
+_EXACT = 1e-13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sine:
+    """Mean and harmonics of a signal at one frequency, and the rms of what is left.
+
+    Parameters
+    ----------
+    harmonics
+        (H+1,) complex; the signal is Re sum_h Y_h exp(i h omega (t - t0)), t0 the first sample.
+    residual
+        rms of the rest, in the signal's unit.
+    samples
+        Number of samples fitted.
+    """
+
+    harmonics: ComplexArray
+    residual: float
+    samples: int
+
+
+def _columns(
+    first: int, count: int, omega: float, orders: int, drift: bool, middle: float
+) -> NDArray[np.float64]:
+    i = np.arange(first, first + count, dtype=np.float64)
+    turn = np.exp(1j * omega * i)
+    columns, power = [np.ones(count)], np.ones(count, dtype=complex)
+    for _ in range(orders):
+        power = power * turn
+        columns += [power.real, -power.imag]
+    if drift:
+        columns += [(i - middle) * columns[1], (i - middle) * columns[2]]
+    return np.stack(columns, axis=1)
+
+
+def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tuple[NDArray[np.float64], float]:
+    """Solve the normal equations (the columns are nearly orthogonal); parameters and sum of squares left."""
+    n = len(signal)
+    middle = (n - 1) / 2
+    size = 1 + 2 * orders + (2 if drift else 0)
+    gram, right, square = np.zeros((size, size)), np.zeros(size), 0.0
+    scale = np.ones(size)
+    scale[size - 2 :] = 2 / n if drift else 1.0
+    for first in range(0, n, BLOCK):
+        samples = np.asarray(signal[first : first + BLOCK], dtype=np.float64)
+        columns = _columns(first, len(samples), omega, orders, drift, middle) * scale
+        gram += columns.T @ columns
+        right += columns.T @ samples
+        square += float(samples @ samples)
+    solution = np.linalg.solve(gram, right)
+    return solution * scale, max(square - float(solution @ right), 0.0)
+
+
+def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> Sine:
+    """Fit mean, fundamental and harmonics at a known frequency.
+
+    Parameters
+    ----------
+    signal
+        (n,) samples, at least two periods.
+    omega
+        Angle a sample [rad].
+    orders
+        Highest harmonic, below the Nyquist frequency.
+    """
+    p, left = _solve(signal, omega, orders, False)
+    harmonics = np.concatenate([[p[0]], p[1::2] + 1j * p[2::2]])
+    return Sine(harmonics, float(np.sqrt(left / len(signal))), len(signal))
+
+
+def refine_frequency(signal: NDArray[Any], omega: float, orders: int) -> float:
+    """Refine the frequency of a sine: the phase may not drift along the samples (Gauss and Newton).
+
+    Parameters
+    ----------
+    signal
+        (n,) samples.
+    omega
+        First value, angle a sample [rad]; off by less than half a turn over the samples.
+    orders
+        Harmonics fitted with it.
+    """
+    for _ in range(_ROUNDS):
+        p, _ = _solve(signal, omega, orders, True)
+        fundamental = complex(p[1], p[2])
+        drift = complex(p[-2], p[-1])
+        if fundamental == 0:
+            break
+        # Y (1 + i d (t - middle)): the imaginary part of drift over fundamental is the error of omega
+        step = (drift / fundamental).imag
+        step = float(np.clip(step, -pi / len(signal), pi / len(signal)))
+        omega += step
+        if abs(step) < _EXACT * omega:
+            break
+    return omega
