@@ -167,18 +167,33 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     )
 
 
-def _demodulated(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
+    """Put the points of several surfaces into one."""
+    if len(surfaces) == 1:
+        return surfaces[0]
+    rows = ("level", "frequency", "force", "harmonics", "peak", "sweep", "outcome", "residual", "error")
+    return ResponseSurface(
+        **{name: np.concatenate([getattr(surface, name) for surface in surfaces]) for name in rows},
+        origin="measured",
+        notes=tuple(dict.fromkeys(note for surface in surfaces for note in surface.notes)),
+    )
+
+
+def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this room and must start quickly
-    from rsgen.history import demodulate_sweep
+    from rsgen.history import demodulate_sweep, fit_steps, follow_decay
     from rsgen.measurement.histories import read_histories
 
     histories = read_histories(test)
+    given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
     if rule.excitation == "swept-sine":
-        given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
         return demodulate_sweep(
             histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
         )
-    raise MeasurementError(f"excitation: {rule.excitation!r} is not evaluated yet; 'swept-sine' is")
+    if rule.excitation == "stepped-sine":
+        return fit_steps(histories, band=rule.band, **given)
+    decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
+    return _joined([decay.surface() for decay in decays])
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface:
@@ -203,4 +218,4 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     MeasurementError
         A file cannot be read as the plan says; the message names file and line or row.
     """
-    return _amplitudes(test) if test.history is None else _demodulated(test, test.history)
+    return _amplitudes(test) if test.history is None else _from_histories(test, test.history)
