@@ -12,8 +12,9 @@ import pytest
 import sympy
 
 from rsgen.element import normal_form
+from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol
-from rsgen.kernel import compile_kernel, generate, parameter_order
+from rsgen.kernel import Kernel, compile_kernel, generate, parameter_order, store
 from rsgen.kernel.store import load_kernel
 
 # the same arithmetic in another order
@@ -34,10 +35,6 @@ LAWS = [
     "k*sin(x/d) + a*sign(x + d*v)",
     "k*exp(x/d)*x + F_f*sign(v - w)",
 ]
-
-
-def _functions(force: sympy.Expr, every: bool) -> dict[str, object]:
-    return load_kernel(generate(force, locate_all=every)).py_func.__globals__
 
 
 def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str, float]) -> list[float]:
@@ -63,7 +60,7 @@ def test_force_of_the_kernel_is_the_force_of_the_law(law: str, every: bool) -> N
     # plain Python on purpose: the arithmetic is what is tested, compilation is tested by the motions
     space: dict[str, object] = {}
     plain = source[: source.index("\n@njit(")] + _function_text(source, "force")
-    exec(compile(plain.replace("from numba import njit", ""), "kernel", "exec"), space)
+    exec(compile(plain.replace("from numba import carray, cfunc, njit, types", ""), "kernel", "exec"), space)
     for _ in range(40):
         x, v = random.uniform(-2, 2, 2)
         point = {symbol("x"): x, symbol("v"): v} | {symbol(name): value for name, value in values.items()}
@@ -115,20 +112,15 @@ def test_several_friction_terms_share_one_switch() -> None:
     assert len(form.switches) == 1
 
 
-def _forget(source: str) -> None:
-    march = load_kernel(source)
-    sys.modules.pop(march.py_func.__module__)
-
-
-def _one_step_further(march: object) -> np.ndarray:
-    angle = np.pi / 32 * np.arange(64)
-    state = np.zeros((2, 1))
-    march(
-        np.array([0]), state, np.zeros((2, 2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0,
-        np.array([0.3, 40.0]), np.array([np.cos(angle), np.sin(angle)]), 1,
-        np.zeros((1, 0)), np.zeros((1, 2)),
-    )  # fmt: skip
-    return state
+def _one_step_further(source: str) -> np.ndarray:
+    kernel = Kernel(("c", "k"), load_kernel(source))
+    # as a new process would: from the cache, if there is one
+    store._loaded.clear()
+    values = np.array([0.3, 40.0])
+    return kernel.march(
+        np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
+        steps=32, periods=1,
+    ).state  # fmt: skip
 
 
 @pytest.fixture
@@ -138,41 +130,83 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_a_damaged_cache_is_rebuilt(own_cache: Path) -> None:
-    source = generate(parse("c*v + k*x")) + "\n# a kernel of this test alone\n"
-    expected = _one_step_further(load_kernel(source))
-    _forget(source)
-    for damage in ("code", "index", "source", "missing", "list"):
-        (folder,) = [path for path in own_cache.iterdir() if path.is_dir()]
-        if damage == "code":
-            (file,) = folder.rglob("*.nbc")
-            content = bytearray(file.read_bytes())
-            content[len(content) // 2] ^= 0xFF
-            file.write_bytes(content)
-        elif damage == "index":
-            (file,) = folder.rglob("*.nbi")
-            file.write_bytes(file.read_bytes()[:20])
-        elif damage == "source":
-            (folder / "kernel.py").write_text("raise SystemExit('not this')\n")
-        elif damage == "missing":
-            next(folder.rglob("*.nbc")).unlink()
-        else:
-            (folder / "checksums.json").write_text("[]")
-        assert np.array_equal(_one_step_further(load_kernel(source)), expected), damage
-        _forget(source)
+@pytest.mark.parametrize("damage", ["code", "cut", "source", "missing", "list", "symbol"])
+def test_a_damaged_cache_is_rebuilt(own_cache: Path, damage: str) -> None:
+    source = generate(parse("c*v + k*x")) + f"\n# a kernel of this test alone, {damage}\n"
+    expected = _one_step_further(source)
+    (folder,) = [path for path in own_cache.iterdir() if path.is_dir()]
+    whole = (folder / "kernel.o").read_bytes()
+    if damage == "code":
+        content = bytearray(whole)
+        content[len(content) // 2] ^= 0xFF
+        (folder / "kernel.o").write_bytes(content)
+    elif damage == "cut":
+        (folder / "kernel.o").write_bytes(whole[:200])
+    elif damage == "source":
+        (folder / "kernel.py").write_text("raise SystemExit('not this')\n")
+    elif damage == "missing":
+        (folder / "kernel.o").unlink()
+    elif damage == "list":
+        (folder / "kernel.json").write_text("[]")
+    else:
+        (folder / "kernel.json").write_text('{"symbol": 3}')
+    assert np.array_equal(_one_step_further(source), expected)
     assert not list(own_cache.glob(".building-*"))
+    assert store._read(folder, source) is not None
 
 
 def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
     source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
-    load_kernel(source)
-    (file,) = own_cache.rglob("*.nbc")
+    expected = _one_step_further(source)
+    (file,) = own_cache.rglob("*.o")
     before = file.stat().st_mtime_ns
-    _forget(source)
-    march = load_kernel(source)
+    assert np.array_equal(_one_step_further(source), expected)
     assert file.stat().st_mtime_ns == before
-    assert sum(march.stats.cache_hits.values()) == 1
-    _forget(source)
+
+
+@pytest.mark.slow
+def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
+    program = (
+        "import sys; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "compile_kernel(parse('c*v + k*x')); print('numba' in sys.modules)"
+    )
+    for expected in ("True", "False"):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected
+
+
+def test_machine_code_is_never_told_what_is_not_so() -> None:
+    kernel = compile_kernel(parse("c*v + k*x"))
+    good = {
+        "points": np.arange(3), "state": np.zeros((2, 3)), "force": np.zeros((3, 2)), "omega": np.ones(3),
+        "mass": 1.0, "values": np.ones(2),
+    }  # fmt: skip
+    bad = {
+        "points": [np.arange(4), np.array([0, 1, 3]), np.array([0, -1, 2])],
+        "state": [np.zeros((3, 2)), np.zeros((2, 4))],
+        "force": [np.zeros((2, 3)), np.zeros((3, 2), np.float32)],
+        "omega": [np.ones(2)],
+        "values": [np.ones(3), np.ones(2, np.int64)],
+    }
+    assert kernel.march(**good, steps=16, periods=1).state.shape == (2, 3)
+    for name, faults in bad.items():
+        for fault in faults:
+            with pytest.raises(RsgenError, match="march"):
+                kernel.march(**(good | {name: fault}), steps=16, periods=1)
+
+
+@pytest.mark.slow
+def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
+    law = (
+        "c*v + sin(x)*cos(x) + tan(x) + sinh(x) + cosh(x)*tanh(x) + exp(x) + log(2 + x) + asin(x/9)"
+        " + acos(x/9) + atan(x) + atan2(x, v) + abs(x)**1.3 + sqrt(abs(x)) + Max(x, v)*Min(x, 2) + sign(x)"
+    )
+    kernel = compile_kernel(parse(law))
+    march = kernel.march(
+        np.arange(2), np.full((2, 2), 0.1), np.ones((2, 2)), np.array([3.0, 4.0]), 1.0, np.array([0.5]),
+        steps=64, periods=2,
+    )  # fmt: skip
+    assert np.isfinite(march.state).all()
 
 
 def test_without_a_place_for_the_cache_kernels_still_work(
@@ -182,8 +216,7 @@ def test_without_a_place_for_the_cache_kernels_still_work(
     occupied.write_text("")
     monkeypatch.setenv("RSGEN_CACHE", str(occupied))
     source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
-    assert np.isfinite(_one_step_further(load_kernel(source))).all()
-    _forget(source)
+    assert np.isfinite(_one_step_further(source)).all()
 
 
 @pytest.mark.slow
@@ -197,7 +230,7 @@ def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
     ]
     assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
     (folder,) = own_cache.iterdir()
-    assert (folder / "checksums.json").is_file()
+    assert (folder / "kernel.json").is_file()
 
 
 def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:

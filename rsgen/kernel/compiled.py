@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,10 +12,14 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.errors import RsgenError
 from rsgen.kernel.generation import generate, parameter_order
 from rsgen.kernel.store import load_kernel
 
 __all__ = ["Kernel", "March", "compile_kernel"]
+
+_ROOM = 1024 * 64  # numbers: more rows of lanes than any law that can be read needs
+_room = threading.local()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +50,19 @@ def _phases(steps: int) -> NDArray[np.float64]:
     return np.ascontiguousarray([np.cos(angle), np.sin(angle)])
 
 
+def _address(array: NDArray[Any]) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+def _work() -> NDArray[np.float64]:
+    """Room for the lanes of one thread."""
+    if not hasattr(_room, "lanes"):
+        _room.lanes = np.zeros(_ROOM)
+    lanes: NDArray[np.float64] = _room.lanes
+    return lanes
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Kernel:
     """The compiled law and the order of its parameters.
@@ -56,7 +74,7 @@ class Kernel:
     """
 
     parameters: tuple[str, ...]
-    _march: Callable[..., Any]
+    _enter: Callable[..., Any]
 
     def march(
         self,
@@ -94,15 +112,34 @@ class Kernel:
             Record the mean and harmonics 1 to this in the last period; None: record nothing.
         peaks
             Record the peaks besides.
+
+        Raises
+        ------
+        RsgenError
+            Shapes or types of the arrays do not belong together.
         """
-        k = len(points)
+        k, columns = len(points), 0 if harmonics is None else harmonics + 1
         after = np.array(state, dtype=np.float64, order="C")
         trail = np.empty((2, 2, k))
-        waves = np.empty((k, 0 if harmonics is None else harmonics + 1), dtype=np.complex128)
-        peak = np.empty((k if peaks and harmonics is not None else 0, 2))
-        self._march(
-            points, after, trail, force, omega, mass, values, _phases(steps), periods,
-            waves.view(np.float64), peak,
+        waves = np.empty((k, columns), dtype=np.complex128)
+        peak = np.empty((k if peaks and columns else 0, 2))
+        lanes = np.ascontiguousarray(points, dtype=np.int64)
+        F, w = np.ascontiguousarray(force), np.ascontiguousarray(omega)
+        p = np.ascontiguousarray(values)
+        # machine code checks nothing: what it is told here must be so
+        if (
+            after.shape != (2, k) or F.shape != (len(w), 2) or p.shape != (len(self.parameters),)
+            or not all(a.dtype == np.float64 for a in (F, w, p))
+            or (k and not (lanes.min() >= 0 and lanes.max() < len(w)))
+        ):  # fmt: skip
+            raise RsgenError(
+                f"march: {k} lanes, states {after.shape}, forces {F.shape}, {len(w)} frequencies, {len(p)} "
+                "values do not belong together; (k,), (2, k), (n, 2), (n,) and (P,) of float64 are needed"
+            )
+        self._enter(
+            _address(lanes), k, _address(after), _address(trail), _address(F), _address(w), len(w),
+            mass, _address(p), len(p), _address(_phases(steps)), steps, periods,
+            _address(waves), 2 * columns, _address(peak), len(peak), _address(_work()),
         )  # fmt: skip
         return March(after, trail, waves, peak)
 

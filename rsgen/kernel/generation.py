@@ -16,10 +16,6 @@ from rsgen.kernel.arithmetic import Body
 __all__ = ["generate", "parameter_order"]
 
 _TEMPLATE = "kernel/kernel.py.j2"
-_SIGNATURE = (
-    "void(int64[::1], float64[:,::1], float64[:,:,::1], float64[:,::1], float64[::1], float64, "
-    "float64[::1], float64[:,::1], int64, float64[:,::1], float64[:,::1])"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +168,6 @@ def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
         gates=gates,
         located=list(located.values()),
         force_body=_force_body(form, names, located),
-        signature=_SIGNATURE,
     )
 
 
