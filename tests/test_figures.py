@@ -14,6 +14,7 @@ from first_order import (
     C1,
     K1,
     KN1,
+    MASS,
     cubic_identification,
     cubic_prediction,
     cubic_surface,
@@ -22,8 +23,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsgen import figures
+from rsgen.element import make_element
 from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
 from rsgen.figures.equivalent import backbone, refined_band, values_of
+from rsgen.identification import Estimate
+from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
@@ -222,3 +226,36 @@ def test_every_level_gets_its_own_curve(size: float) -> None:
     handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
     assert len(set(labels)) == len(labels) == 6
     assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
+
+
+def test_the_curve_is_drawn_where_single_parameters_are_not_told() -> None:
+    told, *others = IDENTIFICATION.refined
+    lost = [replace(estimate, value=float("nan"), remark="not told") for estimate in others]
+    known = replace(IDENTIFICATION, refined=(told, *lost))
+    for draw in (figures.draw_stiffness, figures.draw_resonance, figures.draw_forces):
+        lines = [
+            line for line in draw(known).figure.axes[0].get_lines() if "refined" in str(line.get_label())
+        ]
+        assert lines
+        assert np.isfinite(np.asarray(lines[0].get_ydata(), dtype=float)).all()
+
+
+@pytest.mark.parametrize(
+    ("force", "over_velocity"),
+    [("k*x + c*v", False), ("k*x + c*v + d*v*abs(v)", True), ("k*x + c*v + Ff*sign(v)", True)],
+)
+def test_damping_collapses_over_velocity_where_the_damper_acts_on_it(force: str, over_velocity: bool) -> None:
+    model = Model((make_element("law", force),), mass=MASS)
+    values = {"k": 5920.0, "c": 3.8, "d": 1.0, "Ff": 0.5}
+    refined = tuple(Estimate(name, values[name], 0.0, (0.0, 0.0)) for name in model.parameters)
+    exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
+    known = replace(IDENTIFICATION, model=model, refined=refined, **exact)
+    lower = figures.draw_collapse(known).figure.axes[1]
+    assert ("ωX [m/s]" in lower.get_xlabel()) is over_velocity
+    # and there the model is one curve: c + 8/(3 pi) d omega X, c + 4 Ff/(pi omega X)
+    (line,) = lower.get_lines()
+    place, damping = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    if "d*" in force:
+        assert damping == pytest.approx(3.8 + 8 / (3 * np.pi) * place)
+    elif "Ff" in force:
+        assert damping == pytest.approx(3.8 + 4 * 0.5 / (np.pi * place))

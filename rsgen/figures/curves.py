@@ -20,6 +20,7 @@ from rsgen.figures.equivalent import (
     backbone,
     calm_limits,
     refined_band,
+    solution_of,
     values_of,
 )
 from rsgen.figures.overview import level_colours
@@ -75,7 +76,7 @@ def draw_resonance(identification: Identification) -> Drawing:
     upper, lower = figure.subplots(2, 1, sharex=True)
     scale = choose_scale(amplitude, "m")
     grid = amplitudes_tested(identification)
-    model = backbone(identification, values_of(identification.refined), grid)
+    model = backbone(identification, solution_of(identification), grid)
     _plot(upper, amplitude / scale.factor, frequency, POINT, "one level each")
     _plot(upper, grid / scale.factor, model.frequency, REFINED, "refined model")
     _plot(lower, amplitude / scale.factor, 100 * ratio, POINT, "one level each")
@@ -154,7 +155,8 @@ def _draw_equivalent(
         lw=0,
     )
     _plot(axes, amplitude / x.factor, measured / y.factor, POINT, "levels at resonance")
-    _plot(axes, grid / x.factor, pick(first) / y.factor, FIRST_ORDER, "first-order fit, all points")
+    if np.isfinite(pick(first)).any():
+        _plot(axes, grid / x.factor, pick(first) / y.factor, FIRST_ORDER, "first-order fit, all points")
     _plot(axes, grid / x.factor, pick(refined) / y.factor, REFINED, "refined fit, 95 % band")
     if truth is not None:
         true = pick(backbone(identification, truth, grid))
@@ -216,7 +218,7 @@ def draw_collapse(identification: Identification) -> Drawing:
     """
     curve = identification.curve
     grid = amplitudes_tested(identification)
-    model = backbone(identification, values_of(identification.refined), grid)
+    model = backbone(identification, solution_of(identification), grid)
     x = choose_scale(curve.amplitude, "m")
     force = choose_scale(curve.level, "N")
     colours = level_colours()

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from rsgen.describing import derive
 from rsgen.identification import Estimate, Identification
 
-__all__ = ["Backbone", "amplitudes_tested", "backbone", "calm_limits", "refined_band", "values_of"]
+__all__ = [
+    "Backbone",
+    "amplitudes_tested",
+    "backbone",
+    "calm_limits",
+    "refined_band",
+    "solution_of",
+    "values_of",
+]
 
 Floats = NDArray[np.float64]
 _NORMAL_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
@@ -61,6 +69,17 @@ def amplitudes_tested(identification: Identification, points: int = 160) -> Floa
     )
 
 
+def solution_of(identification: Identification) -> dict[str, float]:
+    """Give the refined values; where the test does not tell one, the value with which the fit reproduces it.
+
+    The curve over what was tested is known also where single parameters are not.
+    """
+    values = values_of(identification.refined)
+    names = sorted(identification.model.parameters)
+    fitted = dict(zip(names, identification.solution.tolist(), strict=True))
+    return {name: value if np.isfinite(value) else fitted.get(name, value) for name, value in values.items()}
+
+
 def backbone(identification: Identification, values: Mapping[str, float], amplitude: Floats) -> Backbone:
     """Evaluate the describing functions at m omega^2 = k(X), where the levels have their resonance.
 
@@ -98,7 +117,7 @@ def refined_band(identification: Identification, amplitude: Floats) -> tuple[Bac
 
     Linear propagation of the covariance; the derivative is the difference over one standard error.
     """
-    values = values_of(identification.refined)
+    values = solution_of(identification)
     centre = backbone(identification, values, amplitude)
     names = [estimate.name for estimate in identification.refined]
     covariance = identification.covariance

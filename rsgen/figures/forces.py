@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsgen.expression import symbol
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.drawing import Drawing, in_style, new_figure
-from rsgen.figures.equivalent import calm_limits, values_of
+from rsgen.figures.equivalent import calm_limits, solution_of
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
 from rsgen.oscillator import Model
@@ -65,7 +65,7 @@ def draw_forces(identification: Identification, truth: Mapping[str, float] | Non
     x, v = np.linspace(-high, high, 401), np.linspace(-fast, fast, 401)
     zero = np.zeros(401)
     model = identification.model
-    refined = force_function(model, values_of(identification.refined))
+    refined = force_function(model, solution_of(identification))
     true = None if truth is None else force_function(model, truth)
     figure = new_figure(4.4, 4.6)
     upper, lower = figure.subplots(2, 1)

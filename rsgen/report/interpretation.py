@@ -33,6 +33,9 @@ _TURN = 0.05
 _FACTOR = 2.0
 """From this ratio on a change is told as a factor: "falls by 99.7 %" says little."""
 
+_BEYOND_NOISE = 4.0
+"""A mean of so many times the noise is no accident of one point."""
+
 _NORMAL_95 = 1.959964
 
 _DEGREES = {0: "constant force", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -275,6 +278,9 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
 def _one_sided(identification: Identification, low: float, high: float) -> bool:
     """Tell whether the identified spring is without force at rest and no straight line from low to high."""
     law = compile_law(identification.model.force)
+    if law.odd:
+        # the same on both sides: motion in one well of two has a mean as well
+        return False
     point = np.array([identification.values[name] for name in law.parameters])
     x = np.append(np.linspace(low, high, 101), 0.0)
     force = law.force(x, np.zeros_like(x), point)
@@ -305,7 +311,8 @@ def describe_mean(surface: ResponseSurface, identification: Identification | Non
         return None
     i = int(settled[np.argmax(surface.amplitude[settled])])
     mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
-    if abs(mean) < 1e-3 * amplitude or not np.isfinite(surface.peak[i]).all():
+    noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
+    if abs(mean) < max(1e-3, _BEYOND_NOISE * noise) * amplitude or not np.isfinite(surface.peak[i]).all():
         return None
     high, low = (abs(float(value)) for value in surface.peak[i])
     swing = (

@@ -77,7 +77,8 @@ def _digits(estimate: Estimate) -> int:
 
 def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False) -> Cell:
     if estimate is None or not math.isfinite(estimate.value):
-        return Cell("–", "" if estimate is None else estimate.remark)
+        # the refined estimate says why, for all
+        return Cell("–", estimate.remark if estimate is not None and interval else "")
     text = quantity_text(estimate.value, unit, _digits(estimate) if interval else 4)
     half = (estimate.interval[1] - estimate.interval[0]) / 2
     if not interval or not math.isfinite(half):
