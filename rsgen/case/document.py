@@ -277,7 +277,10 @@ class LevelTable(_Table):
 
     value: Quantity | None = None
     values: list[Quantity] | None = Field(
-        default=None, min_length=1, max_length=MAX_FILES, description="One level for each file."
+        default=None,
+        min_length=1,
+        max_length=MAX_FILES,
+        description="One for each file, or for each entry that a * means.",
     )
     name: Text | None = Field(
         default=None, description='The form of the files\' names, such as "sweep_{level}N.mat".'
@@ -318,6 +321,17 @@ class IdentifyTable(_Table):
 
     hold_out: list[Quantity] = Field(
         default=[], max_length=1000, description="Levels kept from identification and predicted instead."
+    )
+    background: Literal["none", "phase", "constant", "residuals"] = Field(
+        default="none",
+        description="What the sensor sees besides the mode, fitted with it: a phase error; and a response "
+        "proportional to the force; and its change over the band, as modes below and above leave it.",
+    )
+    band: list[Quantity] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description='Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.',
     )
 
 

@@ -203,7 +203,7 @@ def _level(table: LevelTable, files: int, faults: list[str]) -> LevelRule:
     given = [key for key in keys if getattr(table, key) is not None]
     if len(given) > 1:
         faults.append(f"test.level: has {' and '.join(given)}; give one of them")
-    if table.values is not None and len(table.values) != files:
+    if table.values is not None and files > 1 and len(table.values) != files:
         faults.append(f"test.level.values: {len(table.values)} for {files} files; one for each is needed")
     if table.name is not None and table.name.count("{level}") != 1:
         faults.append("test.level.name: must have {level} once, where the number stands: run_{level}N.csv")
@@ -233,6 +233,8 @@ def _history(table: MeasuredTable, mass: float | None, faults: list[str]) -> His
         if table.time is not None:
             faults.append("test.time: belongs to time histories; leave it out, or set test.excitation")
         return None
+    if table.excitation == "ring-down" and mass is None:
+        faults.append("system.mass: is missing; a free decay tells stiffness and damping per mass only")
     if table.frequency is not None:
         faults.append("test.frequency: is found from the time histories; leave it out")
     time = table.time or TimeTable()

@@ -26,6 +26,7 @@ application = typer.Typer(
       rsgen check gearbox.toml                   find every fault in it, say what a run will do
       rsgen run gearbox.toml                     simulate, identify, compare, report
       rsgen run cases --out reports              the same for a folder of cases
+      rsgen inspect sweep.mat                    what is in a measured file
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
       rsgen show reports/gearbox                 turn the response surface, read values
       rsgen diff before after                    what changed between two results
@@ -277,6 +278,24 @@ def show(
     raise typer.Exit(show_command(folder, out, open_it, json))
 
 
+@application.command(short_help="What is in a data file.")
+def inspect(
+    file: Annotated[Path, typer.Argument(help="A measured file of any format.", show_default=False)],
+    everything: Annotated[bool, typer.Option("--all", help="List every array.")] = False,
+    json: Json = False,
+) -> None:
+    """Show what is in a data file (MATLAB, HDF5, NumPy, universal, text), and propose a [test] table.
+
+    \b
+    Examples:
+      rsgen inspect sweep.mat
+      rsgen inspect receptances.uff --json
+    """
+    from rsgen.cli.inspection import inspect_command
+
+    raise typer.Exit(inspect_command(file, everything, json))
+
+
 @application.command(short_help="Begin a case file.")
 def init(
     name: Annotated[
@@ -294,6 +313,10 @@ def init(
     measured: Annotated[
         str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
     ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option("--from", help="A data file: guess from it where what is.", show_default=False),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
     ] = None,
@@ -306,10 +329,11 @@ def init(
       rsgen init gearbox
       rsgen init joint --law "k*x + c*v + mu*sign(v)"
       rsgen init wire --measured wire.csv
+      rsgen init --from sweep.mat wing.toml
     """
     from rsgen.cli.beginning import init_command
 
-    raise typer.Exit(init_command(name, force, measured, out))
+    raise typer.Exit(init_command(name, force, measured, data, out))
 
 
 @application.command(short_help="The library of force laws.")

@@ -98,7 +98,7 @@ def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
     return [(name, sympy.Add(*part)) for name, part in parts if part], units
 
 
-def case_text(name: str, law: str, measured: str | None = None) -> str:
+def case_text(name: str, law: str, measured: str | None = None, test: str | None = None) -> str:
     """Give the text of a case to begin with.
 
     Parameters
@@ -109,6 +109,8 @@ def case_text(name: str, law: str, measured: str | None = None) -> str:
         A force law in x and v; terms with v go to the damper, the others to the spring.
     measured
         The data file of a measured case; None for a simulated one.
+    test
+        The [test] tables as TOML, if they are known.
 
     Raises
     ------
@@ -149,7 +151,7 @@ def case_text(name: str, law: str, measured: str | None = None) -> str:
         fault = path_fault(measured)
         if fault:
             raise RsgenError(f"--measured: {fault}")
-        lines.append(_MEASURED.format(file=measured, variable=DATA_VARIABLE))
+        lines.append(test or _MEASURED.format(file=measured, variable=DATA_VARIABLE))
     return "\n".join(lines)
 
 
@@ -168,18 +170,51 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
     return name.strip(), force, measured
 
 
-def init_command(name: str | None, law: str | None, measured: str | None, out: Path | None) -> int:
+def _guessed(data: Path, target: Path) -> tuple[str, str]:
+    """Give path and [test] tables for a data file, as seen from the folder of the case."""
+    from rsgen.cli.inspection import proposal_text
+    from rsgen.measurement.listing import list_contents
+    from rsgen.measurement.proposal import propose
+
+    proposal = propose(list_contents(data))
+    if proposal is None:
+        raise RsgenError(
+            f"{data.name}: no frequency, force and response were recognised in it; see rsgen inspect, "
+            "then rsgen init --measured"
+        )
+    folder = target.parent.resolve()
+    try:
+        inside = data.resolve().relative_to(folder).as_posix()
+    except ValueError:
+        # elsewhere: RSGEN_DATA or --data must name its folder
+        inside = data.name
+    proposal.tables["test"]["file"] = inside
+    return inside, proposal_text(proposal)
+
+
+def init_command(
+    name: str | None, law: str | None, measured: str | None, data: Path | None, out: Path | None
+) -> int:
     """Write the case; a file that is there is left alone."""
+    if data is not None and measured is not None:
+        raise RsgenError("--from: does not go with --measured; --from guesses what stands where")
+    if name is None and data is not None:
+        name = data.stem
     if name is None:
         name, law, measured = _ask(law, measured)
     file = Path(name)
     if file.suffix == ".toml":
         # a file was named: the case is called like it
         name, out = file.stem, out or file
-    text = case_text(name, law or _LAW, measured)
     target = out or Path(f"{name}.toml")
+    test = None
+    if data is not None:
+        measured, test = _guessed(data, target)
+    text = case_text(name, law or _LAW, measured, test)
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)
     print_line(f"{target}: change what you need, then `rsgen check {target}`")
+    if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
+        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
     return 0

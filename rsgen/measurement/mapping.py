@@ -138,7 +138,7 @@ class LevelRule:
     value
         One level for all files [N].
     values
-        One level for each file [N].
+        One level for each file, or for each entry that a * means in one file [N].
     column, factor
         A column whose numbers times the factor are the level [N].
     name
@@ -277,11 +277,15 @@ class MeasuredTest:
             raise MeasurementError(f"format: {self.format!r}; must be one of {', '.join(FORMATS)}")
         for name, count in (
             ("sha256", len(self.sha256)),
-            ("level.values", len(self.level.values)),
             ("response_files", len(self.response_files)),
         ):
             if count not in (0, len(self.files)):
                 raise MeasurementError(f"{name}: {count} for {len(self.files)} files; one each is needed")
+        one = len(self.files) == 1 and self.history is None
+        if len(self.level.values) not in (0, len(self.files)) and not one:
+            raise MeasurementError(
+                f"level.values: {len(self.level.values)} for {len(self.files)} files; one each is needed"
+            )
         if self.history is None and (self.frequency is None or self.response.samples is not None):
             raise MeasurementError("frequency: is missing; where it is must be told, or a history given")
         if self.force is None and self.history is None and not self.level.told:

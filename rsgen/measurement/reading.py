@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,15 @@ def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
     return table, other
 
 
+def _level_of_entries(values: tuple[float, ...], table: Table) -> NDArray[np.float64]:
+    entries = int(table.block.max()) + 1
+    if entries != len(values):
+        raise MeasurementError(
+            f"{table.label}: {entries} entries and {len(values)} levels; a level for each entry is needed"
+        )
+    return np.array(values)[table.block]
+
+
 def _part(test: MeasuredTest, number: int) -> _Part:
     if test.frequency is None:
         raise MeasurementError("frequency: is missing; where it is must be told")
@@ -98,6 +108,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     alone = level_of_file(test, number)
     if alone is not None:
         level = np.full(len(frequency), alone)
+    elif test.level.values:
+        level = _level_of_entries(test.level.values, table)
     elif test.level.column is not None:
         level = table.real(test.level.column) * test.level.factor
         table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
@@ -171,9 +183,20 @@ def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
     """Put the points of several surfaces into one."""
     if len(surfaces) == 1:
         return surfaces[0]
-    rows = ("level", "frequency", "force", "harmonics", "peak", "sweep", "outcome", "residual", "error")
+
+    def column(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(surface, name) for surface in surfaces])
+
     return ResponseSurface(
-        **{name: np.concatenate([getattr(surface, name) for surface in surfaces]) for name in rows},
+        level=column("level"),
+        frequency=column("frequency"),
+        force=column("force"),
+        harmonics=column("harmonics"),
+        peak=column("peak"),
+        sweep=column("sweep"),
+        outcome=column("outcome"),
+        residual=column("residual"),
+        error=column("error"),
         origin="measured",
         notes=tuple(dict.fromkeys(note for surface in surfaces for note in surface.notes)),
     )

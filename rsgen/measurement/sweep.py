@@ -118,9 +118,10 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     rule = test.level
     if rule.value is not None:
         return rule.value
-    if rule.values:
+    if rule.values and len(rule.values) == len(test.files):
         return rule.values[number]
     if rule.name is None:
+        # several values for one file belong to its entries
         return None
     name = test.files[number].name
     before, _, after = rule.name.partition("{level}")

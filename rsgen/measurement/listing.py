@@ -1,0 +1,130 @@
+"""What is in a data file of any format; of a text also how it is laid out."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.columns import MAX_BYTES, read_columns, text_lines
+from rsgen.measurement.contents import Contents, Entry, facts, make_entry
+from rsgen.measurement.files import file_label, open_regular, recognise_format
+from rsgen.measurement.isolation import list_binary
+from rsgen.measurement.mapping import Layout
+
+__all__ = ["list_contents"]
+
+LOOKED_AT = 300
+"""Lines of a text that tell its layout."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+_UNIT = re.compile(r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z|_(Hz|kHz|rpm|s|ms|N|kN|m|mm|um|g)\Z")
+
+
+def _cells(text: str, layout: Layout) -> list[str]:
+    if layout.delimiter == "whitespace":
+        return text.split()
+    return [cell.strip().strip('"').strip() for cell in text.split(layout.delimiter)]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER.match(cell.replace(",", ".") if decimal == "," and "." not in cell else cell))
+
+
+def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
+    return tuple(_is_number(cell, layout.decimal) for cell in _cells(text, layout))
+
+
+def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
+    """Judge a layout: (numbers in the alike rows at the end, first of these rows, numbers in a row)."""
+    last = _kinds(lines[-1][1], layout)
+    first = len(lines)
+    for place in range(len(lines) - 1, -1, -1):
+        kinds = _kinds(lines[place][1], layout)
+        if len(kinds) != len(last) or not all(found for found, kind in zip(kinds, last, strict=True) if kind):
+            break
+        first = place
+    return sum(last) * (len(lines) - first), first, sum(last)
+
+
+def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
+    """Find delimiter, decimal sign and how many lines stand before; and the first row of numbers."""
+    candidates = [Layout(delimiter=sign) for sign in (",", ";", "\t", "|", "whitespace")]
+    candidates += [Layout(delimiter=sign, decimal=",") for sign in (";", "\t", "|", "whitespace")]
+    judged = [(*_judge(lines, layout), layout) for layout in candidates]
+    numbers, first, _, layout = max(judged, key=lambda found: (found[0], found[2]))
+    if not numbers:
+        raise MeasurementError(f"{label}: no rows of numbers in it; a table of numbers is needed")
+    return layout, first
+
+
+def _automatic(text: str, decimal: str) -> str:
+    """Tell what ``read_columns`` takes for the delimiter of its own accord."""
+    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
+
+
+def _list_text(path: Path) -> Contents:
+    label = file_label(path)
+    with open_regular(path, MAX_BYTES) as file:
+        begin = list(islice(text_lines(file, label, hashlib.sha256(), True), LOOKED_AT))
+    comments = Layout().comments
+    lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
+    if not lines:
+        raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
+    layout, first = _layout(lines, label)
+    width = len(_cells(lines[first][1], layout))
+    above = _cells(lines[first - 1][1], layout) if first else []
+    header = len(above) == width and not any(_is_number(cell, layout.decimal) for cell in above)
+    skipped = first - 1 if header else first
+    skip = lines[skipped - 1][0] if skipped > 0 else 0
+    names = above if header else []
+    layout = Layout(layout.delimiter, layout.decimal, comments, skip)
+    kinds = _kinds(lines[first][1], layout)
+    if layout.delimiter == _automatic(lines[first - 1 if header else first][1], layout.decimal):
+        layout = replace(layout, delimiter="auto")
+    return Contents(path, "csv", _entries(path, layout, names, kinds), layout)
+
+
+def _entries(path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]) -> tuple[Entry, ...]:
+    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
+    fault = ""
+    columns: dict[int, dict[str, object]] = {}
+    rows = 0
+    try:
+        table = read_columns(path, layout, wanted, None)
+        rows = len(table.line)
+        columns = {n: facts(np.ascontiguousarray(table.values[:, i])) for i, n in enumerate(wanted)}
+    except MeasurementError as error:
+        fault = str(error)
+    entries = []
+    for number, kind in enumerate(kinds, start=1):
+        name = names[number - 1] if names else ""
+        alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
+        unit = _UNIT.search(name)
+        item = {
+            "path": alone,
+            "shape": [rows] if rows else [],
+            "dtype": "float64" if kind else "",
+            "unit": (unit[1] or unit[2]) if unit else "",
+            "remark": "",
+            "fault": fault if kind else "is no column of numbers",
+        }
+        entries.append(make_entry(item | columns.get(number, {})))
+    return tuple(entries)
+
+
+def list_contents(path: Path) -> Contents:
+    """List what a data file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large, damaged, or nothing in it.
+    """
+    known = recognise_format(path)
+    return _list_text(path) if known == "csv" else list_binary(path, known)
