@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from rsgen.describing import DescribingFunction, derive
 from rsgen.element import Element, make_element
@@ -262,4 +263,7 @@ def find_law(name: str) -> Law:
     for law in LAWS:
         if law.name == name:
             return law
-    raise RsgenError(f"law {name!r}: unknown; known: {', '.join(law.name for law in LAWS)}")
+    known = [law.name for law in LAWS]
+    near = get_close_matches(name[:80], known, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(known)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -83,11 +84,31 @@ def _folders(path: Path, data: str | os.PathLike[str] | None) -> tuple[Path, ...
     return (Path(variable), path.parent) if variable else (path.parent,)
 
 
-def _document(tree: dict[str, Any], label: str) -> CaseDocument:
+def _document(tree: dict[str, Any], label: str, folders: tuple[Path, ...]) -> CaseDocument:
     try:
         return CaseDocument.model_validate(tree)
     except ValidationError as error:
-        raise CaseError(f"{label}: {sentence}" for sentence in sentences(error)) from None
+        faults = [*sentences(error), *_further_faults(tree, error, folders)]
+        raise CaseError(f"{label}: {fault}" for fault in faults) from None
+
+
+def _further_faults(tree: dict[str, Any], error: ValidationError, folders: tuple[Path, ...]) -> list[str]:
+    """Say what else is wrong where the faulty entries can be left out without making new faults."""
+    rest = deepcopy(tree)
+    for fault in error.errors(include_url=False):
+        *path, key = fault["loc"]
+        table: Any = rest
+        if fault["type"] != "extra_forbidden" and path != ["accept"]:
+            return []
+        for part in path:
+            # the discriminator's tag is no key of the file
+            if not (isinstance(table, dict) and part in ("simulated", "measured") and part not in table):
+                table = table[part]
+        table.pop(key, None)
+    try:
+        return build(CaseDocument.model_validate(rest), folders).faults
+    except ValidationError:
+        return []
 
 
 def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Case:
@@ -114,8 +135,9 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     file = Path(path)
     label = file.name if file.name.isprintable() else quote(file.name)
     text = read_text(file)
-    document = _document(parse_case(text, label), label)
-    parts = build(document, _folders(file, data))
+    folders = _folders(file, data)
+    document = _document(parse_case(text, label), label, folders)
+    parts = build(document, folders)
     if parts.faults or parts.model is None or parts.test is None:
         raise CaseError(f"{label}: {fault}" for fault in parts.faults)
     return Case(
