@@ -1,4 +1,4 @@
-"""Swept-sine tests of an oscillator by a Runge-Kutta integration of its own; nothing of the kernel is used."""
+"""Swept-sine tests of an oscillator by a Runge-Kutta integration of its own, without the kernel."""
 
 from __future__ import annotations
 

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from rsgen.history.decay import RingDown, follow_decay, follow_decays
+from rsgen.history.decay import RingDown, follow_decay
 from rsgen.history.law import SweepLaw
 from rsgen.history.record import TimeHistory
 from rsgen.history.steps import fit_steps
 from rsgen.history.sweep import demodulate_sweep
 
-__all__ = [
-    "RingDown",
-    "SweepLaw",
-    "TimeHistory",
-    "demodulate_sweep",
-    "fit_steps",
-    "follow_decay",
-    "follow_decays",
-]
+__all__ = ["RingDown", "SweepLaw", "TimeHistory", "demodulate_sweep", "fit_steps", "follow_decay"]

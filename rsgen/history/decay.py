@@ -8,8 +8,7 @@ change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -23,7 +22,7 @@ from rsgen.history.quasi_steady import steady_force
 from rsgen.history.record import TimeHistory
 from rsgen.surface import ResponseSurface
 
-__all__ = ["RingDown", "follow_decay", "follow_decays"]
+__all__ = ["RingDown", "follow_decay"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -237,39 +236,6 @@ def follow_decay(
         mass=mass,
         label=history.label,
     )
-
-
-def follow_decays(
-    histories: TimeHistory | Sequence[TimeHistory],
-    *,
-    mass: float | None = None,
-    band: tuple[float, float] | None = None,
-    harmonics: int = HARMONICS,
-) -> ResponseSurface:
-    """Turn free decays of one structure into points of a steady test, as ``RingDown.surface`` does.
-
-    Parameters
-    ----------
-    histories
-        One or several.
-    mass, band, harmonics
-        As for ``follow_decay``; the mass is needed.
-
-    Raises
-    ------
-    MeasurementError
-        A history holds no decay, or the mass is not known.
-    """
-    several = [histories] if isinstance(histories, TimeHistory) else list(histories)
-    if not several:
-        raise MeasurementError("free decay: no time history; at least one is needed")
-    parts = [follow_decay(one, mass=mass, band=band, harmonics=harmonics).surface() for one in several]
-    columns = {f.name: getattr(parts[0], f.name) for f in fields(ResponseSurface)}
-    for name, values in columns.items():
-        if isinstance(values, np.ndarray):
-            columns[name] = np.concatenate([getattr(part, name) for part in parts])
-    columns["notes"] = tuple(note for part in parts for note in part.notes)
-    return ResponseSurface(**columns)
 
 
 def _release(history: TimeHistory) -> int:

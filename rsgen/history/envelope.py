@@ -111,6 +111,8 @@ def _batches(windows: Windows) -> list[NDArray[np.intp]]:
             or windows.step[i] != windows.step[start]
             or windows.count[i] != windows.count[start]
             or windows.first[i] - windows.first[start] > BLOCK
+            # what lies between windows far apart is not looked at
+            or windows.first[i] > windows.first[i - 1] + windows.step[start] * windows.count[start]
         ):
             batches.append(np.arange(start, i))
             start = i

@@ -33,6 +33,9 @@ _TURN = 0.05
 _PERIODS = 16.0
 """Window of the refinement, in periods."""
 
+_PLACES = 500
+"""Windows of the refinement, once the law is nearly right."""
+
 _ROUNDS = 4
 
 
@@ -166,8 +169,11 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
     """Refine a law by the phase that the force has against it."""
     force = history.reference
     rate = history.rate
-    for _ in range(_ROUNDS):
-        time = _instants(law, begin, end, _PERIODS)
+    time = _instants(law, begin, end, _PERIODS)
+    for count in range(_ROUNDS):
+        if count:
+            # the phase no longer drifts by turns, so that few places are enough
+            time = time[np.linspace(0, len(time) - 1, min(len(time), _PLACES)).astype(np.intp)]
         period = rate / law.frequency_at(time)
         windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
         if len(windows) < 8:
@@ -214,7 +220,6 @@ def _shifted(
 
 def _instants(law: SweepLaw, begin: float, end: float, periods: float) -> Array:
     """Lay instants as far apart as windows of so many periods are independent."""
-    out = [begin]
-    while out[-1] < end:
-        out.append(out[-1] + periods / NOISE_WIDTH / float(law.frequency_at(np.array(out[-1]))))
-    return np.array(out)
+    dense = np.linspace(begin, end, 20_001)
+    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * periods / NOISE_WIDTH)
+    return np.asarray(np.interp(np.arange(int(passed[-1]) + 1), passed, dense))
