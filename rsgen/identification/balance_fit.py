@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +14,23 @@ from rsgen.identification.points import Points
 from rsgen.identification.regression import Linearisation, Regression, fit
 from rsgen.identification.waveform import Balance, hold_amplitude
 
-__all__ = ["FittedModel", "fit_balance", "slaved_harmonics"]
+__all__ = ["FittedModel", "fit_balance", "slaved_harmonics", "split_rows"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_SAMPLES_SMOOTH = 64
+_SAMPLES = 64
 _SAMPLES_SWITCHED = 256
+"""Where the law has switches and the data are exact enough to show what fewer samples miss."""
+
+_EXACT = 1e-3
+"""Misfit below which they show it."""
+
+_NOISY = 1e-4
+"""Misfit above which the square of the noise is worth to be allowed for."""
+
+_STEP = 1e-4
+"""Relative change of the amplitude by which the second derivative of the balance is taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +55,16 @@ class FittedModel:
     force: ComplexArray
     harmonics: ComplexArray
     turn: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """One compared quantity, relative: measured minus predicted, derivatives of the prediction."""
+
+    residual: NDArray[Any]
+    grow: NDArray[Any]
+    turn: NDArray[Any]
+    by: NDArray[Any]
 
 
 def slaved_harmonics(law: ForceLaw, order: int) -> tuple[int, ...]:
@@ -82,7 +104,7 @@ def fit_balance(
         Most Gauss-Newton steps.
     """
     slaved = slaved_harmonics(law, order)
-    samples = max(_SAMPLES_SWITCHED if law.switched else _SAMPLES_SMOOTH, 1 << (6 * order - 1).bit_length())
+    samples = max(_SAMPLES, 1 << (6 * order - 1).bit_length())
     compared = [h for h in points.measured if h in slaved]
     phase = np.angle(points.harmonics[:, 1])
     orders = np.arange(points.harmonics.shape[1])
@@ -109,53 +131,92 @@ def fit_balance(
         )
         return balance
 
+    # the mean has no imaginary part
+    real = [h == 0 for h in (1, 1, *compared)]
+
+    def turned(own: Array) -> ComplexArray:
+        return np.asarray(points.harmonics * np.exp(-1j * (phase + own[:, 1]))[:, None] ** orders)
+
     def linearise(parameters: Array, own: Array) -> Linearisation:
         balance = predict(parameters, own)
         size = np.exp(own[:, 0])
-        turn = np.exp(-1j * (phase + own[:, 1]))
-        harmonics = points.harmonics * turn[:, None] ** orders
-        rows = [
-            (
-                points.force * turn / level,
-                balance.force / level,
-                balance.force_slope / level,
-                1,
-                balance.force_by,
-                level,
-            ),
-            (
-                harmonics[:, 1] / points.amplitude,
-                size / points.amplitude,
-                1 / points.amplitude,
-                1,
-                None,
-                level,
-            ),
-        ]
-        measured, predicted, slope, by, times = [], [], [], [], []
-        for m, p, s, h, b, scale in rows:
-            measured.append(m)
-            predicted.append(p.astype(complex))
-            slope.append(np.asarray(s, dtype=complex))
-            times.append(h)
-            by.append(np.zeros_like(balance.force_by) if b is None else b / scale[:, None])
+        harmonics = turned(own)
+        force = points.force * np.exp(-1j * (phase + own[:, 1]))
+        none = np.zeros_like(balance.force_by)
+        rows: list[_Row]
+        if scale is None:
+            rows = [
+                _Row(
+                    (force - balance.force) / level,
+                    balance.force_slope * size / level,
+                    1j * force / level,
+                    balance.force_by / level[:, None],
+                ),
+                _Row(
+                    (harmonics[:, 1] - size) / points.amplitude,
+                    size / points.amplitude,
+                    1j * harmonics[:, 1] / points.amplitude,
+                    none,
+                ),
+            ]
+        else:
+            # of a logarithm the noise has mean zero and the same size everywhere; a division by measured
+            # amplitudes would favour points that noise made small
+            rows = [
+                _Row(
+                    np.log(force / balance.force),
+                    balance.force_slope * size / balance.force,
+                    np.full(len(points), 1j),
+                    balance.force_by / balance.force[:, None],
+                ),
+                _Row(np.log(harmonics[:, 1] / size), np.ones(len(points)), np.full(len(points), 1j), none),
+            ]
+        unit = points.amplitude if scale is None else scale
         for h in compared:
-            measured.append(harmonics[:, h] / points.amplitude)
-            predicted.append(balance.harmonics[:, h] / points.amplitude)
-            slope.append(balance.harmonics_slope[:, h] / points.amplitude)
-            times.append(h)
-            by.append(balance.harmonics_by[:, h] / points.amplitude[:, None])
-        seen_measured = np.stack(measured, axis=1)
-        residual = _split(seen_measured - np.stack(predicted, axis=1))
-        own_slope = _split(np.stack(slope, axis=1) * size[:, None])
-        own_turn = _split(1j * np.array(times) * seen_measured)
-        by_parameter = _split(np.stack(by, axis=1))[:, :, : len(parameters)]
+            rows.append(
+                _Row(
+                    (harmonics[:, h] - balance.harmonics[:, h]) / unit,
+                    balance.harmonics_slope[:, h] * size / unit,
+                    1j * h * harmonics[:, h] / unit,
+                    balance.harmonics_by[:, h] / unit[:, None],
+                )
+            )
+        residual = split_rows([row.residual for row in rows], real)
         residual[~balance.converged] = np.nan
-        return Linearisation(residual, np.stack([own_slope, own_turn], axis=2), by_parameter)
+        by_own = [split_rows([getattr(row, name) for row in rows], real) for name in ("grow", "turn")]
+        by_parameter = split_rows([row.by for row in rows], real)[:, :, : len(parameters)]
+        return Linearisation(residual, np.stack(by_own, axis=2), by_parameter)
+
+    def bend(parameters: Array, own: Array, spread: Array) -> Array:
+        step = np.array([_STEP, 0.0])
+        low, high = (linearise(parameters, own + sign * step).by_own[:, :, 0] for sign in (-1, 1))
+        grown = (high - low) / (2 * _STEP) * spread[:, None, 0, 0]
+        harmonics = turned(own)
+        unit = points.amplitude if scale is None else scale
+        twice = [np.zeros(len(points))] * 2 + [h**2 * harmonics[:, h] / unit for h in compared]
+        return 0.5 * (grown + split_rows(twice, real) * spread[:, None, 1, 1])
 
     first = np.append(values, mass) if mass_free else np.array(values)
     own = np.stack([np.log(points.amplitude), np.zeros(len(points))], axis=1)
-    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=points.neighbours)
+    pairs = points.neighbours
+    scale: Array | None = None
+    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=pairs)
+    if law.switched and samples < _SAMPLES_SWITCHED and regression.noise < _EXACT:
+        samples = _SAMPLES_SWITCHED
+        found, own = regression.parameters, regression.own
+        regression = fit(linearise, found, own, reject=reject, steps=steps, neighbours=pairs)
+    if regression.noise > _NOISY and not law.rough:
+        scale = np.exp(regression.own[:, 0])
+        regression = fit(
+            linearise,
+            regression.parameters,
+            regression.own,
+            reject=reject,
+            steps=steps,
+            neighbours=pairs,
+            used=regression.used,
+            bend=bend,
+        )
     balance = predict(regression.parameters, regression.own)
     found = regression.parameters
     return FittedModel(
@@ -168,6 +229,8 @@ def fit_balance(
     )
 
 
-def _split(values: ComplexArray) -> Array:
-    """(n, c, ...) complex to (n, 2c, ...) real."""
-    return np.concatenate([values.real, values.imag], axis=1)
+def split_rows(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:
+    """Join c complex rows (n, ...) to (n, r, ...) real ones; of those marked real only the real part."""
+    parts = [np.asarray(row.real, dtype=np.float64) for row in rows]
+    parts += [np.asarray(row.imag) for row, alone in zip(rows, real, strict=True) if not alone]
+    return np.stack(parts, axis=1)

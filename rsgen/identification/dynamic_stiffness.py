@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,13 @@ ComplexArray = NDArray[np.complex128]
 _DECADES = 14
 _PER_DECADE = 3
 _SEARCH_POINTS = 120
+_SCANNED = 48
 _TRIALS = 400
 _STARTS = 4
 _SAMPLES = 64
+_FINER = 4
+"""Times as many samples where the law has switches."""
+
 _SIGNIFICANT = 25.0
 """Gain in the sum of squares, in units of the noise, that a nonlinear parameter must bring to count."""
 
@@ -127,18 +132,28 @@ def _assemble(law: ForceLaw, nonlinear: Array, solution: Array) -> Array:
     return values
 
 
-def _rows(equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Array) -> tuple[Array, Array]:
+@lru_cache(maxsize=2)
+def _motion(equations: Equations, finer: int) -> tuple[Array, Array, Array]:
+    """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
+    count = equations.harmonics.shape[1]
+    samples = max(_SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
+    spectrum = np.zeros((len(equations.omega), samples // 2 + 1), dtype=complex)
+    spectrum[:, :count] = equations.harmonics * (samples / 2)
+    spectrum[:, 0] *= 2
+    rate = 1j * equations.omega[:, None] * np.arange(samples // 2 + 1)
+    x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+    return x, v, a
+
+
+def _rows(
+    equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Array, *, coarse: bool = False
+) -> tuple[Array, Array]:
     """Real, weighted rows: columns are the linear parameters, then the mass where it is free."""
     values = np.zeros(len(law.parameters))
     values[list(law.nonlinear)] = nonlinear
     omega = equations.omega[:, None]
-    count = equations.harmonics.shape[1]
-    samples = max(_SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * (4 if law.switched else 1)
-    spectrum = np.zeros((len(omega), samples // 2 + 1), dtype=complex)
-    spectrum[:, :count] = equations.harmonics * (samples / 2)
-    spectrum[:, 0] *= 2
-    rate = 1j * omega * np.arange(samples // 2 + 1)
-    x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+    x, v, a = _motion(equations, _FINER if law.switched and not coarse else 1)
+    samples = x.shape[1]
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals = [sample.by_parameter[i] for i in law.linear]
     turn = np.exp(-2j * np.pi * np.arange(samples) / samples) * (2 / samples)
@@ -202,10 +217,12 @@ def _nonlinear_columns(
 def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
     """Search the parameters in which the law is not linear over the whole range where they change it."""
     count = len(law.nonlinear)
+    some = np.unique(np.linspace(0, len(equations.omega) - 1, _SCANNED).round().astype(np.intp))
+    scanned = equations.select(some)
 
-    def residual(trial: Array) -> Array:
+    def residual(trial: Array, *, coarse: bool = False) -> Array:
         with np.errstate(all="ignore"):
-            matrix, right = _rows(equations, law, mass, trial)
+            matrix, right = _rows(scanned if coarse else equations, law, mass, trial, coarse=coarse)
             # not finite, or soon: a negative power at x = 0, an overflow
             if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
                 return np.full(len(right), 1e100)
@@ -214,15 +231,16 @@ def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
 
     windows = [_active_values(equations, law, i) for i in range(count)]
     trials = _trials(windows)
-    costs = np.array([float(np.sum(residual(trial) ** 2)) for trial in trials])
+    costs = np.array([float(np.sum(residual(trial, coarse=True) ** 2)) for trial in trials])
     order = np.argsort(costs, kind="stable")
-    best, lowest = trials[order[0]], float(costs[order[0]])
+    best = trials[order[0]]
+    lowest = float(np.sum(residual(best) ** 2))
     for start in _distinct(trials[order], windows):
         found, cost = _polish(residual, start)
         if cost < lowest * (1 - 1e-9):
             best, lowest = found, cost
-    rows = len(residual(best))
-    equal = lowest * (1 + _SIGNIFICANT / rows) + rows * _SOLVER**2
+    rest = residual(best, coarse=True)
+    equal = float(rest @ rest) * (1 + _SIGNIFICANT / len(rest)) + len(rest) * _SOLVER**2
     candidates = np.flatnonzero(costs <= equal)
     for i in candidates[np.argsort(np.abs(trials[candidates]).max(axis=1), kind="stable")]:
         # as good without the switch ever acting: then the test does not tell it, and no number is to be found

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
-from rsgen.identification.balance_fit import FittedModel
+from rsgen.identification.balance_fit import FittedModel, split_rows
 from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.points import Points
 from rsgen.identification.regression import Linearisation, fit
@@ -31,6 +31,17 @@ _ROUND_OFF = 1e-12
 
 _BRANCH = 0.2
 """A prediction farther from the measured fundamental, relatively, is on another branch."""
+
+_SIGMAS = 8.0
+"""So many standard deviations of the noise never put a point on another branch."""
+
+_NOISY = 1e-4
+"""Misfit above which the square of the noise is worth to be allowed for."""
+
+_BENT = (1e-3, 2e-2)
+"""Least and largest relative change of the force by which second derivatives are taken."""
+
+_STEPS = 6
 
 _STEEP = 20.0
 """Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
@@ -62,120 +73,165 @@ def fit_output(
     FittedModel or None
         None where the simulator cannot follow enough of the points.
     """
-    mass_free = model.mass is None
-    count = len(law.parameters)
-    compared = [
-        h for h in points.measured if h != 1 and (h % 2 == 1 or not law.odd) and (h > 0 or law.springs)
-    ]
-    highest = max([1, *compared])
-    orders = np.arange(highest + 1)
-    level = np.abs(points.force)
-    phase = np.angle(points.force)
-    frequency = points.omega / (2 * np.pi)
-    known: dict[str, NDArray[np.float64]] = {"state": _start_states(points, phase)}
-
-    def solve(parameters: Array, drive: Array, start_state: Array) -> SteadyStates | None:
-        mass = float(parameters[-1]) if mass_free else float(model.mass or start.mass)
-        values = dict(zip(law.parameters, map(float, parameters[:count]), strict=True))
-        try:
-            oscillator = Oscillator(mass, model.elements, values)
-            return solve_steady_states(
-                oscillator,
-                drive.astype(complex),
-                frequency,
-                harmonics=highest,
-                accuracy=accuracy,
-                start=start_state,
-            )
-        except RsgenError:
-            return None
-
-    def near(states: SteadyStates | None) -> tuple[ComplexArray, NDArray[np.bool_]]:
-        if states is None:
-            return np.full((len(points), highest + 1), np.nan + 0j), np.zeros(len(points), dtype=bool)
-        size = np.abs(states.harmonics[:, 1])
-        good = states.settled & (np.abs(size / points.amplitude - 1) < _BRANCH)
-        return states.harmonics, good
-
-    moves = _moves(start)
-    slopes: dict[str, ComplexArray] = {}
-    steep = np.zeros(len(points), dtype=bool)
-
-    def differentiate(parameters: Array, own: Array, base: ComplexArray, states: Array) -> None:
-        drive = np.exp(own[:, 0])
-        moved, good = near(solve(parameters, drive * (1 + _MOVE), states))
-        by_force = np.where(good[:, None], (moved - base) / _MOVE, np.nan)
-        columns = []
-        for j, move in enumerate(moves):
-            if move == 0:
-                columns.append(np.zeros_like(base))
-                continue
-            trial = np.array(parameters)
-            trial[j] += move
-            moved, good = near(solve(trial, drive, states))
-            columns.append(np.where(good[:, None], (moved - base) / move, np.nan))
-        slopes["force"], slopes["parameter"] = by_force, np.stack(columns, axis=-1)
-        growth = np.abs(by_force[:, 1]) / np.abs(base[:, 1])
-        steep[:] = ~(growth < _STEEP)
-
-    def linearise(parameters: Array, own: Array) -> Linearisation:
-        drive = np.exp(own[:, 0])
-        states = solve(parameters, drive, known["state"])
-        predicted, good = near(states)
-        if states is not None and "force" not in slopes:
-            known["state"] = np.where(good[:, None], states.state, known["state"])
-            differentiate(parameters, own, predicted, known["state"])
-        turn = np.exp(-1j * (phase + own[:, 1]))
-        measured = points.harmonics[:, : highest + 1] * turn[:, None] ** orders
-        scale = points.amplitude
-        parts: list[tuple[ComplexArray, ComplexArray, ComplexArray, int, ComplexArray | None]] = [
-            (points.force * turn / level, *[(drive / level).astype(np.complex128)] * 2, 1, None)
-        ]
-        for h in (1, *compared):
-            parts.append(
-                (
-                    measured[:, h] / scale,
-                    predicted[:, h] / scale,
-                    slopes["force"][:, h] / scale if slopes else np.full(len(points), np.nan + 0j),
-                    h,
-                    slopes["parameter"][:, h] / scale[:, None] if slopes else None,
-                )
-            )
-        empty = np.zeros((len(points), len(parameters)), dtype=complex)
-        seen = np.stack([part[0] for part in parts], axis=1)
-        residual = _split(seen - np.stack([part[1] for part in parts], axis=1))
-        residual[~good | steep] = np.nan
-        own_slope = _split(np.stack([part[2] for part in parts], axis=1))
-        own_turn = _split(1j * np.array([part[3] for part in parts]) * seen)
-        by = _split(np.stack([empty if part[4] is None else part[4] for part in parts], axis=1))
-        residual[~np.isfinite(by).all(axis=(1, 2)) | ~np.isfinite(own_slope).all(axis=1)] = np.nan
-        return Linearisation(residual, np.stack([own_slope, own_turn], axis=2), by)
-
-    own = np.stack([np.log(level), np.zeros(len(points))], axis=1)
-    regression = fit(linearise, start.regression.parameters, own, steps=6, neighbours=points.neighbours)
+    simulator = _Simulator(points, model, law, start, accuracy)
+    bend = simulator.bend if start.regression.noise > _NOISY else None
+    regression = fit(
+        simulator.linearise,
+        start.regression.parameters,
+        simulator.begin,
+        steps=_STEPS,
+        neighbours=points.neighbours,
+        bend=bend,
+    )
     if np.count_nonzero(regression.used) < 0.5 * len(points):
         return None
-    found = regression.parameters
-    drive = np.exp(regression.own[:, 0])
-    states = solve(found, drive, known["state"])
-    predicted, _ = near(states)
+    found, own = regression.parameters, regression.own
+    predicted = simulator.solve(found, np.exp(own[:, 0]))
     # back to a fundamental of phase zero, as the balance has it
     lag = np.angle(predicted[:, 1])
     return FittedModel(
         regression,
-        found[:count],
-        float(found[-1]) if mass_free else start.mass,
-        drive * np.exp(-1j * lag),
-        predicted * np.exp(-1j * lag)[:, None] ** orders,
-        phase + regression.own[:, 1] + lag,
+        found[: len(law.parameters)],
+        float(found[-1]) if model.mass is None else start.mass,
+        np.exp(own[:, 0] - 1j * lag),
+        predicted * np.exp(-1j * lag)[:, None] ** np.arange(predicted.shape[1]),
+        np.angle(points.force) + own[:, 1] + lag,
     )
 
 
-def _start_states(points: Points, phase: Array) -> Array:
-    """(n, 2) displacement and velocity of the measured waveform at the top of the force."""
-    orders = np.arange(points.harmonics.shape[1])
-    turned = points.harmonics * np.exp(-1j * phase)[:, None] ** orders
-    velocity = 1j * orders * points.omega[:, None] * turned
+class _Simulator:
+    """Steady states of all points near the measured ones; own unknowns are log |F| and its phase."""
+
+    def __init__(
+        self, points: Points, model: Model, law: ForceLaw, start: FittedModel, accuracy: float
+    ) -> None:
+        self._points, self._model, self._law = points, model, law
+        self._mass, self._accuracy = start.mass, accuracy
+        self._compared = [
+            h for h in points.measured if h != 1 and (h % 2 == 1 or not law.odd) and (h > 0 or law.springs)
+        ]
+        self._highest = max([1, *self._compared])
+        # the mean has no imaginary part
+        self._real = [h == 0 for h in (1, 1, *self._compared)]
+        self._phase = np.angle(points.force)
+        noise = start.regression.noise
+        self._branch = max(_BRANCH, _SIGMAS * noise)
+        self._step = float(np.clip(noise, *_BENT))
+        self._moves = _moves(start)
+        self._steep = np.zeros(len(points), dtype=bool)
+        self._by_force = np.full((len(points), self._highest + 1), np.nan + 0j)
+        self._by_parameter: ComplexArray | None = None
+        self.begin = np.stack([np.log(np.abs(points.force)), np.zeros(len(points))], axis=1)
+        self._state = _states(points.harmonics, self._phase, points.omega)
+        if noise > _NOISY:
+            self._quieten(start)
+
+    def _quieten(self, start: FittedModel) -> None:
+        """Begin with what the balance made of force and response together, less noisy than the force."""
+        phase = start.turn + np.angle(start.force)
+        begin = np.stack([np.log(np.abs(start.force)), np.angle(np.exp(1j * (phase - self._phase)))], axis=1)
+        state = _states(start.harmonics, np.angle(start.force), self._points.omega)
+        told = np.isfinite(begin).all(axis=1) & np.isfinite(state).all(axis=1) & start.regression.used
+        self.begin = np.where(told[:, None], begin, self.begin)
+        self._state = np.where(told[:, None], state, self._state)
+
+    def solve(self, parameters: Array, drive: Array) -> ComplexArray:
+        """(n, H+1) harmonics [m] under the forces [N] of phase zero; NaN off the measured branch."""
+        states = self._states_of(parameters, drive)
+        return np.full_like(self._by_force, np.nan) if states is None else self._near(states)
+
+    def _near(self, states: SteadyStates) -> ComplexArray:
+        size = np.abs(states.harmonics[:, 1])
+        good = states.settled & (np.abs(size / self._points.amplitude - 1) < self._branch)
+        return np.where(good[:, None], states.harmonics, np.nan)
+
+    def _states_of(self, parameters: Array, drive: Array) -> SteadyStates | None:
+        mass = float(parameters[-1]) if self._model.mass is None else self._model.mass
+        values = dict(zip(self._law.parameters, map(float, parameters), strict=False))
+        try:
+            return solve_steady_states(
+                Oscillator(mass, self._model.elements, values),
+                drive.astype(complex),
+                self._points.omega / (2 * np.pi),
+                harmonics=self._highest,
+                accuracy=self._accuracy,
+                start=self._state,
+            )
+        except RsgenError:
+            return None
+
+    def _differentiate(self, parameters: Array, drive: Array, base: ComplexArray) -> ComplexArray:
+        self._by_force = (self.solve(parameters, drive * (1 + _MOVE)) - base) / _MOVE
+        columns = []
+        for j, move in enumerate(self._moves):
+            trial = np.array(parameters)
+            trial[j] += move
+            # nothing moves where the response does not depend on the parameter
+            columns.append((self.solve(trial, drive) - base) / move if move else np.zeros_like(base))
+        self._steep = ~(np.abs(self._by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
+        return np.stack(columns, axis=-1)
+
+    def linearise(self, parameters: Array, own: Array) -> Linearisation:
+        """Around the present parameters; derivatives are taken once, at the first call."""
+        drive = np.exp(own[:, 0])
+        if self._by_parameter is None:
+            states = self._states_of(parameters, drive)
+            predicted = np.full_like(self._by_force, np.nan)
+            if states is not None:
+                predicted = self._near(states)
+                found = np.isfinite(predicted[:, 1])
+                self._state = np.where(found[:, None], states.state, self._state)
+            self._by_parameter = self._differentiate(parameters, drive, predicted)
+        else:
+            predicted = self.solve(parameters, drive)
+        first, size = predicted[:, 1], self._points.amplitude
+        one = np.ones(len(drive))
+        force = self._points.force * np.exp(-1j * (self._phase + own[:, 1]))
+        measured = self._turned(own)
+        # points that were lost are NaN and say so below
+        with np.errstate(invalid="ignore"):
+            rows = [np.log(force / drive), np.log(measured[:, 1] / first)]
+            grow = [one, self._by_force[:, 1] / first]
+            by = [np.zeros_like(self._by_parameter[:, 1]), self._by_parameter[:, 1] / first[:, None]]
+        turn = [1j * one, 1j * one]
+        for h in self._compared:
+            rows.append((measured[:, h] - predicted[:, h]) / size)
+            grow.append(self._by_force[:, h] / size)
+            turn.append(1j * h * measured[:, h] / size)
+            by.append(self._by_parameter[:, h] / size[:, None])
+        residual = split_rows(rows, self._real)
+        by_own = np.stack([split_rows(grow, self._real), split_rows(turn, self._real)], axis=2)
+        by_parameter = split_rows(by, self._real)
+        told = np.isfinite(by_parameter).all(axis=(1, 2)) & np.isfinite(by_own).all(axis=(1, 2))
+        residual[self._steep | ~told] = np.nan
+        return Linearisation(residual, by_own, by_parameter)
+
+    def _turned(self, own: Array) -> ComplexArray:
+        orders = np.arange(self._points.harmonics.shape[1])
+        turn = np.exp(-1j * (self._phase + own[:, 1]))
+        return np.asarray(self._points.harmonics * turn[:, None] ** orders)
+
+    def bend(self, parameters: Array, own: Array, spread: Array) -> Array:
+        """What the noise in force and phase adds to the prediction on average (see ``regression.fit``)."""
+        low, here, high = (
+            self.solve(parameters, np.exp(own[:, 0] + sign * self._step)) for sign in (-1, 0, 1)
+        )
+        size, measured = self._points.amplitude, self._turned(own)
+        with np.errstate(invalid="ignore"):
+            twice = [np.zeros(len(size)), np.log(high[:, 1] * low[:, 1] / here[:, 1] ** 2)]
+        twice += [(high + low - 2 * here)[:, h] / size for h in self._compared]
+        turned = [np.zeros(len(size))] * 2 + [h**2 * measured[:, h] / size for h in self._compared]
+        by_force = split_rows(twice, self._real) / self._step**2
+        return 0.5 * (
+            by_force * spread[:, None, 0, 0] + split_rows(turned, self._real) * spread[:, None, 1, 1]
+        )
+
+
+def _states(harmonics: ComplexArray, phase: Array, omega: Array) -> Array:
+    """(n, 2) displacement and velocity of a waveform at the top of a force of that phase."""
+    orders = np.arange(harmonics.shape[1])
+    turned = harmonics * np.exp(-1j * phase)[:, None] ** orders
+    velocity = 1j * orders * omega[:, None] * turned
     return np.stack([turned.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
 
 
@@ -187,8 +243,3 @@ def _moves(start: FittedModel) -> Array:
     size, strength = np.abs(start.regression.parameters), start.regression.strength
     acts = strength * size > _ROUND_OFF * np.max(strength * size, initial=0.0)
     return np.where(acts, np.minimum(_MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)
-
-
-def _split(values: ComplexArray) -> Array:
-    """(n, c, ...) complex to (n, 2c, ...) real."""
-    return np.concatenate([values.real, values.imag], axis=1)

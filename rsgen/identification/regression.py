@@ -8,7 +8,7 @@ never squared, and its columns are scaled, because parameters differ by many ord
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,8 @@ def fit(
     small: float = 1e-12,
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
+    used: NDArray[np.bool_] | None = None,
+    bend: Callable[[Array, Array, Array], Array] | None = None,
 ) -> Regression:
     """Gauss-Newton with step halving on parameters and on the unknowns of every point together.
 
@@ -129,8 +131,15 @@ def fit(
     neighbours
         (k, 2) pairs of points next to each other in the test. Where neighbours disagree together it is
         the law that does not fit, and no point is set aside.
+    used
+        (n,) points to begin with, all where it is None.
+    bend
+        Called with (q,) parameters, (n, 2) own unknowns and (n, 2, 2) their covariance: half the second
+        derivative of the prediction by the own unknowns times that covariance, (n, M). It is what the noise
+        in the own unknowns adds to the prediction on average; the bias that follows is removed from the
+        parameters (Box, Bias in nonlinear estimation, 1971: -1/2 (J'J)^-1 J' tr(C H)).
     """
-    used = np.ones(len(own), dtype=bool)
+    used = np.ones(len(own), dtype=bool) if used is None else used
     rounds = 4 if reject else 1
     converged = False
     for _ in range(rounds):
@@ -141,7 +150,26 @@ def fit(
         used = kept
         if same:
             break
-    return _summary(line, parameters, own, used, converged)
+    found = _summary(line, parameters, own, used, converged)
+    return found if bend is None else _unbent(found, line, bend)
+
+
+def _unbent(
+    found: Regression, line: Linearisation, bend: Callable[[Array, Array, Array], Array]
+) -> Regression:
+    """Remove the bias that noise brings through the curvature in the unknowns of every point."""
+    normal = np.einsum("nma,nmb->nab", line.by_own, line.by_own)
+    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
+    spread = np.zeros_like(normal)
+    spread[regular] = np.linalg.inv(normal[regular]) * found.noise**2
+    bent = bend(found.parameters, found.own, spread)
+    regular &= np.isfinite(bent).all(axis=1)
+    residual, matrix = _reduced(replace(line, residual=bent))
+    count = matrix.shape[2]
+    change, _, _ = solve_scaled(
+        matrix[regular].reshape(-1, count), residual[regular].reshape(-1), found.parameters
+    )
+    return replace(found, parameters=found.parameters + change)
 
 
 def _reduced(line: Linearisation) -> tuple[Array, Array]:
