@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from types import MappingProxyType
 
 import sympy
@@ -12,7 +12,10 @@ import sympy
 from rsgen.element import Element
 from rsgen.errors import RsgenError
 
-__all__ = ["Model", "Oscillator"]
+__all__ = ["BACKGROUNDS", "Model", "Oscillator"]
+
+BACKGROUNDS = ("none", "phase", "constant", "residuals")
+"""What may be seen besides the mode; each contains the ones before it."""
 
 
 def _total_force(elements: Iterable[Element]) -> sympy.Expr:
@@ -103,16 +106,24 @@ class Model:
         m [kg] where it is known beforehand; None where it is to be identified.
     hold_out
         Nominal levels [N] that identification must not see; prediction is scored on them.
+    background
+        What a sensor sees besides the mode, fitted with it: "none"; "phase", a constant phase error between
+        force and response; "constant", and a response proportional to the force; "residuals", and its change
+        over the band, as modes below and above leave it.
+    band
+        Lowest and highest frequency [Hz] that identification uses; None for all.
 
     Raises
     ------
     RsgenError
-        Mass not positive and finite, element names not unique.
+        Mass not positive and finite, element names not unique, unknown background, band not ascending.
     """
 
     elements: tuple[Element, ...]
     mass: float | None = None
     hold_out: tuple[float, ...] = ()
+    background: str = "none"
+    band: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "elements", tuple(self.elements))
@@ -120,6 +131,13 @@ class Model:
         _check_elements(self.elements)
         if self.mass is not None and not (isfinite(self.mass) and self.mass > 0):
             raise RsgenError(f"mass: {self.mass!r} kg; must be positive and finite, or None to identify it")
+        if self.background not in BACKGROUNDS:
+            raise RsgenError(f"background: {self.background!r}; must be one of {', '.join(BACKGROUNDS)}")
+        if self.band is not None:
+            low, high = map(float, self.band)
+            if not 0 <= low < high < inf:
+                raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and not negative")
+            object.__setattr__(self, "band", (low, high))
 
     @property
     def force(self) -> sympy.Expr:

@@ -178,7 +178,7 @@ def _remarks(
 ) -> tuple[str, ...]:
     remarks = []
     low, high = identification.amplitude_range
-    beyond = [curve.level for curve in curves if np.nanmax(curve.amplitude, initial=0.0) > high * _BEYOND]
+    beyond = [curve.level for curve in curves if np.any(curve.extrapolated & (curve.amplitude > high))]
     if beyond:
         remarks.append(
             f"extrapolation beyond the tested amplitudes ({low:.3g} to {high:.3g} m) at "
@@ -204,35 +204,29 @@ def _curve(identification: Identification, balance: AmplitudeBalance, level: flo
     parts = [
         part for span in balance.spans(level, window) for part in _branches(balance, level, span, window)
     ]
-    columns: list[list[Array]] = [[] for _ in range(6)]
+    columns: list[list[Array]] = [[] for _ in range(7)]
     folds: list[tuple[float, float]] = []
     for omega, size in parts:
         at = balance.solve(size, omega)
         gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force)
         spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
         spread[spread > _WIDEST * size] = np.nan
+        seen, lag = _as_seen(identification, omega, size, at.force)
         turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
         share = gain[turn] / (gain[turn] - gain[turn + 1])
         folds += [
             (
                 float((omega[i] + s * (omega[i + 1] - omega[i])) / 2 / np.pi),
-                float(size[i] + s * (size[i + 1] - size[i])),
+                float(seen[i] + s * (seen[i + 1] - seen[i])),
             )
             for i, s in zip(turn, share, strict=True)
         ]
-        values = (
-            omega / (2 * np.pi),
-            size,
-            np.angle(at.force) % (2 * np.pi),
-            gain,
-            size - spread,
-            size + spread,
-        )
+        values = (omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size)
         for column, value in zip(columns, values, strict=True):
             if column:
                 column.append(np.array([np.nan]))
             column.append(value)
-    frequency, amplitude, phase, gain, lower, upper = (
+    frequency, amplitude, phase, gain, lower, upper, own = (
         np.concatenate(column) if column else np.zeros(0) for column in columns
     )
     tested = identification.amplitude_range
@@ -242,11 +236,23 @@ def _curve(identification: Identification, balance: AmplitudeBalance, level: flo
         amplitude=amplitude,
         phase=phase,
         stable=gain > 0,
-        extrapolated=(amplitude > tested[1] * _BEYOND) | (amplitude < tested[0] / _BEYOND),
+        extrapolated=(own > tested[1] * _BEYOND) | (own < tested[0] / _BEYOND),
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 2),
     )
+
+
+def _as_seen(
+    identification: Identification, omega: Array, size: Array, force: NDArray[np.complex128]
+) -> tuple[Array, Array]:
+    """Amplitude and lag of the response that the sensor sees, with what is there besides the mode."""
+    background = identification.background
+    if background is None:
+        return size, np.angle(force) % (2 * np.pi)
+    shape, values = background.shape(omega), background.values
+    response = size + shape.receptance(values) * force
+    return np.abs(response), np.angle(force / shape.turn(values) / response) % (2 * np.pi)
 
 
 def _branches(
@@ -262,6 +268,18 @@ def _branches(
     cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
     pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
     return [(omega[rows], size[rows]) for rows in pieces]
+
+
+def _respond(
+    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
+) -> NDArray[np.complex128]:
+    """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
+    background = identification.background
+    if background is None:
+        return balance.respond(surface.force, surface.omega, surface.amplitude)
+    shape, values = background.shape(surface.omega), background.values
+    mode = shape.subtract(surface, values)
+    return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
 
 
 def _score(
@@ -280,7 +298,7 @@ def _score(
             rows = np.flatnonzero(chosen & (surface.level == level) & (surface.sweep == sweep))
             rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
             measured = surface.harmonics[rows, 1]
-            predicted = balance.respond(surface.force[rows], surface.omega[rows], np.abs(measured))
+            predicted = _respond(identification, balance, surface.select(rows))
             told = np.isfinite(predicted)
             miss = np.abs(predicted - measured)[told]
             scored.append(

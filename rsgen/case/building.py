@@ -255,6 +255,19 @@ class _Builder:
             self.faults.append("identify.hold_out: holds every level back; at least one must remain")
         return tuple(levels)
 
+    def band(self) -> tuple[float, float] | None:
+        given = self.document.identify.band
+        if given is None:
+            return None
+        ends = [self.quantity(f"identify.band.{i}", end, "Hz") for i, end in enumerate(given, start=1)]
+        if None in ends:
+            return None
+        low, high = (float(end or 0.0) for end in ends)
+        if not 0 <= low < high:
+            self.faults.append(f"identify.band: {low:g} to {high:g} Hz; the lower end first, 0 Hz or more")
+            return None
+        return low, high
+
     def accept(self, units: dict[str, str], simulated: bool) -> dict[str, float]:
         table = self.document.accept
         if table and not simulated:
@@ -292,11 +305,13 @@ class _Builder:
         else:
             parts.test = self.simulated(table)
         hold_out = self.hold_out(parts.test)
+        band = self.band()
         if self.faults:
             return parts
         # "1" is how units calls a plain number; downstream that is no unit
         parts.units = MappingProxyType({**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"})
-        parts.model = Model(elements, mass=None if simulated else mass, hold_out=hold_out)
+        background = document.identify.background
+        parts.model = Model(elements, None if simulated else mass, hold_out, background, band)
         if simulated and mass is not None:
             parts.oscillator = Oscillator(mass, elements, values)
             parts.truth = MappingProxyType({**values, MASS: mass})

@@ -25,6 +25,10 @@ _SYSTEMATIC = 0.6
 """Correlation of neighbouring misfits beyond which it is the law, not noise, that disagrees."""
 
 _NOTICEABLE = 1e-3
+
+_WHOLE = 0.99
+"""A direction that is not told has length one; what the parameters do not make up, the background does."""
+
 _FEW = 5
 
 
@@ -41,6 +45,8 @@ def untold_reason(name: str, law: ForceLaw, points: Points, regression: Regressi
         partners = [
             other for j, other in enumerate(names) if j != i and abs(regression.null[j, column]) > 1e-3
         ]
+        if not partners and float(np.linalg.norm(regression.null[:, column])) < _WHOLE:
+            return f"{name}: only a combination with the background is told; test wider or fit less of it"
         if not partners:
             return (
                 f"{name}: the response does not depend on it in the tested range ({tested}); "

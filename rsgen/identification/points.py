@@ -133,11 +133,14 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         & (np.abs(harmonics[:, 1]) > 0)
         & (np.abs(surface.force) > 0)
     )
+    if model.band is not None:
+        low, high = model.band
+        good &= (surface.frequency >= low) & (surface.frequency <= high)
     index = np.flatnonzero(good)
     if len(index) < _FEWEST:
         raise RsgenError(
-            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, finite "
-            f"force and response); identification needs at least {_FEWEST}{_why_unused(surface)}"
+            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "
+            f"band, finite force and response); identification needs at least {_FEWEST}{_why_unused(surface)}"
         )
     chosen = harmonics[index]
     measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))

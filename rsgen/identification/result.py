@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import RsgenError
+from rsgen.identification.background import Shape, shape_of
+from rsgen.identification.ranking import Ranking
 from rsgen.oscillator import Model
 
 __all__ = [
-    "Candidate",
+    "Background",
     "EquivalentCurve",
     "Estimate",
     "Identification",
@@ -173,14 +175,37 @@ class RestoringForce:
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
-    """One law of a ranking: its text, held-out error (relative), BIC, and whether it ties with the best."""
+class Background:
+    """What the sensor sees besides the mode: x = q + b(omega) F with F = F_measured exp(i psi).
 
-    name: str
-    force: str
-    held_out_error: float
-    bic: float
-    tied: bool
+    b(omega) = b0 + b1 (omega^-2 - middle)/(width), complex: residual terms of modes above and below the band,
+    or what the sensor picks up of the drive.
+
+    Parameters
+    ----------
+    kind
+        "phase": psi alone; "constant": and b0; "residuals": and b1.
+    band
+        Lowest and highest frequency [Hz] fitted; b1 is the change of b from the one to the other.
+    estimates
+        psi [rad], real and imaginary part of b0 and b1 [m/N], as many as the kind has.
+    share
+        Root mean square of the subtracted part over that of the measured response [1].
+    """
+
+    kind: str
+    band: tuple[float, float]
+    estimates: tuple[Estimate, ...]
+    share: float
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The numbers of the estimates, as the shape takes them."""
+        return np.array([estimate.value for estimate in self.estimates])
+
+    def shape(self, omega: NDArray[np.float64]) -> Shape:
+        """Give the background at (n,) frequencies [rad/s] as a function of its values."""
+        return shape_of(self.kind, omega, self.band)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,10 +247,12 @@ class Identification:
     restoring
         Forces without a law; None where the points do not suffice.
     ranking
-        Candidate laws, best first; empty where none were compared.
+        Candidate laws compared on the same test; None where none were.
     solution
         (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
         parameters that the test does not tell. Predictions use it.
+    background
+        What was found besides the mode and subtracted; None where nothing was asked for.
     """
 
     model: Model
@@ -244,8 +271,9 @@ class Identification:
     outcome: str
     warnings: tuple[str, ...] = ()
     restoring: RestoringForce | None = None
-    ranking: tuple[Candidate, ...] = ()
+    ranking: Ranking | None = None
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    background: Background | None = None
 
     def __post_init__(self) -> None:
         if len(self.solution) == 0:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
+from rsgen.identification.background import shape_of
+from rsgen.identification.background_fit import begin_background, fit_with_background, split_off
 from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.dynamic_stiffness import (
     Equations,
@@ -22,7 +24,13 @@ from rsgen.identification.inversion import invert_curve
 from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
-from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
+from rsgen.identification.result import (
+    Background,
+    EquivalentCurve,
+    Estimate,
+    Identification,
+    Resonance,
+)
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.units import parameter_units
@@ -40,14 +48,8 @@ _QUICK = 400
 _TAIL = 1e-9
 """Relative size at which the last harmonic no longer matters in exact data."""
 
-_ACCURACIES = (1e-5, 1e-8)
-"""Of the simulator inside the fit: the finer one where the misfit turns out to be as small as the coarser."""
-
-_EXACT = 1e-5
-"""Misfit below which a truncated waveform shows wherever a law has a switch, be it as soft as x|x|."""
-
-_RESOLVED = 100.0
-"""A misfit so many times the simulator's accuracy is not the simulator's."""
+_NOISY = 1e-3
+"""Misfit of the balance beyond which it is noise, not the truncated waveform."""
 
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
@@ -108,9 +110,15 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     if law.odd and _leaves_the_middle(points):
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
-    start = _start(points, law, model.mass)
-    refined = _refined(points, law, start, model.mass)
-    if law.rough or (law.switched and refined.regression.noise < _EXACT):
+    background, caused = None, None
+    if model.background == "none":
+        refined = _refined(points, law, _start(points, law, model.mass), model.mass)
+    else:
+        refined, background, caused = _among_modes(points, law, model)
+        points = background.shape(points.omega).subtract(points, background.values)
+        surface = background.shape(surface.omega).subtract(surface, background.values)
+    fitted = refined
+    if law.rough:
         refined = _polished(points, model, law, refined)
     used = refined.regression.used
     kept = points.select(used)
@@ -119,7 +127,11 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     paper, resonances = _paper(kept, law, model.mass, refined.mass)
     # the expected noise has unit size in real and imaginary part each
     noise = refined.regression.noise * np.sqrt(2)
-    covariance = refined.regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
+    covariance = refined.regression.covariance
+    if caused is not None and refined is not fitted:
+        # the simulator was fitted beside a background that stood still
+        covariance = covariance + caused
+    covariance = covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
     told = replace(refined.regression, covariance=covariance)
     reasons = {
         name: untold_reason(name, law, points, told, model.mass is None) for name in _names(law, model)
@@ -144,6 +156,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(noise)),
         solution=refined.values,
+        background=background,
         warnings=find_warnings(surface, points, used, law, refined, resonances, estimates),
     )
 
@@ -220,14 +233,38 @@ def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float 
     return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
 
 
+def _among_modes(points: Points, law: ForceLaw, model: Model) -> tuple[FittedModel, Background, Array]:
+    """Fit law and background together; also the part of the law's covariance that the background causes."""
+    frequency = points.omega / (2 * np.pi)
+    band = (float(frequency.min()), float(frequency.max()))
+    kind, given = model.background, model.mass
+    values = begin_background(points, kind, band, given)
+    start = _start(shape_of(kind, points.omega, band).subtract(points, values), law, given)
+    few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points
+    law_values, mass = start.values, start.mass
+    for part in (few, points) if few is not points else (points,):
+        shape = shape_of(kind, part.omega, band)
+        refined, values = fit_with_background(
+            part, law, law_values, mass, shape, values, mass_free=given is None, order=_ORDERS[0]
+        )
+        law_values, mass = refined.values, refined.mass
+    regression, covariance, caused = split_off(refined.regression, len(_names(law, model)))
+    wide = float(stdtrit(regression.freedom, 0.975))
+    errors = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), np.inf))
+    estimates = tuple(
+        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
+        for name, v, e, unit in zip(shape.names, values, errors, shape.units, strict=True)
+    )
+    besides = np.abs(shape.receptance(values) * points.force)
+    share = float(np.sqrt(np.mean(besides**2) / np.mean(points.amplitude**2)))
+    return replace(refined, regression=regression), Background(kind, band, estimates, share), caused
+
+
 def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel) -> FittedModel:
     """Replace the balance by the simulator where the law has jumps or corners."""
-    polished: FittedModel | None = None
-    for accuracy in _ACCURACIES:
-        finer = fit_output(points, model, law, polished or balanced, accuracy=accuracy)
-        polished = finer or polished
-        if finer is None or finer.regression.noise > _RESOLVED * accuracy:
-            break
+    noise = balanced.regression.noise
+    accuracy = 1e-5 if noise > _NOISY else 1e-7
+    polished = fit_output(points, model, law, balanced, accuracy=accuracy)
     followed = np.count_nonzero(polished.regression.used) if polished is not None else 0
     if polished is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
         return balanced

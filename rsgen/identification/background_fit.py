@@ -1,0 +1,213 @@
+"""Fit of the balance together with a background: what the sensor sees is the mode plus b(omega) F.
+
+Force and response carry the noise, each relative to its own size, as in ``balance_fit``; so a background that
+swallows the mode gains nothing. The law's parameters get standard errors that allow for the background's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.element import make_element
+from rsgen.identification.background import Shape, shape_of
+from rsgen.identification.balance_fit import FittedModel, slaved_harmonics
+from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, solve_equations
+from rsgen.identification.force_law import ForceLaw, compile_law
+from rsgen.identification.points import Points
+from rsgen.identification.regression import Linearisation, Regression, fit
+from rsgen.identification.waveform import Balance, hold_amplitude
+
+__all__ = ["begin_background", "fit_with_background", "split_off"]
+
+Array = NDArray[np.float64]
+
+_SAMPLES_SMOOTH = 64
+_SAMPLES_SWITCHED = 256
+
+_PLAIN = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
+"""Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
+
+_TURNS = 12
+"""Phase errors tried all around the circle."""
+
+_SCANNED = 80
+_FEW = 400
+
+
+def begin_background(points: Points, kind: str, band: tuple[float, float], mass: float | None) -> Array:
+    """Find phase error and background to start from, with a law that bends as any other at first order."""
+    law = compile_law(make_element("any", _PLAIN).force)
+    few = points.select(points.spread(_FEW))
+    scanned = points.select(points.spread(_SCANNED))
+    turns = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
+    misfits = [_turned(scanned, law, mass, float(turn)) for turn in turns]
+    best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
+    found = _turned(few, law, mass, float(turns[best]))
+    shape = shape_of(kind, few.omega, band)
+    values = np.zeros(len(shape.names))
+    values[0] = turns[best]
+    return fit_with_background(
+        few, law, found.values, found.mass, shape, values, mass_free=mass is None, order=1
+    )[1]
+
+
+def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> LinearSolution:
+    """Solve the first-order balance with the force turned by psi [rad]."""
+    force = points.force * np.exp(1j * psi)
+    weight = 1 / np.abs(force)
+    none = np.zeros((0, 2))
+    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, none)
+    return solve_equations(equations, law, mass)
+
+
+def fit_with_background(
+    points: Points,
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    shape: Shape,
+    background: Array,
+    *,
+    mass_free: bool,
+    order: int,
+    reject: bool = True,
+    steps: int = 50,
+) -> tuple[FittedModel, Array]:
+    """Fit law, mass and background to force, fundamental, mean and harmonics of all points at once.
+
+    Parameters
+    ----------
+    points
+        The measured points, background included.
+    law, values, mass
+        Where to start.
+    shape, background
+        The background at the points, and its values to start from.
+    mass_free
+        Whether the mass is identified too.
+    order
+        Harmonics carried in the balance; 1 is first order.
+    reject
+        Whether outliers are set aside.
+    steps
+        Most Gauss-Newton steps.
+
+    Returns
+    -------
+    FittedModel
+        As seen without the background; its regression has the values of the background last.
+    background
+        (b,) values of the background.
+    """
+    slaved = slaved_harmonics(law, order)
+    samples = max(_SAMPLES_SWITCHED if law.switched else _SAMPLES_SMOOTH, 1 << (6 * order - 1).bit_length())
+    compared = [h for h in points.measured if h in slaved]
+    mode = shape.subtract(points, background)
+    phase = np.angle(mode.harmonics[:, 1])
+    orders = np.arange(points.harmonics.shape[1])
+    level, unit = np.abs(points.force), points.amplitude
+    start = np.zeros((len(points), max(order, 1) + 1), dtype=complex)
+    count = len(values) + mass_free
+    last: list[Balance] = []
+
+    def hold(parameters: Array, own: Array) -> Balance:
+        m = float(parameters[len(values)]) if mass_free else mass
+        guess = start
+        if last:
+            good = last[0].converged & np.isfinite(last[0].harmonics).all(axis=1)
+            guess = np.where(good[:, None], last[0].harmonics, start)
+        balance = hold_amplitude(
+            law, parameters[: len(values)], m, points.omega, np.exp(own[:, 0]), guess, slaved, samples
+        )
+        last[:] = [balance]
+        return balance
+
+    def linearise(parameters: Array, own: Array) -> Linearisation:
+        balance = hold(parameters, own)
+        besides = parameters[count:]
+        size = np.exp(own[:, 0])
+        turn = np.exp(-1j * (phase + own[:, 1]))
+        force = points.force * turn * shape.turn(besides)
+        harmonics = points.harmonics * turn[:, None] ** orders
+        b = shape.receptance(besides)
+        by_law = balance.force_by[:, :count]
+        by_phase = (-1j * force / level)[:, None]
+        terms = (shape.functions * balance.force[:, None] / unit[:, None])[:, :, None] * np.array([1, 1j])
+        none = np.zeros((len(points), terms[0].size))
+        still = np.zeros((len(points), 1))
+        rows = [
+            (
+                (force - balance.force) / level,
+                balance.force_slope * size / level,
+                1j * force / level,
+                np.hstack([by_law / level[:, None], by_phase, none]),
+            ),
+            (
+                (harmonics[:, 1] - size - b * balance.force) / unit,
+                (size + b * balance.force_slope * size) / unit,
+                1j * harmonics[:, 1] / unit,
+                np.hstack([by_law * (b / unit)[:, None], still, terms.reshape(none.shape)]),
+            ),
+        ]
+        for h in compared:
+            rows.append(
+                (
+                    (harmonics[:, h] - balance.harmonics[:, h]) / unit,
+                    balance.harmonics_slope[:, h] * size / unit,
+                    1j * h * harmonics[:, h] / unit,
+                    np.hstack([balance.harmonics_by[:, h, :count] / unit[:, None], still, none]),
+                )
+            )
+        residual, grow, turned, by = (
+            _split(np.stack([row[part] for row in rows], axis=1)) for part in range(4)
+        )
+        residual[~balance.converged] = np.nan
+        return Linearisation(residual, np.stack([grow, turned], axis=2), by)
+
+    first = np.concatenate([values, [mass] if mass_free else [], background])
+    own = np.stack([np.log(mode.amplitude), np.zeros(len(points))], axis=1)
+    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=points.neighbours)
+    found = regression.parameters
+    balance = hold(found, regression.own)
+    model = FittedModel(
+        regression,
+        found[: len(values)],
+        float(found[len(values)]) if mass_free else mass,
+        balance.force,
+        balance.harmonics,
+        phase + regression.own[:, 1],
+    )
+    return model, found[count:]
+
+
+def _split(values: NDArray[np.complex128]) -> Array:
+    """(n, c, ...) complex to (n, 2c, ...) real."""
+    return np.concatenate([values.real, values.imag], axis=1)
+
+
+def split_off(regression: Regression, count: int) -> tuple[Regression, Array, Array]:
+    """Keep what concerns the first parameters of a regression; errors that the others cause stay in.
+
+    Returns
+    -------
+    regression
+        Of the first ``count`` parameters.
+    others
+        Covariance of the other ones.
+    caused
+        (count, count) part of the first covariance that the others cause.
+    """
+    whole = regression.covariance
+    others, cross = whole[count:, count:], np.nan_to_num(whole[:count, count:])
+    caused = cross @ np.linalg.pinv(np.nan_to_num(others)) @ cross.T
+    kept = replace(
+        regression,
+        parameters=regression.parameters[:count],
+        covariance=whole[:count, :count],
+        null=regression.null[:count],
+        strength=regression.strength[:count],
+    )
+    return kept, others, caused
