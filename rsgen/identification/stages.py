@@ -48,8 +48,14 @@ _QUICK = 400
 _TAIL = 1e-9
 """Relative size at which the last harmonic no longer matters in exact data."""
 
-_NOISY = 1e-3
-"""Misfit of the balance beyond which it is noise, not the truncated waveform."""
+_ACCURACIES = (1e-5, 1e-8)
+"""Of the simulator inside the fit: the finer one where the misfit turns out to be as small as the coarser."""
+
+_EXACT = 1e-5
+"""Misfit below which a truncated waveform shows wherever a law has a switch, be it as soft as x|x|."""
+
+_RESOLVED = 100.0
+"""A misfit so many times the simulator's accuracy is not the simulator's."""
 
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
@@ -118,7 +124,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         points = background.shape(points.omega).subtract(points, background.values)
         surface = background.shape(surface.omega).subtract(surface, background.values)
     fitted = refined
-    if law.rough:
+    if law.rough or (law.switched and refined.regression.noise < _EXACT):
         refined = _polished(points, model, law, refined)
     used = refined.regression.used
     kept = points.select(used)
@@ -262,9 +268,12 @@ def _among_modes(points: Points, law: ForceLaw, model: Model) -> tuple[FittedMod
 
 def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel) -> FittedModel:
     """Replace the balance by the simulator where the law has jumps or corners."""
-    noise = balanced.regression.noise
-    accuracy = 1e-5 if noise > _NOISY else 1e-7
-    polished = fit_output(points, model, law, balanced, accuracy=accuracy)
+    polished: FittedModel | None = None
+    for accuracy in _ACCURACIES:
+        finer = fit_output(points, model, law, polished or balanced, accuracy=accuracy)
+        polished = finer or polished
+        if finer is None or finer.regression.noise > _RESOLVED * accuracy:
+            break
     followed = np.count_nonzero(polished.regression.used) if polished is not None else 0
     if polished is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
         return balanced
