@@ -90,6 +90,7 @@ def place_windows(middle: Array, length: Array, period: Array, orders: int, size
     size
         Samples of the signal; windows that do not fit inside are left out.
     """
+    middle, length, period = np.broadcast_arrays(middle, length, period)
     finest = np.minimum(period / (_PER_PERIOD * max(orders, 1)), length / _FEWEST)
     step = np.maximum(1, 2 ** np.floor(np.log2(np.maximum(finest, 1.0)))).astype(np.int64)
     # in steps of 4 %, so that neighbours have one length and are mixed together

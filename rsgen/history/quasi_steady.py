@@ -30,7 +30,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _KNOTS = 12
-"""Knots of the free functions k(X) and c(X)."""
+"""Most knots of the free functions k(X) and c(X) ..."""
+
+_ROWS_A_KNOT = 8
+"""... and how many points each needs."""
 
 _ROUNDS = 4
 _OUTLIER = 3.0
@@ -47,7 +50,8 @@ class Inertia:
 
 def _hats(amplitude: Array) -> Array:
     """(n, k) piecewise linear functions of the amplitude, knots where the points are."""
-    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, _KNOTS)))
+    count = int(np.clip(len(amplitude) // _ROWS_A_KNOT, 2, _KNOTS))
+    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
     if len(knots) < 2:
         return np.ones((len(amplitude), 1))
     return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)

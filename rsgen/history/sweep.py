@@ -47,14 +47,26 @@ _ASKED = 0.1
 _TOLD = 0.1
 """Relative standard error up to which the mass from the sweeps themselves is used."""
 
+_ENOUGH = 16
+"""Points at resonances from which a mass is looked for."""
+
+_FLANK = 0.2
+"""Points belong to a resonance down to this fraction of its receptance."""
+
+_OTHER = 0.3
+"""Another maximum this high, relative to the highest, is told; between the two it must fall to half of it."""
+
+_APART = 0.04
+"""Nearer to the highest one, relatively, it is the same mode."""
+
 _ONE_MODE = 0.15
 """Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
 
 _SLOW = 0.1
 """rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
 
-_FAST = 20.0
-"""rate/(zeta f)^2 up to which the correction was proved (c(X) within 0.5 %, k(X) within 0.1 %)."""
+_FAST = 10.0
+"""rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
 
 _DISTORTED = 0.05
 _PASSED = len(OUTCOMES) - 1
@@ -239,8 +251,8 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
     good = usable & (flattened < _FLATTENED)
     notes: list[str] = []
     known = mass
-    if mass is None and np.count_nonzero(good) > 50:
-        picked = np.flatnonzero(good)
+    picked = np.flatnonzero(_resonances(rows, good))
+    if mass is None and len(picked) >= _ENOUGH:
         found = estimate_mass(force[picked], Motion(*(getattr(motion, k)[picked] for k in Motion.__slots__)))
         if found and found.misfit > _ONE_MODE:
             found = None
@@ -258,6 +270,7 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
             "the force was not corrected for the pace of the sweep: over this band the sweeps do not tell a "
             "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
         )
+    notes += _other_mode(rows, steady, motion, good)
     notes += _distortions(rows)
     level = name_levels([(r.history.level, float(np.median(np.abs(r.force)))) for r in rows])
     count = [len(r.force) for r in rows]
@@ -276,6 +289,50 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         origin="measured",
         notes=tuple(notes),
     )
+
+
+def _resonances(rows: list[_Rows], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the points around the highest receptance of each sweep."""
+    marked, begin = np.zeros(len(good), dtype=bool), 0
+    for r in rows:
+        part = begin + np.flatnonzero(good[begin : begin + len(r.force)])
+        size = np.abs(r.motion.displacement / r.force)[part - begin]
+        begin += len(r.force)
+        if len(part):
+            top = int(np.argmax(size))
+            low = np.flatnonzero(size < _FLANK * size[top])
+            left = int(np.max(low[low < top], initial=-1))
+            right = int(np.min(low[low > top], initial=len(size)))
+            marked[part[left + 1 : right]] = True
+    return marked
+
+
+def _other_mode(
+    rows: list[_Rows], steady: ComplexArray, motion: Motion, good: NDArray[np.bool_]
+) -> list[str]:
+    """Say where the receptance has another maximum, in the first sweep that has one."""
+    begin = 0
+    for r in rows:
+        part = begin + np.flatnonzero(good[begin : begin + len(r.force)])
+        begin += len(r.force)
+        if not len(part):
+            continue
+        part = part[np.argsort(motion.omega[part], kind="stable")]
+        size = np.abs(motion.displacement[part] / steady[part])
+        top = int(np.argmax(size))
+        for places in (np.arange(top, -1, -1), np.arange(top, len(size))):
+            side = size[places]
+            away = np.abs(motion.omega[part[places]] / motion.omega[part[top]] - 1) > _APART
+            # the lowest place on the way out
+            valley = np.minimum.accumulate(side)
+            height = np.where(away & (side > _OTHER * size[top]) & (valley < side / 2), side, 0.0)
+            if height.any():
+                f = motion.omega[part[places[int(np.argmax(height))]]] / (2 * pi)
+                return [
+                    f"{r.history.label}: response over force has another maximum near {f:.4g} Hz, of another "
+                    "mode perhaps; choose a band around one mode, or fit a background"
+                ]
+    return []
 
 
 def _pace(
@@ -315,7 +372,7 @@ def _pace(
             f"resonance, with the mass {mass:.4g} kg ({'given' if given else 'from the sweeps themselves'})"
         )
         if pace > _FAST:
-            note += f"; beyond {_FAST:g} the correction is not proved: sweep slower"
+            note += f"; beyond {_FAST:g} it leaves errors of some percent in c(X): sweep slower"
     return [note] if note else []
 
 

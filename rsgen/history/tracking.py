@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.history.law import LAWS, SweepLaw
-from rsgen.history.record import TimeHistory
+from rsgen.history.record import BLOCK, TimeHistory
 
 __all__ = ["Sweep", "find_sweeps"]
 
@@ -23,6 +23,9 @@ _LOOKS = 128
 
 _FEWEST = 10
 """Spectra that a sweep must last; shorter ones are a start, a stop or an accident."""
+
+_LINES = 0.5
+"""Lines of a spectrum over which the frequency must go to be a sweep."""
 
 _QUIET = 0.1
 """Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
@@ -67,14 +70,14 @@ def find_sweeps(
     MeasurementError
         There is no force, or no sweep in it, or the force does not follow the law.
     """
-    time, frequency, loud = _ridge(history)
+    time, frequency, loud, line = _ridge(history)
     if given is not None:
         kept = np.flatnonzero(loud)
         if not len(kept):
             raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
         return (Sweep(float(time[kept[0]]), float(time[kept[-1]]), given),)
     sweeps = []
-    for run in _runs(frequency, loud):
+    for run in _runs(frequency, loud, line):
         law = _first_law(time[run], frequency[run], kind)
         begin, end = float(time[run[0]]), float(time[run[-1]])
         sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
@@ -86,11 +89,11 @@ def find_sweeps(
     return tuple(sweeps)
 
 
-def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Find the strongest line of the force in spectra along the history: time, frequency, loud enough."""
+def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float]:
+    """Follow the strongest line of the force: time, frequency, whether loud enough; resolution [Hz]."""
     force = history.reference
     n = len(force)
-    length = max(16, min(n, 2 * n // _LOOKS))
+    length = max(16, min(n, max(2 * n // _LOOKS, round(_PERIODS * history.rate / _typical(history)))))
     starts = np.linspace(0, n - length, min(_LOOKS, n - length + 1)).astype(np.int64)
     taper = np.hanning(length + 2)[1:-1]
     frequency, size = np.zeros(len(starts)), np.zeros(len(starts))
@@ -106,11 +109,24 @@ def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_]]:
     frequency *= history.rate / length
     time = (starts + (length - 1) / 2) / history.rate
     loud = (size > _QUIET * size.max(initial=0.0)) & (frequency > 0)
-    return np.asarray(time, dtype=np.float64), frequency, np.asarray(loud, dtype=np.bool_)
+    line = history.rate / length
+    return np.asarray(time, dtype=np.float64), frequency, np.asarray(loud, dtype=np.bool_), line
 
 
-def _runs(frequency: Array, loud: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Split into stretches in which the frequency only rises, or only falls."""
+def _typical(history: TimeHistory) -> float:
+    """Find a frequency that stands for the force: the mean over its spectrum [Hz]."""
+    # a long history is looked at in parts, for the spectrum of the whole costs time and memory
+    total, moment = 0.0, 0.0
+    for start in range(0, len(history), BLOCK):
+        power = np.abs(np.fft.rfft(history.reference[start : start + BLOCK])) ** 2
+        power[0] = 0.0
+        total += float(power.sum())
+        moment += float(power @ np.linspace(0, history.rate / 2, len(power)))
+    return moment / total if total > 0 else history.rate / 4
+
+
+def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
+    """Split where the frequency turns or the force is quiet; the spectra resolve a ``line`` [Hz]."""
     smooth = frequency.copy()
     for i in range(1, len(frequency) - 1):
         # a single spectrum taken in by a disturbance is no turn
@@ -139,7 +155,8 @@ def _runs(frequency: Array, loud: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
             # spectra over the turn see both sides: they belong to neither run
             runs.append(np.arange(start, extreme))
             start, extreme, direction = extreme + 2, i, -direction
-    return [run for run in runs if len(run) >= _FEWEST and np.ptp(smooth[run]) > threshold > 0]
+    least = max(threshold, _LINES * line)
+    return [run for run in runs if len(run) >= _FEWEST and np.ptp(smooth[run]) > least]
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
