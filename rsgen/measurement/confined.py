@@ -7,6 +7,7 @@ memory and time. What comes back is a line of JSON and bytes of numbers: nothing
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import sys
@@ -71,6 +72,9 @@ def _rehearse(form: str, walk: Walk) -> None:
     if sample:
         for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
             _describe(node)
+    # names in files may come in any of these, and Python loads each when it is first met
+    for name in ("ascii", "latin-1", "cp437", "utf-16", "utf-16-le", "utf-32", "utf-8-sig"):
+        codecs.lookup(name)
     json.dumps(facts(np.arange(3.0)))
 
 

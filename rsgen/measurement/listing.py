@@ -41,7 +41,7 @@ def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
 
 
 def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
-    """Judge a layout: (numbers in the alike rows at the end, first of these rows, numbers in a row)."""
+    """Judge a layout: (numbers less other cells in alike rows at the end, first of these, numbers in one)."""
     last = _kinds(lines[-1][1], layout)
     first = len(lines)
     for place in range(len(lines) - 1, -1, -1):
@@ -49,7 +49,7 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
         if len(kinds) != len(last) or not all(found for found, kind in zip(kinds, last, strict=True) if kind):
             break
         first = place
-    return sum(last) * (len(lines) - first), first, sum(last)
+    return (2 * sum(last) - len(last)) * (len(lines) - first), first, sum(last)
 
 
 def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
@@ -58,7 +58,7 @@ def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
     candidates += [Layout(delimiter=sign, decimal=",") for sign in (";", "\t", "|", "whitespace")]
     judged = [(*_judge(lines, layout), layout) for layout in candidates]
     numbers, first, _, layout = max(judged, key=lambda found: (found[0], found[2]))
-    if not numbers:
+    if numbers <= 0:
         raise MeasurementError(f"{label}: no rows of numbers in it; a table of numbers is needed")
     return layout, first
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import encodings.cp437  # noqa: F401  (file names in archives; a process that may open no file cannot load it later)
 import zipfile
 from collections.abc import Callable, Iterator
 from typing import IO, Any, BinaryIO
