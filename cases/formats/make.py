@@ -115,12 +115,19 @@ def write_text(tables: list[Table]) -> None:
     (FOLDER / "table.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
+def _save_matlab(path: Path, tree: dict[str, Any]) -> None:
+    """Write version 5 with a head that tells no time, so that the same numbers give the same bytes."""
+    scipy.io.savemat(path, tree, do_compression=True)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 5.0 MAT-file, synthetic example of rsgen".ljust(116))
+
+
 def write_matlab(tables: list[Table]) -> None:
     """A struct array in version 5, groups in version 7.3, histories of two levels in version 5."""
     run = np.zeros((1, len(tables)), dtype=[(key, "O") for key in ("level", "f", "F", "A")])
     for number, (level, frequency, force, response) in enumerate(tables):
         run[0, number] = (level, frequency[None], force[None], response[None])
-    scipy.io.savemat(FOLDER / "table.mat", {"test": {"run": run}}, do_compression=True)
+    _save_matlab(FOLDER / "table.mat", {"test": {"run": run}})
     with h5py.File(FOLDER / "table-v73.mat", "w", userblock_size=512) as file:
         for number, (level, frequency, force, response) in enumerate(tables, start=1):
             for key, values in (("level", [level]), ("f", frequency), ("F", np.abs(force))):
@@ -139,7 +146,7 @@ def write_matlab(tables: list[Table]) -> None:
     for level in LEVELS[1:]:
         force, acceleration = sweep(level)
         channels = np.array([0.01 * acceleration, acceleration], dtype=np.float32)
-        scipy.io.savemat(
+        _save_matlab(
             FOLDER / f"sweep_{level:.0f}N.mat",
             {"Force": force.astype(np.float32)[None], "Acceleration": channels, "Fs": RATE},
         )
