@@ -47,6 +47,9 @@ _ASKED = 0.1
 _TOLD = 0.1
 """Relative standard error up to which the mass from the sweeps themselves is used."""
 
+_OVER = 1.0
+"""Largest correction of a force that is used, relative to it: beyond, the motion is a free one above all."""
+
 _ENOUGH = 16
 """Points at resonances from which a mass is looked for."""
 
@@ -264,6 +267,7 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         steady = np.where(usable, steady, force)
         asked = np.abs(known * flattened * motion.acceleration)
         good &= asked < _ASKED * np.maximum(np.abs(force), np.abs(steady))
+        good &= np.abs(steady - force) < _OVER * np.abs(force)
         notes += _pace(rows, force, steady, motion, damping, good, known, mass is not None)
     else:
         notes.append(

@@ -1,0 +1,116 @@
+"""Stepped sines: steps found, settled parts fitted; the sine fit against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import cont2discrete, lfilter
+
+from rsgen.errors import MeasurementError
+from rsgen.history import TimeHistory, fit_steps
+from rsgen.history.sine import fit_sine, refine_frequency
+
+MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
+RATE = 500.0
+
+HELD = 2e-3
+"""Straight lines between 50 samples a period make the fundamental smaller by (pi/50)^2/3, or 0.13 %."""
+
+
+def stepped(frequencies: np.ndarray, levels: np.ndarray, dwell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Force and displacement of a linear oscillator; the phase of the force goes on from step to step."""
+    omega = 2 * np.pi * np.repeat(frequencies, int(dwell * RATE)) / RATE
+    phase = np.cumsum(omega) - omega
+    force = np.repeat(levels, int(dwell * RATE)) * np.sin(phase)
+    above, below, _ = cont2discrete(([1.0], [MASS, DAMPING, STIFFNESS]), 1 / RATE, "foh")
+    return force, lfilter(above.ravel(), below, force)
+
+
+def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -> None:
+    frequencies = np.concatenate([np.linspace(9, 11, 21), np.linspace(10.9, 9, 20)])
+    force, x = stepped(frequencies, np.full(41, 3.0), 30)
+    surface = fit_steps(TimeHistory(RATE, force, x))
+    assert len(surface) == 41
+    np.testing.assert_allclose(surface.frequency, frequencies, rtol=1e-8)
+    assert surface.sweep.tolist() == ["up"] * 21 + ["down"] * 20
+    assert surface.levels.tolist() == [3.0]
+    assert surface.settled.all()
+    dynamic = surface.force / surface.harmonics[:, 1]
+    exact = STIFFNESS - MASS * surface.omega**2 + 1j * surface.omega * DAMPING
+    assert np.max(np.abs(dynamic / exact - 1)) < HELD + 5e-3 / 2
+
+
+def test_steps_of_level_at_one_frequency_are_told_apart() -> None:
+    levels = np.array([1.0, 2.0, 4.0, 2.0])
+    force, x = stepped(np.full(4, 10.0), levels, 30)
+    surface = fit_steps(TimeHistory(RATE, force, x))
+    np.testing.assert_allclose(np.abs(surface.force), levels, rtol=1e-4)
+    assert surface.level.tolist() == levels.tolist()
+
+
+def test_noise_neither_makes_nor_hides_steps() -> None:
+    frequencies = np.linspace(9, 11, 41)  # 0.5 % apart
+    force, x = stepped(frequencies, np.full(41, 3.0), 20)
+    noise = np.random.default_rng(3).normal(size=(2, len(x)))
+    surface = fit_steps(
+        TimeHistory(RATE, force + 0.01 * np.std(force) * noise[0], x + 0.01 * np.std(x) * noise[1])
+    )
+    assert len(surface) == 41
+    np.testing.assert_allclose(surface.frequency, frequencies, rtol=1e-5)
+
+
+def test_steps_too_short_to_settle_are_marked() -> None:
+    # the response settles in 1/(zeta omega) = 1.6 s; these steps last 3 s
+    force, x = stepped(np.linspace(9, 11, 11), np.full(11, 3.0), 3)
+    surface = fit_steps(TimeHistory(RATE, force, x))
+    near = np.abs(surface.frequency - 10) < 0.3
+    assert len(surface) == 11
+    assert not surface.settled[near].any()
+    assert (surface.residual[~surface.settled] > 5e-3).all()
+
+
+@pytest.mark.parametrize(("quantity", "power"), [("displacement", 0), ("velocity", 1), ("acceleration", 2)])
+def test_quantities_and_harmonics(quantity: str, power: int) -> None:
+    t = np.arange(20_000) / RATE
+    omega = 2 * np.pi * 7.0
+    shape = np.array([0.0, 1e-3, 2e-4j, -1e-4])
+    turn = np.exp(1j * omega * np.arange(4)[:, None] * t)
+    response = ((1j * omega * np.arange(4))[:, None] ** power * shape[:, None] * turn).sum(0).real
+    surface = fit_steps(TimeHistory(RATE, np.cos(omega * t), response, quantity))
+    found = surface.harmonics[0] / (surface.force[0] / np.abs(surface.force[0])) ** np.arange(6)
+    np.testing.assert_allclose(found[1:4], shape[1:], rtol=1e-6, atol=1e-12)
+    assert np.isnan(found[0]) == (power > 0)
+
+
+def test_no_steps_are_refused() -> None:
+    with pytest.raises(MeasurementError, match="no step found"):
+        fit_steps(TimeHistory(RATE, np.zeros(4000), np.zeros(4000)))
+    with pytest.raises(MeasurementError, match="no force"):
+        fit_steps(TimeHistory(RATE, None, np.zeros(4000)))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(f=st.floats(0.01, 0.12), off=st.floats(-0.4, 0.4), phase=st.floats(0, 6), mean=st.floats(-2, 2))
+def test_a_sine_is_fitted_exactly_and_its_frequency_refined(
+    f: float, off: float, phase: float, mean: float
+) -> None:
+    n = 3000
+    omega = 2 * np.pi * f
+    i = np.arange(n)
+    signal = mean + np.cos(omega * i + phase) + 0.1 * np.cos(3 * omega * i)
+    refined = refine_frequency(signal, omega + off * 2 * np.pi / n, 3)
+    assert refined == pytest.approx(omega, rel=1e-10)
+    sine = fit_sine(signal, refined, 3)
+    np.testing.assert_allclose(sine.harmonics, [mean, np.exp(1j * phase), 0, 0.1], atol=1e-7)
+    assert sine.residual < 1e-6
+
+
+def test_a_sine_fit_scatters_as_the_noise_says() -> None:
+    # Cramer and Rao for an amplitude in white noise of variance s^2: var of a complex amplitude is 4 s^2/n
+    random = np.random.default_rng(5)
+    n, omega = 2000, 0.3
+    pure = np.cos(omega * np.arange(n))
+    found = [fit_sine(pure + 0.1 * random.normal(size=n), omega, 1).harmonics[1] - 1 for _ in range(200)]
+    assert np.mean(np.abs(found) ** 2) == pytest.approx(4 * 0.01 / n, rel=0.25)
