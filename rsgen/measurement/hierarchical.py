@@ -29,6 +29,10 @@ def _refused(path: str, reason: str, shape: tuple[int, ...] = ()) -> Node:
     return Node(path, shape, "", load, fault=reason)
 
 
+def _unread() -> NDArray[Any]:
+    raise MeasurementError("was not asked for")
+
+
 def _text(value: Any) -> str:
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
@@ -185,7 +189,11 @@ def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     try:
         info = h5py.h5o.get_info(opened.id)
         for name in opened:
-            if name in _HIDDEN or (heads is not None and name not in heads and "*" not in "".join(heads)):
+            if name in _HIDDEN:
+                continue
+            if heads is not None and name not in heads and "*" not in "".join(heads):
+                # not looked at, but known when a wanted name is not there
+                yield Node(name, (), "unread", _unread)
                 continue
             yield from walk.member(opened, name, name, ((info.fileno, info.addr),))
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as fault:

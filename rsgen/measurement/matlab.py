@@ -66,11 +66,16 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
         yield Node(path, value.shape, "", _nothing, fault=_NOT_READ)
 
 
-def _check_sizes(file: BinaryIO, heads: set[str] | None, largest: int) -> list[str]:
+def _check_sizes(
+    file: BinaryIO, heads: set[str] | None, largest: int
+) -> tuple[list[str], list[tuple[str, tuple[int, ...]]]]:
+    """Give the variables that are wanted, their sizes checked, and the others."""
     wanted = []
+    others = []
     opened: Any = file
     for name, shape, kind in scipy.io.whosmat(opened):
         if heads is not None and name not in heads and "*" not in "".join(heads):
+            others.append((name, tuple(map(int, shape))))
             continue
         try:
             array_bytes(tuple(map(int, shape)), np.dtype(_WIDTHS.get(kind, "f8")), largest)
@@ -78,7 +83,7 @@ def _check_sizes(file: BinaryIO, heads: set[str] | None, largest: int) -> list[s
             raise MeasurementError(f"variable {name[:60]!r} {fault}") from None
         wanted.append(name)
     file.seek(0)
-    return wanted
+    return wanted, others
 
 
 def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
@@ -98,7 +103,7 @@ def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterato
     MeasurementError
         No MAT file, damaged, or a declared size is too large.
     """
-    names = _check_sizes(file, heads, largest)
+    names, others = _check_sizes(file, heads, largest)
     opened: Any = file
     loaded = scipy.io.loadmat(opened, variable_names=names, chars_as_strings=True, struct_as_record=True)
     count = 0
@@ -109,3 +114,6 @@ def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterato
             if count > MAX_NODES:
                 raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
             yield node
+    for name, shape in others:
+        # not read, but known when a wanted name is not there
+        yield Node(name, shape, "unread", _nothing)

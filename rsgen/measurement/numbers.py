@@ -24,7 +24,7 @@ def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dt
         version = npy.read_magic(file)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, fortran, dtype = read(file)
-    except ValueError as fault:
+    except Exception as fault:  # the header is read as Python text, so any fault of a parser may come
         raise MeasurementError(f"is no .npy array: {' '.join(str(fault).split())[:120]}") from None
     if dtype.hasobject:
         raise MeasurementError(_PICKLE)

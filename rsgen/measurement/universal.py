@@ -294,7 +294,8 @@ class _Sets:
         raw = self.lines.next()
         if raw is not None and not raw.strip():
             raw = self.lines.next()
-        if raw is None or not _is_end(raw):
+        # a blank fewer would mean that a byte of the numbers is missing
+        if raw is None or raw.rstrip() != b"    -1":
             raise self.lines.fail("after the numbers the closing -1 is missing; the file is damaged")
         try:
             return head, _binary(head, data, "<" if order == 1 else ">")
