@@ -30,6 +30,11 @@ class _Located:
     threshold: str
     jumps: bool
 
+    @property
+    def rests(self) -> bool:
+        """Dry friction that holds the mass at rest, not against something that moves."""
+        return self.jumps and self.threshold == "0.0"
+
 
 def _templates() -> Path:
     package = Path(__file__).parent.parent

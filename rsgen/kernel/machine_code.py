@@ -56,18 +56,19 @@ def _engine() -> tuple[Any, Any]:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     name, features = host()
-    target = llvm.Target.from_default_triple()
-    machine = target.create_target_machine(
-        cpu=name, features=features, opt=3, reloc="default", codemodel="jitdefault"
-    )
+
+    def machine() -> Any:
+        return llvm.Target.from_default_triple().create_target_machine(
+            cpu=name,
+            # vectors as wide as there are: kernels do little else than vector arithmetic
+            features=f"{features},-prefer-256-bit,-prefer-128-bit" if "+avx" in features else features,
+            opt=3,
+            reloc="default",
+            codemodel="jitdefault",
+        )
+
     # an engine owns its machine
-    engine = llvm.create_mcjit_compiler(
-        llvm.parse_assembly(""),
-        target.create_target_machine(
-            cpu=name, features=features, opt=3, reloc="default", codemodel="jitdefault"
-        ),
-    )
-    return machine, engine
+    return machine(), llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
 
 
 def _import(path: Path, name: str) -> ModuleType:
@@ -85,6 +86,17 @@ def _import(path: Path, name: str) -> ModuleType:
         sys.modules.pop(name, None)
         sys.dont_write_bytecode = written
     return module
+
+
+def _unoptimised(path: Path, name: str) -> ModuleType:
+    """Import a kernel, and let numba only translate: what is optimised once at the end compiles sooner."""
+    config: Any = import_module("numba.core.config")
+    level = config.OPT
+    config.OPT = type(level)(0)
+    try:
+        return _import(path, name)
+    finally:
+        config.OPT = level
 
 
 def compile_source(path: Path, name: str) -> tuple[bytes, str]:
@@ -110,12 +122,13 @@ def compile_source(path: Path, name: str) -> tuple[bytes, str]:
     llvm = _llvm()
     with _lock:
         machine, _ = _engine()
-        entry = _import(path, name).enter
+        entry = _unoptimised(path, name).enter
         # the wrapper of numba reports errors to Python; the function inside it has none to report
         symbol = entry.native_name.removeprefix("cfunc.")
         module = llvm.parse_assembly(
             _OWNER.sub(r"define internal void\g<1>\g<2> { ret void }", entry.inspect_llvm())
         )
+        module.triple, module.data_layout = machine.triple, str(machine.target_data)
         for function in module.functions:
             if not function.is_declaration and function.name != symbol:
                 function.linkage = "internal"
@@ -123,9 +136,10 @@ def compile_source(path: Path, name: str) -> tuple[bytes, str]:
             if not variable.is_declaration:
                 variable.linkage = "internal"
         module.get_function(symbol).linkage = "external"
-        passes = llvm.create_new_module_pass_manager()
-        passes.add_global_dead_code_eliminate_pass()
-        passes.run(module, llvm.create_pass_builder(machine, llvm.PipelineTuningOptions()))
+        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options.loop_vectorization = True
+        builder = llvm.create_pass_builder(machine, options)
+        builder.getModulePassManager().run(module, builder)
         missing = {
             f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")
         } - _FOREIGN
