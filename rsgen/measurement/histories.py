@@ -108,12 +108,16 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     other = _rows(test.response_files[number], test, [response], None) if apart else rows
     start = 0.0
     if rule.time is not None:
-        rate, start = _rate_of(label, rule.time, rows.pop(rule.time))
+        rate, start = _rate_of(label, rule.time, rows[rule.time])
         rate, start = rate / rule.factor, start * rule.factor
     elif rule.rate_column is not None:
-        rate = _rate_in(label, rule.rate_column, rows.pop(rule.rate_column)) * rule.factor
+        rate = _rate_in(label, rule.rate_column, rows[rule.rate_column]) * rule.factor
     else:
         rate = rule.rate or 0.0
+    for name in (rule.time, rule.rate_column):
+        if name is not None and name not in (force, response):
+            # a long column of instants has said what it had to say
+            del rows[name]
     length = len(other[response])
     if force is not None and len(rows[force]) != length:
         raise MeasurementError(
