@@ -19,6 +19,7 @@ __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling
 
 SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
 COARSE = 24  # steps a period: enough to tell branches apart; accuracy comes afterwards
+_LONG, _CLOSER = 128, 4  # periods from which on the steps are so many times finer
 _STIFF = 8  # times as many steps before a motion is called unbounded
 _FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
@@ -53,6 +54,9 @@ def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int 
     floor = period_map.scale()
     active = np.arange(n)
     for periods in _FROM_REST if from_rest else _FROM_START:
+        if periods == _LONG:
+            # a corner that is just touched is seen or not with the place of the steps: closer, it is seen
+            result.steps[active] *= _CLOSER
         active = _one_round(period_map, result, active, periods, floor)
         if not len(active):
             break
