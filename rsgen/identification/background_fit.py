@@ -7,13 +7,14 @@ swallows the mode gains nothing. The law's parameters get standard errors that a
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.element import make_element
 from rsgen.identification.background import Shape, shape_of
-from rsgen.identification.balance_fit import FittedModel, slaved_harmonics
+from rsgen.identification.balance_fit import FittedModel, slaved_harmonics, split_rows
 from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, solve_equations
 from rsgen.identification.force_law import ForceLaw, compile_law
 from rsgen.identification.points import Points
@@ -29,6 +30,9 @@ _SAMPLES_SWITCHED = 256
 
 _PLAIN = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
+
+_NOISY = 1e-4
+"""Misfit above which it is noise, not the truncated waveform."""
 
 _TURNS = 12
 """Phase errors tried all around the circle."""
@@ -111,6 +115,8 @@ def fit_with_background(
     level, unit = np.abs(points.force), points.amplitude
     start = np.zeros((len(points), max(order, 1) + 1), dtype=complex)
     count = len(values) + mass_free
+    # the mean has no imaginary part
+    real = [h == 0 for h in (1, 1, *compared)]
     last: list[Balance] = []
 
     def hold(parameters: Array, own: Array) -> Balance:
@@ -133,43 +139,57 @@ def fit_with_background(
         force = points.force * turn * shape.turn(besides)
         harmonics = points.harmonics * turn[:, None] ** orders
         b = shape.receptance(besides)
+        seen = size + b * balance.force
         by_law = balance.force_by[:, :count]
-        by_phase = (-1j * force / level)[:, None]
-        terms = (shape.functions * balance.force[:, None] / unit[:, None])[:, :, None] * np.array([1, 1j])
+        terms = (shape.functions * balance.force[:, None])[:, :, None] * np.array([1, 1j])
         none = np.zeros((len(points), terms[0].size))
         still = np.zeros((len(points), 1))
-        rows = [
-            (
-                (force - balance.force) / level,
-                balance.force_slope * size / level,
-                1j * force / level,
-                np.hstack([by_law / level[:, None], by_phase, none]),
-            ),
-            (
-                (harmonics[:, 1] - size - b * balance.force) / unit,
-                (size + b * balance.force_slope * size) / unit,
-                1j * harmonics[:, 1] / unit,
-                np.hstack([by_law * (b / unit)[:, None], still, terms.reshape(none.shape)]),
-            ),
-        ]
+        by_force = np.hstack([by_law, still, none])
+        by_seen = np.hstack([by_law * b[:, None], still, terms.reshape(none.shape)])
+        psi = by_law.shape[1]
+        if logarithmic:
+            # the noise of a logarithm has mean zero and the same size everywhere
+            by_force[:, psi] = -1j * balance.force
+            one = np.ones(len(points))
+            rows = [
+                (np.log(force / balance.force), balance.force_slope * size / balance.force, 1j * one),
+                (np.log(harmonics[:, 1] / seen), (size + b * balance.force_slope * size) / seen, 1j * one),
+            ]
+            scales: list[NDArray[Any]] = [balance.force, seen]
+        else:
+            by_force[:, psi] = -1j * force
+            rows = [
+                ((force - balance.force) / level, balance.force_slope * size / level, 1j * force / level),
+                (
+                    (harmonics[:, 1] - seen) / unit,
+                    (size + b * balance.force_slope * size) / unit,
+                    1j * harmonics[:, 1] / unit,
+                ),
+            ]
+            scales = [level, unit]
+        by = [by_force / scales[0][:, None], by_seen / scales[1][:, None]]
         for h in compared:
             rows.append(
                 (
                     (harmonics[:, h] - balance.harmonics[:, h]) / unit,
                     balance.harmonics_slope[:, h] * size / unit,
                     1j * h * harmonics[:, h] / unit,
-                    np.hstack([balance.harmonics_by[:, h, :count] / unit[:, None], still, none]),
                 )
             )
-        residual, grow, turned, by = (
-            _split(np.stack([row[part] for row in rows], axis=1)) for part in range(4)
-        )
+            by.append(np.hstack([balance.harmonics_by[:, h, :count] / unit[:, None], still, none]))
+        residual, grow, turned = (split_rows([row[part] for row in rows], real) for part in range(3))
         residual[~balance.converged] = np.nan
-        return Linearisation(residual, np.stack([grow, turned], axis=2), by)
+        return Linearisation(residual, np.stack([grow, turned], axis=2), split_rows(by, real))
 
     first = np.concatenate([values, [mass] if mass_free else [], background])
     own = np.stack([np.log(mode.amplitude), np.zeros(len(points))], axis=1)
-    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=points.neighbours)
+    pairs = points.neighbours
+    logarithmic = False
+    regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=pairs)
+    if regression.noise > _NOISY:
+        logarithmic = True
+        found, own, used = regression.parameters, regression.own, regression.used
+        regression = fit(linearise, found, own, reject=reject, steps=steps, neighbours=pairs, used=used)
     found = regression.parameters
     balance = hold(found, regression.own)
     model = FittedModel(
@@ -181,11 +201,6 @@ def fit_with_background(
         phase + regression.own[:, 1],
     )
     return model, found[count:]
-
-
-def _split(values: NDArray[np.complex128]) -> Array:
-    """(n, c, ...) complex to (n, 2c, ...) real."""
-    return np.concatenate([values.real, values.imag], axis=1)
 
 
 def split_off(regression: Regression, count: int) -> tuple[Regression, Array, Array]:
@@ -209,5 +224,6 @@ def split_off(regression: Regression, count: int) -> tuple[Regression, Array, Ar
         covariance=whole[:count, :count],
         null=regression.null[:count],
         strength=regression.strength[:count],
+        influence=regression.influence[:, :, :count],
     )
     return kept, others, caused

@@ -88,6 +88,8 @@ class Regression:
     strength
         (q,) root mean square change of the prediction by a unit of each parameter, in units of the
         expected noise.
+    influence
+        (n, M, q) change of the estimate by a unit of each residual; zero for points that are not used.
     """
 
     parameters: Array
@@ -100,6 +102,7 @@ class Regression:
     freedom: int
     converged: bool
     strength: Array
+    influence: Array
 
 
 def fit(
@@ -326,6 +329,8 @@ def _summary(
     covariance[:, lost] = np.nan
     misfit = np.sqrt(np.sum(residual**2, axis=1) / each)
     strength = np.sqrt(np.sum(line.by_parameter[used] ** 2, axis=(0, 1)) / max(np.count_nonzero(used), 1))
+    influence = np.zeros_like(matrix)
+    influence[used] = matrix[used] @ (inverse @ inverse.T)
     return Regression(
         parameters,
         own,
@@ -337,4 +342,5 @@ def _summary(
         freedom,
         converged,
         strength,
+        influence,
     )

@@ -23,6 +23,8 @@ from rsgen.identification.identifiability import find_warnings, untold_reason
 from rsgen.identification.inversion import invert_curve
 from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
+from rsgen.identification.regression import Regression
+from rsgen.identification.repeats import Repeats, gather_repeats
 from rsgen.identification.resonance import find_resonances, mass_from_slices
 from rsgen.identification.result import (
     Background,
@@ -111,6 +113,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     RsgenError
         A held-out level is not in the surface, or fewer than four points can be used.
     """
+    surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
     law = compile_law(model.force)
     if law.odd and _leaves_the_middle(points):
@@ -120,11 +123,11 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     if model.background == "none":
         refined = _refined(points, law, _start(points, law, model.mass), model.mass)
     else:
-        refined, background, caused = _among_modes(points, law, model)
+        refined, background, caused = _among_modes(points, law, model, repeats)
         points = background.shape(points.omega).subtract(points, background.values)
         surface = background.shape(surface.omega).subtract(surface, background.values)
     fitted = refined
-    if law.rough or (law.switched and refined.regression.noise < _EXACT):
+    if law.rough or _is_strong(points) or (law.switched and refined.regression.noise < _EXACT):
         refined = _polished(points, model, law, refined)
     used = refined.regression.used
     kept = points.select(used)
@@ -132,8 +135,15 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     bias = _first_order_bias(kept, law, refined, first, model.mass)
     paper, resonances = _paper(kept, law, model.mass, refined.mass)
     # the expected noise has unit size in real and imaginary part each
-    noise = refined.regression.noise * np.sqrt(2)
+    noise = misfit_noise = refined.regression.noise * np.sqrt(2)
     covariance = refined.regression.covariance
+    notes: tuple[str, ...] = ()
+    if repeats is not None:
+        noise = repeats.noise
+        if background is None or refined is not fitted:
+            covariance = _repeated(refined.regression, points, repeats).covariance
+        spread = refined.regression.noise * np.sqrt(np.sum(refined.regression.influence**2, axis=(0, 1)))
+        notes = (repeats.judge(misfit_noise, float(np.nanmedian(spread / np.sqrt(np.diag(covariance))))),)
     if caused is not None and refined is not fitted:
         # the simulator was fitted beside a background that stood still
         covariance = covariance + caused
@@ -160,10 +170,10 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         levels=np.unique(points.level),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
-        outcome=_outcome(surface, points, used, estimates, float(noise)),
+        outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
         background=background,
-        warnings=find_warnings(surface, points, used, law, refined, resonances, estimates),
+        warnings=(*notes, *find_warnings(surface, points, used, law, refined, resonances, estimates)),
     )
 
 
@@ -191,11 +201,27 @@ def _names(law: ForceLaw, model: Model) -> tuple[str, ...]:
 
 
 def _start(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
-    """Values to start from: first order, all points, gross outliers with less weight."""
+    """Values to start from: first order, or the measured waveform where that fits better."""
+    first = _linear_start(points, law, mass, 1)
+    if not _is_strong(points):
+        return first
+    # in the balance of the fundamental along the measured waveform a law is as linear as it is written
+    whole = _linear_start(points, law, mass, points.harmonics.shape[1] - 1)
+    return whole if whole.misfit < first.misfit else first
+
+
+def _is_strong(points: Points) -> bool:
+    """Tell whether some motions are so far from a sine that a balance of few harmonics may miss them."""
+    higher = np.abs(points.harmonics[:, 2:]).max(axis=1, initial=0.0) / points.amplitude
+    return int(np.count_nonzero(higher > _UNEVEN)) >= _SOME
+
+
+def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> LinearSolution:
+    """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
     equations = Equations(
         points.omega,
         points.force,
-        points.harmonics[:, :2],
+        points.harmonics[:, : order + 1],
         not law.odd and 0 in points.measured,
         1 / np.abs(points.force),
         np.zeros((0, 2)),
@@ -229,17 +255,33 @@ def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float 
     """All harmonics that matter."""
     values, mass = start.values, start.mass
     few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points
+    followed = _is_strong(points)  # by the simulator, which has all harmonics
     for order in _ORDERS:
         refined = _fit(few, law, values, mass, given, order, reject=True)
         values, mass = refined.values, refined.mass
         harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
-        if law.switched or last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points))):
+        if (
+            law.switched
+            or followed
+            or last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+        ):
             break
     return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
 
 
-def _among_modes(points: Points, law: ForceLaw, model: Model) -> tuple[FittedModel, Background, Array]:
+def _repeated(regression: Regression, points: Points, repeats: Repeats | None) -> Regression:
+    """Give a regression the covariance that repeats show, where there are any."""
+    if repeats is None:
+        return regression
+    covariance = repeats.covariance(points.index, regression.influence)
+    covariance[np.isnan(regression.covariance)] = np.nan
+    return replace(regression, covariance=covariance)
+
+
+def _among_modes(
+    points: Points, law: ForceLaw, model: Model, repeats: Repeats | None
+) -> tuple[FittedModel, Background, Array]:
     """Fit law and background together; also the part of the law's covariance that the background causes."""
     frequency = points.omega / (2 * np.pi)
     band = (float(frequency.min()), float(frequency.max()))
@@ -254,7 +296,8 @@ def _among_modes(points: Points, law: ForceLaw, model: Model) -> tuple[FittedMod
             part, law, law_values, mass, shape, values, mass_free=given is None, order=_ORDERS[0]
         )
         law_values, mass = refined.values, refined.mass
-    regression, covariance, caused = split_off(refined.regression, len(_names(law, model)))
+    known = _repeated(refined.regression, points, repeats)
+    regression, covariance, caused = split_off(known, len(_names(law, model)))
     wide = float(stdtrit(regression.freedom, 0.975))
     errors = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), np.inf))
     estimates = tuple(
