@@ -22,7 +22,8 @@ FAULTS = sorted((Path(__file__).parent / "faults").glob("*.toml"))
 # the promise is 0.3 s on a quiet machine; a busy one gets air
 HELP_SECONDS = 1.0
 COMMANDS = (
-    "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "init", "laws",
+    "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "inspect", "init",
+    "laws",
 )  # fmt: skip
 
 

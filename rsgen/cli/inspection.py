@@ -20,13 +20,17 @@ _UNITS_OF_DOUBT = 60
 
 def _text(value: str) -> str:
     """Write a text as a TOML string; a file's names may hold any sign."""
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(s if s.isprintable() else f"\\u{ord(s) & 0xFFFF:04x}" for s in escaped) + '"'
+    # half a surrogate pair is no Unicode, and a file may hold it
+    legal = "".join("\ufffd" if 0xD800 <= ord(sign) <= 0xDFFF else sign for sign in value)
+    escaped = legal.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(s if s.isprintable() else f"\\U{ord(s):08x}" for s in escaped) + '"'
 
 
 def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
     return _text(value) if isinstance(value, str) else str(value)
 
 

@@ -1,0 +1,208 @@
+"""What is in a file is shown, and the case that is proposed for it reads it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from rsgen.case import load_case
+from rsgen.cli import main
+from rsgen.cli.inspection import proposal_text
+from rsgen.errors import MeasurementError
+from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.measurement.listing import list_contents
+from rsgen.measurement.proposal import Proposal, propose
+
+ROOT = Path(__file__).parent.parent
+FORMATS = ROOT / "cases" / "formats"
+DATA = Path(os.environ.get("RSGEN_DATA") or ROOT.parent / "shared" / "data")
+MEASURED = sorted(
+    file for file in FORMATS.iterdir() if file.suffix not in (".toml", ".py") and file.is_file()
+)
+
+
+@pytest.fixture(autouse=True)
+def _keep_signals() -> object:
+    kept = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, kept)
+
+
+def call(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def proposed(path: Path) -> dict[str, Any]:
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    tree: dict[str, Any] = tomllib.loads(proposal_text(proposal))["test"]
+    return tree
+
+
+@pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
+def test_a_case_begun_from_a_file_reads_it(
+    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / file.name).write_bytes(file.read_bytes())
+    case = tmp_path / "new.toml"
+    assert call("init", "--from", tmp_path / file.name, case) == 0
+    if file.name == "decay.uff":
+        # a decay asks for the mass, and says so
+        assert call("check", case) == 2
+        assert "system.mass: is missing" in capsys.readouterr().err
+        case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert len(read_measurement(test)) > 10
+    assert call("init", "--from", tmp_path / file.name, case) == 2
+
+
+def test_units_and_names_tell_what_is_what() -> None:
+    table = proposed(FORMATS / "table.csv")
+    assert table["frequency"] == {"column": "frequency_Hz"}
+    assert table["force"] == {"amplitude": "force_N", "unit": "N"}
+    assert table["response"] == {
+        "quantity": "acceleration",
+        "unit": "g",
+        "amplitude": "acceleration_g",
+        "phase": "lag_deg",
+        "phase_sense": "lag",
+    }
+    frf = proposed(FORMATS / "frf.uff")
+    assert frf["response"]["per_force"] is True
+    assert frf["response"]["unit"] == "m/s^2/N"
+    assert len(frf["level"]["values"]) == 3
+    assert proposed(FORMATS / "table.mat")["level"] == {"column": "test/run/*/level"}
+    assert proposed(FORMATS / "steps.h5")["excitation"] == "stepped-sine"
+
+
+@pytest.mark.parametrize(
+    ("text", "layout", "column"),
+    [
+        ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
+        (
+            "made by a recorder\nserial 12, room 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n",
+            {"skip": 2},
+            "freq",
+        ),
+        ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
+        ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
+    ],
+)
+def test_layouts_of_texts(tmp_path: Path, text: str, layout: dict[str, Any] | None, column: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    table = proposed(path)
+    assert table.get("layout") == layout
+    assert table["frequency"]["column"] == column
+
+
+def test_what_is_inside_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("inspect", FORMATS / "steps.h5") == 0
+    shown = capsys.readouterr().out
+    for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
+        assert word in shown
+    assert call("inspect", FORMATS / "steps.h5", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["format"] == "hdf5"
+    assert told["entries"][0]["shape"] == [10880]
+    assert told["test"]["test.time"] == {"rate_column": "rate"}
+
+
+def test_faulty_files_are_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
+    assert call("inspect", path) == 2
+    assert capsys.readouterr().err.startswith("a.mat: ")
+    assert call("init", "--from", path, tmp_path / "b.toml") == 2
+    assert not (tmp_path / "b.toml").exists()
+
+
+def test_names_in_a_file_stay_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.h5"
+    evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
+    with h5py.File(path, "w") as file:
+        file["freq"] = np.arange(1.0, 20.0)
+        file[f"disp{evil}".replace("/", "_")] = np.sin(np.arange(1.0, 20.0))
+        file["force"] = np.ones(19)
+    assert call("inspect", path) == 0
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "\u202e" not in shown
+    case = tmp_path / "new.toml"
+    assert call("init", "--from", path, case) == 0
+    tree = tomllib.loads(case.read_text(encoding="utf-8"))
+    assert tree["test"]["file"] == "a.h5"
+    assert tree["test"]["response"]["amplitude"] == f"disp{evil}".replace("/", "_")
+
+
+def test_every_text_survives_toml() -> None:
+    for text in ('"', "\\", "\n\t\x00\x7f", "é µ ²", "\U0001f600", "#", "\u2028", "\U000e0001"):
+        tree = tomllib.loads(proposal_text(Proposal({"test": {"file": text}})))
+        assert tree["test"]["file"] == text
+    # what is no Unicode cannot stand in TOML
+    assert tomllib.loads(proposal_text(Proposal({"test": {"file": "a\udcff"}})))["test"]["file"] == "a\ufffd"
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (DATA / "uff").glob("*.uff")) or [""])
+def test_universal_files_of_others(name: str) -> None:
+    if not name:
+        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
+    contents = list_contents(DATA / "uff" / name)
+    assert contents.format == "uff"
+    faults = [entry.fault for entry in contents.entries]
+    if "psd" in name:
+        assert all("is a power spectral density, which is no response" in fault for fault in faults)
+    else:
+        assert not any(faults)
+        assert contents.entries[0].order == "rising"
+
+
+def test_ascii_and_binary_of_one_record_agree() -> None:
+    if not (DATA / "uff").is_dir():
+        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
+    from rsgen.measurement.isolation import read_binary
+
+    first, second = (
+        read_binary(DATA / "uff" / name, "uff", ["1/abscissa", "1/ordinate"])
+        for name in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff")
+    )
+    np.testing.assert_allclose(first[0][0].values, second[0][0].values, rtol=1e-12)
+    # six digits in the text, single precision in the other
+    np.testing.assert_allclose(first[1][0].values, second[1][0].values, rtol=1e-5)
+
+
+def test_real_files_are_understood() -> None:
+    if not (DATA / "f16").is_dir():
+        pytest.skip("f16, nlbeam, wire: not here; RSGEN_DATA names the folder of measured data")
+    f16 = proposed(DATA / "f16" / "F16Data_SineSw_Level1.mat")
+    assert f16["time"] == {"rate_column": "Fs"}
+    assert f16["force"]["samples"] == "Force"
+    assert f16["response"]["samples"] == "Acceleration[1]"
+    beam = proposed(DATA / "nlbeam" / "forced_data.mat")
+    assert beam["response"]["real"] == "forced_data/Data/X1__V_/data"
+    assert beam["response"]["imaginary"] == "forced_data/Data/Y1__V_/data"
+    wire = proposed(DATA / "wire" / "example6.txt")
+    assert (wire["frequency"]["column"], wire["force"]["amplitude"]) == (2, 5)
+    assert (wire["response"]["real"], wire["response"]["imaginary"]) == (3, 4)
+
+
+def test_nothing_to_recognise(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\nmonday,tuesday\n", encoding="utf-8")
+    with pytest.raises(MeasurementError, match="no rows of numbers"):
+        list_contents(path)
+    path.write_text("", encoding="utf-8")
+    with pytest.raises(MeasurementError, match="no numbers"):
+        list_contents(path)
