@@ -28,6 +28,7 @@ application = typer.Typer(
       rsgen run cases --out reports              the same for a folder of cases
       rsgen inspect sweep.mat                    what is in a measured file
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
+      rsgen rank cases/cubic.toml                find the law behind a test
       rsgen show reports/gearbox                 turn the response surface, read values
       rsgen diff before after                    what changed between two results
 
@@ -190,6 +191,29 @@ def identify(case: OneCase, surface: Surface = None, data: Data = None, json: Js
     from rsgen.cli.commands import identify_command
 
     raise typer.Exit(identify_command(case, surface, data, json))
+
+
+@application.command(short_help="Which law? The library ranked on a test.")
+def rank(
+    case: Annotated[
+        Path, typer.Argument(help="A case file, or a response surface (.h5).", show_default=False)
+    ],
+    data: Data = None,
+    json: Json = False,
+) -> None:
+    """Compare the laws of the library, alone and summed up to three, on the test of a case or on a surface.
+
+    The verdict names the best law, those that the test does not tell from it, or says that none of them fits
+    and what is left unexplained. A case's own law is one more candidate.
+
+    \b
+    Examples:
+      rsgen rank cases/cubic.toml
+      rsgen rank cubic.h5 --json
+    """
+    from rsgen.cli.ranking import rank_command
+
+    raise typer.Exit(rank_command(case, data, json))
 
 
 @application.command(short_help="Write reports anew, without simulating.")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rsgen.identification.ranking import Candidate, Ranking
 from rsgen.identification.result import (
-    Candidate,
     EquivalentCurve,
     Estimate,
     Identification,
@@ -17,6 +17,7 @@ __all__ = [
     "EquivalentCurve",
     "Estimate",
     "Identification",
+    "Ranking",
     "Resonance",
     "RestoringForce",
     "identify",

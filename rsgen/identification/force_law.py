@@ -303,5 +303,5 @@ def _with_symmetry(law: ForceLaw) -> ForceLaw:
             one, other = law.force(x, v, values), law.force(-x, -v, values)
             told = np.isfinite(one) & np.isfinite(other)
             largest = np.max(np.abs(one[told]), initial=0.0)
-            odd &= bool(np.all(np.abs(one + other)[told] <= 1e-9 * largest))
+            odd &= bool(np.all(np.abs(one[told] + other[told]) <= 1e-9 * largest))
     return replace(law, odd=odd)

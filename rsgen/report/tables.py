@@ -210,20 +210,23 @@ def held_out_table(prediction: Prediction) -> Table | None:
 
 def ranking_table(identification: Identification) -> Table | None:
     """List the laws compared; None where none were."""
-    if not identification.ranking:
+    if identification.ranking is None:
         return None
     rows = tuple(
         TableRow(
             (
                 candidate.name,
                 Cell(candidate.force),
+                Cell(str(candidate.parameters)),
                 Cell(error_text(candidate.held_out_error)),
-                Cell(number_text(candidate.bic, 5)),
+                Cell(number_text(candidate.bic, 4)),
                 Cell("ties with the best" if candidate.tied else "worse"),
             )
         )
-        for candidate in identification.ranking
+        for candidate in identification.ranking.candidates
     )
     return Table(
-        "Candidate laws, best first", ("Law", "Force", "Error on unseen points", "BIC", "Verdict"), rows
+        "Candidate laws, best first",
+        ("Law", "Force", "Parameters", "Error on unseen levels", "BIC above the lowest", "Verdict"),
+        rows,
     )

@@ -1,0 +1,250 @@
+"""The balance of every harmonic at known motions, in units of its noise: linear in mass and coefficients.
+
+At a motion near the measured one the balance  g = m a + n(x, v) - f  changes by J (z - z0) with the measured
+harmonics and force z. Its covariance is J S J' with S that of the measurement; divided by its root every row
+has the same noise, whatever law is tried: the errors-in-variables step of Britt and Luecke, The estimation of
+parameters in nonlinear, implicit models, Technometrics 15 (1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.points import Points
+
+__all__ = ["Motion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_UNKNOWN = 1e3
+"""Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
+
+_BLOCK = 256
+"""Points worked on at once: bounds the memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Where the balance is looked at; phases relative to the fundamental.
+
+    Parameters
+    ----------
+    omega
+        (n,) [rad/s].
+    harmonics
+        (n, J+1) complex displacement [m] along which laws are evaluated.
+    force
+        (n,) complex [N].
+    harmonics_off, force_off
+        (n, H+1), (n,) measured minus these; zero where a harmonic was not measured.
+    measured
+        (H+1,) which harmonics were measured; up to H the balance is looked at.
+    """
+
+    omega: Array
+    harmonics: ComplexArray
+    force: ComplexArray
+    harmonics_off: ComplexArray
+    force_off: ComplexArray
+    measured: NDArray[np.bool_]
+
+    @property
+    def order(self) -> int:
+        """H, the highest harmonic of the balance."""
+        return len(self.measured) - 1
+
+    def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
+        """x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
+        spectrum = np.zeros((len(self.omega), samples // 2 + 1), dtype=complex)
+        spectrum[:, : self.harmonics.shape[1]] = self.harmonics * (samples / 2)
+        spectrum[:, 0] = self.harmonics[:, 0].real * samples
+        rate = 1j * self.omega[:, None] * np.arange(samples // 2 + 1)
+        x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+        return x, v, a, (2 * np.pi / samples / self.omega)[:, None]
+
+
+def measured_motion(points: Points) -> Motion:
+    """Take mean and fundamental as measured: first order, a start without any law."""
+    phase = np.angle(points.harmonics[:, 1])
+    harmonics = np.array(points.harmonics[:, :2])
+    harmonics[:, 1] = np.abs(harmonics[:, 1])
+    return Motion(
+        points.omega,
+        harmonics,
+        points.force * np.exp(-1j * phase),
+        np.zeros_like(harmonics),
+        np.zeros_like(points.force),
+        np.array([0 in points.measured, True]),
+    )
+
+
+def predicted_motion(
+    points: Points, harmonics: ComplexArray, force: ComplexArray, turn: Array, order: int
+) -> Motion:
+    """Take the motion that a fitted law predicts nearest to the measured one.
+
+    Parameters
+    ----------
+    points
+        The measured points.
+    harmonics, force, turn
+        Predicted, relative to a fundamental of phase zero, and the phase of the true one (``FittedModel``).
+    order
+        Highest harmonic of the balance.
+    """
+    count = min(order + 1, points.harmonics.shape[1])
+    back = np.exp(-1j * turn)
+    off = np.zeros((len(points), order + 1), dtype=complex)
+    off[:, :count] = points.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
+    measured = np.isin(np.arange(order + 1), points.measured)
+    off[:, ~measured] = 0
+    return Motion(points.omega, harmonics, force, off, points.force * back - force, measured)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The balance at a motion as rows of unit noise; its law-dependent side is linear in forces.
+
+    Parameters
+    ----------
+    trajectory
+        x, v, a (n, samples) and the sampling interval, along which laws are evaluated.
+    inertia
+        (n, 2H+1) of a unit mass.
+    right
+        (n, 2H+1) what laws and inertia have to balance.
+    told
+        (2H+1,) False for rows that only serve to find a harmonic that was not measured.
+    """
+
+    trajectory: tuple[Array, Array, Array, Array]
+    inertia: Array
+    right: Array
+    told: NDArray[np.bool_]
+    _project: Array
+    _known: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
+
+    def along(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
+        """(n, 2H+1) rows of a law at values and (n, 2H+1, q) their slopes by the values."""
+        if law.nonlinear:
+            sample = law.sample(*self.trajectory, values)
+            columns = self.of(np.stack([sample.force, *sample.by_parameter], axis=-1))
+            return columns[:, :, 0], columns[:, :, 1:]
+        if law not in self._known:
+            sample = law.sample(*self.trajectory, np.zeros(len(values)))
+            columns = self.of(np.stack([sample.force, *sample.by_parameter], axis=-1))
+            self._known[law] = columns[:, :, 0], columns[:, :, 1:]
+        still, slopes = self._known[law]
+        return still + slopes @ values, slopes
+
+    def of(self, signals: Array) -> Array:
+        """(n, 2H+1, j) rows of j forces (n, samples, j) along the motion."""
+        return np.asarray(self._project @ signals)
+
+    def select(self, chosen: NDArray[np.intp]) -> Rows:
+        """Keep some points."""
+        x, v, a, step = (part[chosen] for part in self.trajectory)
+        return Rows(
+            (x, v, a, step), self.inertia[chosen], self.right[chosen], self.told, self._project[chosen]
+        )
+
+
+def make_rows(
+    motion: Motion,
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    noise: Array,
+    *,
+    samples: int,
+    balanced: bool,
+) -> Rows:
+    """Prepare rows at a motion; a law near the truth says how noise of the motion becomes noise of the force.
+
+    Parameters
+    ----------
+    motion
+        Where.
+    law, values, mass
+        A law near the truth.
+    noise
+        (H+1,) relative noise of mean, fundamental (and force) and harmonics, that of complex numbers.
+    samples
+        A period.
+    balanced
+        True where the motion is one of this very law. Other laws are then compared with it along the same
+        waveform, so that what a truncated waveform leaves of a jump or corner cancels.
+    """
+    width, count = 2 * motion.order + 1, len(motion.omega)
+    right, columns = np.empty((count, width)), np.empty((count, width))
+    project = np.empty((count, width, samples))
+    trajectory = motion.trajectory(samples)
+    synthesis, rate = _synthesis(samples, motion.order)
+    projection = _projection(samples, motion.order)
+    known = np.repeat(motion.measured, 2)[1:]
+    spread = np.where(known, np.repeat(noise, 2)[1:], _UNKNOWN * float(noise[1])) / np.sqrt(2)
+    diagonal = np.arange(width)
+    for low in range(0, count, _BLOCK):
+        part = slice(low, low + _BLOCK)
+        x, v, a, step = (column[part] for column in trajectory)
+        sample = law.sample(x, v, a, step, values)
+        slope = sample.by_v[:, :, None] * (motion.omega[part, None, None] * rate)
+        slope += sample.by_x[:, :, None] * synthesis
+        jacobian = projection @ slope
+        inertia = _inertia(motion.omega[part], motion.order)
+        jacobian[:, diagonal, diagonal] += mass * inertia
+        noisy = jacobian * (np.abs(motion.harmonics[part, 1])[:, None] * spread)[:, None, :]
+        covariance = noisy @ np.swapaxes(noisy, 1, 2)
+        covariance[:, [1, 2], [1, 2]] += (np.abs(motion.force[part])[:, None] * noise[1]) ** 2 / 2
+        # harmonics that were not measured make the matrix badly scaled: stay above round-off
+        covariance[:, diagonal, diagonal] *= 1 + 1e-9
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        accelerated = inertia * _real(motion.harmonics[part, : motion.order + 1])
+        if balanced:
+            rest = (projection @ sample.force[:, :, None])[:, :, 0] + mass * accelerated
+        else:
+            rest = np.zeros((len(x), width))
+            rest[:, 1], rest[:, 2] = motion.force[part].real, motion.force[part].imag
+        # the balance wanted is  n + m a = f - J (z - z0)
+        rest -= (jacobian @ _real(motion.harmonics_off[part])[:, :, None])[:, :, 0]
+        rest[:, 1] += motion.force_off[part].real
+        rest[:, 2] += motion.force_off[part].imag
+        right[part] = (root @ rest[:, :, None])[:, :, 0]
+        columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
+        project[part] = root @ projection
+    return Rows(trajectory, columns, right, known, project)
+
+
+def _real(harmonics: ComplexArray) -> Array:
+    """(n, 2H+1): mean, then real and imaginary part of every harmonic."""
+    real = np.empty((len(harmonics), 2 * harmonics.shape[1]))
+    real[:, 0::2], real[:, 1::2] = harmonics.real, harmonics.imag
+    return np.delete(real, 1, axis=1)
+
+
+def _inertia(omega: Array, order: int) -> Array:
+    orders = np.repeat(np.arange(order + 1), 2)[1:]
+    return np.asarray(-((orders * omega[:, None]) ** 2))
+
+
+def _synthesis(samples: int, order: int) -> tuple[Array, Array]:
+    """(samples, 2H+1) displacement, and its derivative by the phase, of a unit of each coordinate."""
+    phase = 2 * np.pi * np.arange(samples)[:, None] / samples
+    h = np.arange(1, order + 1)
+    shape, rate = np.ones((samples, 2 * order + 1)), np.zeros((samples, 2 * order + 1))
+    shape[:, 1::2], shape[:, 2::2] = np.cos(h * phase), -np.sin(h * phase)
+    rate[:, 1::2], rate[:, 2::2] = -h * np.sin(h * phase), -h * np.cos(h * phase)
+    return shape, rate
+
+
+def _projection(samples: int, order: int) -> Array:
+    """(2H+1, samples) real coordinates of a sampled signal."""
+    shape, _ = _synthesis(samples, order)
+    project = shape.T * (2 / samples)
+    project[0] /= 2
+    return project

@@ -1,0 +1,212 @@
+"""One candidate at its best values along a motion, and each level predicted from the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.element import Element
+from rsgen.identification.force_law import ForceLaw, compile_law
+from rsgen.ranking.balance import Rows
+
+__all__ = ["Fitted", "Guess", "fit_rows"]
+
+Array = NDArray[np.float64]
+
+_STEPS = 8
+_HALVINGS = 4
+_TOLD = 1e-13
+"""Eigenvalue of scaled normal equations, relative to the largest, beneath which a direction is not told."""
+
+_GAIN = 0.05
+"""A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guess:
+    """A candidate with values to start from.
+
+    Parameters
+    ----------
+    name
+        In words.
+    elements
+        Springs and dampers.
+    values
+        Of every parameter; the mass is "m" where it is free.
+    limits
+        Of those that have some.
+    dissipates
+        Parameters that must not be negative.
+    """
+
+    name: str
+    elements: tuple[Element, ...]
+    values: Mapping[str, float]
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    dissipates: tuple[str, ...] = ()
+
+    @property
+    def force(self) -> sympy.Expr:
+        """n(x, v) [N]."""
+        return sympy.Add(*(element.force for element in self.elements))
+
+    @property
+    def law(self) -> ForceLaw:
+        """Compiled; its parameters are sorted by name."""
+        return compile_law(self.force)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """A candidate at its best values.
+
+    Parameters
+    ----------
+    guess
+        The candidate with these values.
+    residual
+        (n, 2H+1) what is left of the balance, in units of the noise.
+    unseen
+        (n, 2H+1) the same with each level predicted by the parameters that the other levels give.
+    told
+        (2H+1,) which rows count.
+    """
+
+    guess: Guess
+    residual: Array
+    unseen: Array
+    told: NDArray[np.bool_]
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squares."""
+        return float(np.sum(self.residual[:, self.told] ** 2))
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion (Schwarz 1978) for noise of known size."""
+        return self.misfit + len(self.guess.values) * float(np.log(self.residual[:, self.told].size))
+
+
+class _Balance:
+    """A candidate along a motion, element by element: linear ones are evaluated once for all candidates."""
+
+    def __init__(self, guess: Guess, rows: Rows, mass: float | None) -> None:
+        self.rows, self.mass = rows, mass
+        self.laws = [compile_law(element.force) for element in guess.elements]
+        names = sorted({name for law in self.laws for name in law.parameters})
+        self.names = (*names, "m") if mass is None else tuple(names)
+        self.places = [[self.names.index(name) for name in law.parameters] for law in self.laws]
+        self.nonlinear = sorted(
+            {place[i] for law, place in zip(self.laws, self.places, strict=True) for i in law.nonlinear}
+        )
+
+    def evaluate(self, values: Array) -> tuple[Array, Array]:
+        """Residual (n, r) and its negative slopes (n, r, q)."""
+        rows = self.rows
+        residual = rows.right - (float(values[-1]) if self.mass is None else self.mass) * rows.inertia
+        matrix = np.zeros((*residual.shape, len(values)))
+        if self.mass is None:
+            matrix[:, :, -1] = rows.inertia
+        for law, place in zip(self.laws, self.places, strict=True):
+            own = values[place]
+            force, slopes = rows.along(law, own)
+            residual = residual - force
+            # an element may share a parameter with another
+            for i, j in enumerate(place):
+                matrix[:, :, j] += slopes[:, :, i]
+        return residual, matrix
+
+
+def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
+    """Fit a candidate along the motion and predict each level from the others.
+
+    Parameters
+    ----------
+    guess
+        The candidate.
+    rows
+        The balance.
+    level
+        (n,) [N] to which each point belongs.
+    mass
+        [kg], None where it is free.
+
+    Returns
+    -------
+    Fitted or None
+        None where friction would feed energy, or nothing finite comes out.
+    """
+    balance = _Balance(guess, rows, mass)
+    names = balance.names
+    place = np.array([guess.values[each] for each in names])
+    limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names])
+    residual, matrix = balance.evaluate(place)
+    cost = _cost(residual, rows)
+    for _ in range(_STEPS if balance.nonlinear else 1):
+        if not np.isfinite(cost):
+            return None
+        change = _solve(*_normal(residual, matrix, rows))
+        for part in 0.5 ** np.arange(_HALVINGS):
+            trial = _moved(place, part * change, limits, balance.nonlinear)
+            after, slopes = balance.evaluate(trial)
+            if _cost(after, rows) < cost:
+                break
+        else:
+            break
+        gain = cost - _cost(after, rows)
+        place, residual, matrix, cost = trial, after, slopes, cost - gain
+        if gain < _GAIN:
+            break
+    values = dict(zip(names, place.tolist(), strict=True))
+    if any(values[name] < 0 for name in guess.dissipates):
+        return None
+    fitted = Guess(guess.name, guess.elements, values, guess.limits, guess.dissipates)
+    return Fitted(fitted, residual, _unseen(residual, matrix, rows, level), rows.told)
+
+
+def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
+    """Let breakpoints, widths and exponents at most double or halve in a step, and keep to their limits."""
+    moved = place + change
+    for i in nonlinear:
+        if place[i]:
+            moved[i] = place[i] + np.clip(change[i], -0.5 * abs(place[i]), abs(place[i]))
+    return np.clip(moved, limits[:, 0], limits[:, 1])
+
+
+def _normal(residual: Array, matrix: Array, rows: Rows) -> tuple[Array, Array]:
+    """Normal equations (q, q), (q,) of a Gauss-Newton step."""
+    flat = matrix[:, rows.told].reshape(-1, matrix.shape[2])
+    return flat.T @ flat, flat.T @ residual[:, rows.told].reshape(-1)
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Solve scaled normal equations, with the smallest step where they do not tell."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=_TOLD, hermitian=True)
+    return np.asarray(inverse @ (right / size)) / size
+
+
+def _cost(residual: Array, rows: Rows) -> float:
+    cost = float(np.sum(residual[:, rows.told] ** 2))
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _unseen(residual: Array, matrix: Array, rows: Rows, level: Array) -> Array:
+    """Residual of each level with the parameters that the other levels give, one Gauss-Newton step away."""
+    unseen = np.full_like(residual, np.nan)
+    levels = np.unique(level)
+    if len(levels) < 2:
+        return unseen
+    parts = [level == one for one in levels]
+    each = [_normal(residual[part], matrix[part], rows) for part in parts]
+    whole = [sum(normal[i] for normal in each) for i in (0, 1)]
+    for part, (square, right) in zip(parts, each, strict=True):
+        unseen[part] = residual[part] - matrix[part] @ _solve(whole[0] - square, whole[1] - right)
+    return unseen

@@ -1,0 +1,194 @@
+"""The motion along which candidates are compared: that of the best law so far, near the measured one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.identification.balance_fit import FittedModel, fit_balance
+from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.output_error import fit_output
+from rsgen.identification.points import Points
+from rsgen.oscillator import Model, Oscillator
+from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
+from rsgen.ranking.fitting import Guess
+from rsgen.steady_state import solve_steady_states
+
+__all__ = ["Reference", "first_rows", "follow", "neighbour_noise"]
+
+Array = NDArray[np.float64]
+
+ORDER = 9
+"""Harmonics of the balance."""
+
+WAVEFORM = 31
+"""Harmonics of the waveform along which laws with jumps and corners are compared."""
+
+SAMPLES = 128
+"""A period; laws are compared along one waveform, so that coarse sampling cancels."""
+
+_STEPS = 12
+_ACCURACY = 1e-5
+
+_FOLLOWED = 0.8
+"""Share of the points that a law must be able to follow to serve as reference."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Points that a law can follow, and the balance along its motion.
+
+    Parameters
+    ----------
+    kept
+        Indices of these points.
+    motion
+        Predicted, nearest to the measured.
+    law, values, mass
+        Whose motion it is.
+    """
+
+    kept: NDArray[np.intp]
+    motion: Motion
+    law: ForceLaw
+    values: Array
+    mass: float
+
+    def rows(self, noise: Array) -> Rows:
+        """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
+        return make_rows(self.motion, self.law, self.values, self.mass, noise, samples=SAMPLES, balanced=True)
+
+
+def first_rows(points: Points, law: ForceLaw, mass: float | None) -> Rows:
+    """Prepare a first-order balance about the measured motion.
+
+    Parameters
+    ----------
+    points
+        The measured points.
+    law
+        The base, ``c*v + k*x``.
+    mass
+        [kg], None where it is free.
+    """
+    motion = measured_motion(points)
+    # F/X = k - m omega^2 + i omega c, relative to its size
+    stiffness = motion.force / motion.harmonics[:, 1]
+    zero, one = np.zeros(len(points)), np.ones(len(points))
+    columns = [np.stack([zero, points.omega]), np.stack([one, zero])]
+    right = np.stack([stiffness.real, stiffness.imag])
+    if mass is None:
+        columns.append(np.stack([-(points.omega**2), zero]))
+    else:
+        right[0] += mass * points.omega**2
+    matrix = (np.stack(columns, axis=2) / np.abs(stiffness)[:, None]).reshape(-1, len(columns))
+    found, *_ = np.linalg.lstsq(matrix, (right / np.abs(stiffness)).ravel(), rcond=None)
+    inertia = float(found[2]) if mass is None else mass
+    return make_rows(
+        motion,
+        law,
+        np.array(found[:2], dtype=np.float64),
+        inertia,
+        np.ones(2),
+        samples=SAMPLES,
+        balanced=False,
+    )
+
+
+def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
+    """Fit a candidate to the measured waveforms.
+
+    Parameters
+    ----------
+    points
+        The measured points.
+    best
+        The candidate.
+    mass
+        [kg], None where it is free.
+
+    Returns
+    -------
+    Reference or None
+        None where the candidate has no steady states near the measured ones.
+    """
+    law = best.law
+    values = np.array([best.values[name] for name in law.parameters])
+    start = best.values["m"] if mass is None else mass
+    found = fit_balance(
+        points, law, values, start, mass_free=mass is None, order=ORDER, reject=False, steps=_STEPS
+    )
+    if law.rough:
+        model = Model(best.elements, mass)
+        simulated = fit_output(points, model, law, found, accuracy=_ACCURACY)
+        if simulated is not None:
+            exact = _simulated_motion(points, model, law, simulated)
+            if exact is not None:
+                return exact
+    kept = np.flatnonzero(_followed(found))
+    if len(kept) < _FOLLOWED * len(points):
+        return None
+    motion = predicted_motion(
+        points.select(kept), found.harmonics[kept], found.force[kept], found.turn[kept], ORDER
+    )
+    return Reference(kept, motion, law, found.values, found.mass)
+
+
+def _followed(found: FittedModel) -> NDArray[np.bool_]:
+    return np.asarray(
+        found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
+    )
+
+
+def _simulated_motion(points: Points, model: Model, law: ForceLaw, found: FittedModel) -> Reference | None:
+    """All harmonics of the simulated motion of a law with jumps or corners."""
+    good = _followed(found)
+    drive = np.where(good, found.force, 1.0)
+    state = np.stack([found.harmonics.sum(axis=1).real, np.zeros(len(points))], axis=1)
+    orders = np.arange(found.harmonics.shape[1])
+    state[:, 1] = (1j * orders * points.omega[:, None] * found.harmonics).sum(axis=1).real
+    state[~good] = 0
+    oscillator = Oscillator(
+        found.mass, model.elements, dict(zip(law.parameters, found.values.tolist(), strict=True))
+    )
+    try:
+        states = solve_steady_states(
+            oscillator,
+            drive.astype(complex),
+            points.omega / (2 * np.pi),
+            harmonics=WAVEFORM,
+            accuracy=_ACCURACY,
+            start=state,
+        )
+    except RsgenError:
+        return None
+    near = np.abs(states.harmonics[:, 1] - found.harmonics[:, 1]) < 0.01 * np.abs(found.harmonics[:, 1])
+    kept = np.flatnonzero(good & states.settled & near)
+    if len(kept) < _FOLLOWED * len(points):
+        return None
+    # to a fundamental of phase zero
+    lag = np.angle(states.harmonics[kept, 1])
+    harmonics = states.harmonics[kept] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
+    motion = predicted_motion(
+        points.select(kept), harmonics, drive[kept] * np.exp(-1j * lag), found.turn[kept] + lag, ORDER
+    )
+    return Reference(kept, motion, law, found.values, found.mass)
+
+
+def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Root mean square of mean, fundamental and harmonics (H+1,), and the part that neighbours do not share.
+
+    Neighbours in frequency of one run share what a law leaves; noise they do not share.
+    """
+    one, other = residual[pairs[:, 0]], residual[pairs[:, 1]]
+    total = np.mean(one**2 + other**2, axis=0) / 2
+    apart = np.mean((one - other) ** 2, axis=0) / 2
+    orders = np.repeat(np.arange((residual.shape[1] + 1) // 2), 2)[1:]
+    result = []
+    for power in (total, apart):
+        power = np.where(told, power, np.nan)
+        result.append(np.sqrt([np.mean(power[orders == h]) for h in range(orders[-1] + 1)]))
+    return result[0], result[1]
