@@ -30,9 +30,10 @@ fast: $(READY) ## the checks that take less than a minute
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" -q
 
-bench: $(READY) ## measure speed against peers, side by side, into reports/benchmark.md
+bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accuracy.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python tests/benchmarks/speed.py
+	$(BIN)/python tests/benchmarks/accuracy.py
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

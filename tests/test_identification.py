@@ -200,6 +200,26 @@ def test_intervals_keep_their_word(law: str) -> None:
     assert abs(np.mean(scores)) < 4 / np.sqrt(runs)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("relative", [0.0, 0.01])
+def test_a_spring_driven_until_its_symmetry_breaks_is_found(relative: float) -> None:
+    values = {"k": 5920.0, "kn": 2e7, "c": 3.0}
+    table = surface("cubic", np.linspace(40, 200, 5), np.linspace(2.5, 9, 27), values=values)
+    size = np.abs(table.harmonics / table.amplitude[:, None])
+    # the third harmonic is nearly as large as the first, and a mean has come up
+    assert size[:, 3].max() > 0.8
+    assert size[:, 0].max() > 0.2
+    found = identify(noisy(table, relative, 1) if relative else table, model("cubic"))
+    true = {**values, "m": 1.5}
+    for estimate in found.refined:
+        if relative:
+            assert abs(estimate.value - true[estimate.name]) < 4 * estimate.standard_error
+            assert estimate.standard_error < 0.02 * true[estimate.name]
+        else:
+            assert estimate.value == pytest.approx(true[estimate.name], rel=EXACT)
+    assert not any("converge" in warning for warning in found.warnings)
+
+
 def test_an_odd_law_may_move_about_one_of_two_wells() -> None:
     values = {"k": -500.0, "kn": 5e6, "c": 3.0}
     table = surface("cubic", np.linspace(1, 12, 8), np.linspace(1, 8, 41), values=values)

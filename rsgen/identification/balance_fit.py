@@ -110,11 +110,9 @@ def fit_balance(
     orders = np.arange(points.harmonics.shape[1])
     level = np.abs(points.force)
     start = np.zeros((len(points), max(order, 1) + 1), dtype=complex)
-    if not law.odd:
-        # the measured waveform leads to the branch that was measured
-        known = min(order + 1, len(orders))
-        start[:, :known] = (points.harmonics * np.exp(-1j * phase[:, None] * orders))[:, :known]
-        start[:, 1] = 0
+    # the measured waveform leads to the branch that was measured
+    known = [h for h in slaved if h < len(orders)]
+    start[:, known] = (points.harmonics * np.exp(-1j * phase[:, None] * orders))[:, known]
     seen: dict[str, Balance] = {}
 
     def predict(parameters: Array, own: Array) -> Balance:

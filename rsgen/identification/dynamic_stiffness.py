@@ -24,7 +24,7 @@ ComplexArray = NDArray[np.complex128]
 _DECADES = 14
 _PER_DECADE = 3
 _SEARCH_POINTS = 120
-_SCANNED = 48
+_SCANNED = 32
 _TRIALS = 400
 _STARTS = 4
 _SAMPLES = 64
@@ -272,7 +272,7 @@ def _active_values(equations: Equations, law: ForceLaw, which: int) -> Array:
         for i, value in enumerate(values):
             others[which] = value
             with np.errstate(all="ignore"):
-                shape = _rows(some, law, None, others)[0]
+                shape = _rows(some, law, None, others, coarse=True)[0]
             norm = np.abs(shape).max(axis=0)
             shape = shape / np.where(norm > 0, norm, 1.0)
             finite = bool(np.all(np.isfinite(norm)) and norm.max() < _HUGE)
