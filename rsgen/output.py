@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rsgen.errors import RsgenError
 
-__all__ = ["write_atomic"]
+__all__ = ["sync_folder", "write_atomic"]
 
 
 def _permissions() -> int:
@@ -19,8 +19,8 @@ def _permissions() -> int:
     return 0o666 & ~mask
 
 
-def _sync_folder(folder: Path) -> None:
-    # a rename is durable only when the folder is; Windows cannot open folders and needs no such step
+def sync_folder(folder: Path) -> None:
+    """Make a rename inside a folder durable; Windows cannot open folders and needs no such step."""
     if os.name != "posix":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -72,7 +72,7 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
         temporary.chmod(_permissions())
         temporary.replace(target)
         temporary = None
-        _sync_folder(target.parent)
+        sync_folder(target.parent)
     except OSError as fault:
         raise RsgenError(f"{target}: cannot be written: {fault.strerror or fault}") from fault
     finally:

@@ -129,6 +129,88 @@ def test_check_says_what_a_run_will_do(capsys: pytest.CaptureFixture[str]) -> No
     assert answer["cases"][0]["identifies"] == ["m", "c1", "k1", "kn1"]
 
 
+def test_check_says_how_long_and_how_much(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plans = []
+    for count in (21, 2100):
+        path = tmp_path / "small.toml"
+        path.write_text((SMALL % "1e-2").replace("count = 21", f"count = {count}"))
+        assert call("check", path, "--json") == 0
+        plans.append(json.loads(capsys.readouterr().out)["cases"][0])
+    few, many = plans
+    assert set(few["seconds"]) == {"surface", "identification", "report"}
+    assert few["seconds_at_most"] == pytest.approx(sum(few["seconds"].values()), abs=1)
+    for stage in few["seconds"]:
+        assert few["seconds"][stage] < many["seconds"][stage]
+    assert few["megabytes"] < many["megabytes"]
+    assert call("check", path) == 0
+    assert "identification" in capsys.readouterr().out
+
+
+ODD = {
+    "k*gamma(x)": "gamma has no place in a force law",
+    "k*besselj(0, x)": "besselj has no place in a force law",
+    "k*log(x)": "k*log(x) is infinite at rest",
+    "k*x + k*log(abs(x))": "is infinite at rest",
+    "k/x": "k/x is infinite at rest",
+    "k*v**(-1)": "is infinite at rest",
+    "k*sqrt(x - 1)": "is not a number at x = 1e-12 m",
+    "k*x**(-3)": "so singular at zero that the force has no fundamental",
+}
+
+
+@pytest.mark.parametrize("law", [*ODD, "k*x*log(1 + abs(x))", "k*tan(x)", "k*x*abs(x)**0.5"])
+def test_check_refuses_what_run_would_refuse(
+    law: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text((SMALL % "1e-2").replace('"k*x + c*v"', f'"c*v + {law}"'))
+    words = (("check", path), ("run", path, "--out", tmp_path / "out"))
+    if law not in ODD:
+        assert call(*words[0]) == 0
+        return
+    for command in words:
+        assert call(*command) == 2
+        message = capsys.readouterr().err
+        assert message.startswith("small.toml: element.1.force: ")
+        assert ODD[law] in message
+        assert message.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+@pytest.mark.slow
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool) -> None:
+    import pty
+
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from rsgen.cli import main; main()", "run", str(tmp_path)]
+    surroundings = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | (
+        {} if colours else {"NO_COLOR": "1"}
+    )
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "out")], stdout=theirs, stderr=theirs, env=surroundings
+    )
+    os.close(theirs)
+    seen = b""
+    while True:
+        try:
+            part = os.read(ours, 65536)
+        except OSError:  # how a pseudo-terminal ends
+            break
+        if not part:
+            break
+        seen += part
+    os.close(ours)
+    assert process.wait(60) == 0
+    text = seen.decode("utf-8")
+    assert "Traceback" not in text
+    for words in ("cases", "0 of 2", "a: ", "b: ", "identifying", "writing the report", "left", "accepted"):
+        assert words in text
+    assert bool(re.search(r"\x1b\[(?:3[0-9]|38;)", text)) is colours
+
+
 def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("derive", "k1*x + kn1*x**3 + c2*v*abs(v)", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
@@ -261,8 +343,18 @@ def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
+@pytest.mark.parametrize(
+    ("number", "begun"),
+    [
+        (signal.SIGINT, "out/.*.part"),
+        (signal.SIGTERM, "out/.*.part"),
+        # the page is written, a kernel executes the notebook
+        (signal.SIGINT, "out/.*.part/report.html"),
+    ],
+)
+def test_an_interrupt_ends_with_130_and_leaves_nothing(
+    tmp_path: Path, number: signal.Signals, begun: str
+) -> None:
     for name in ("a", "b"):
         text = (ROOT / "cases" / "coulomb.toml").read_text().replace('"coulomb"', f'"{name}"')
         (tmp_path / f"{name}.toml").write_text(text)
@@ -281,11 +373,13 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path: Path, number: s
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 30
-    while not list(tmp_path.glob("out/.*.part")) and time.monotonic() < deadline and process.poll() is None:
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob(begun)) and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.05)
+    if "report" in begun:
+        time.sleep(1)
     os.killpg(process.pid, number)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert "interrupted" in errors

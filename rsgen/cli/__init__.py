@@ -67,6 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print_faults([" ".join(str(fault).split())])
         code = FAULTY
     except KeyboardInterrupt:
+        # what is left to clear up at the exit must not be torn apart by an impatient second one
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         print_faults(["rsgen: interrupted; nothing half-written was left"])
         code = INTERRUPTED
     except BrokenPipeError:

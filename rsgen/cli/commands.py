@@ -7,17 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
-from rsgen.cli.printing import (
-    case_progress,
-    number,
-    print_faults,
-    print_json,
-    print_line,
-    print_table,
-)
+from rsgen.cli.printing import number, print_faults, print_json, print_line, print_table
+from rsgen.cli.progress import case_progress, stage_progress
 from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.simulation import SimulatedTest
+from rsgen.study import STAGES, expect
 
 if TYPE_CHECKING:
     from rsgen.identification import Identification
@@ -36,11 +31,6 @@ __all__ = [
 ACCEPTED, MISSED, FAULTY = 0, 1, 2
 
 FIGURE_KINDS = ("pdf", "svg", "png")
-
-# measured on one core: 30 000 a second and more; laws that switch often need the difference
-_POINTS_A_SECOND = 5_000
-# a law that is met for the first time is compiled
-_COMPILE_SECONDS = 10
 
 
 def _code(runs: Sequence[CaseRun]) -> int:
@@ -70,8 +60,8 @@ def run_command(
     files = find_cases(cases)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
     words += ("--figures", figures) if figures else ()
-    with case_progress(len(files), quiet=json) as note:
-        runs = run_cases(cases, out, force, data, jobs, words, note, figures)
+    with case_progress(len(files), quiet=json) as listener:
+        runs = run_cases(cases, out, force, data, jobs, words, listener.finished, figures, listener.tell)
     if json:
         print_json(
             [
@@ -103,16 +93,13 @@ def _plan(case: Case) -> dict[str, Any]:
     }
     if isinstance(test, SimulatedTest):
         points = len(test.level) * len(test.frequency)
-        # force, harmonics and a dozen columns, with room for the copies that identification makes
-        bytes_needed = points * (16 * (test.harmonics + 2) + 100) * 10
         plan |= {
             "kind": "simulated",
             "levels": len(test.level),
             "frequencies": len(test.frequency),
             "points": points,
-            "seconds_at_most": _COMPILE_SECONDS + round(points / _POINTS_A_SECOND),
-            "megabytes": max(1, round(bytes_needed / 1e6)),
         }
+        expected = expect(case, points, test.harmonics)
     else:
         surface = read_measurement(test)
         plan |= {
@@ -124,7 +111,20 @@ def _plan(case: Case) -> dict[str, Any]:
             "lowest_frequency": float(surface.frequency.min()),
             "highest_frequency": float(surface.frequency.max()),
         }
+        expected = expect(case, len(surface), surface.harmonics.shape[1] - 1)
+    plan["seconds"] = {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()}
+    plan["seconds_at_most"] = round(expected.total)
+    plan["megabytes"] = expected.megabytes
     return plan
+
+
+def _takes(plan: dict[str, Any]) -> str:
+    surface, identification, report = (plan["seconds"][stage] for stage in STAGES)
+    work = "simulation" if plan["kind"] == "simulated" else "reading"
+    return (
+        f"at most about {plan['seconds_at_most']} s ({work} {surface:.0f} s, identification "
+        f"{identification:.0f} s, report {report:.0f} s) and {plan['megabytes']} MB"
+    )
 
 
 def _describe(plan: dict[str, Any]) -> str:
@@ -133,18 +133,19 @@ def _describe(plan: dict[str, Any]) -> str:
     if plan["kind"] == "simulated":
         return (
             f"{plan['case']}: {levels} x {plan['frequencies']} frequencies = {plan['points']} "
-            f"points to simulate; simulation at most about {plan['seconds_at_most']} s and "
-            f"{plan['megabytes']} MB; identifies {names}"
+            f"points to simulate; {_takes(plan)}; identifies {names}"
         )
     band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
     return (
         f"{plan['case']}: {plan['points']} measured points at {levels}, {band}, "
-        f"sweep {', '.join(plan['sweeps'])}; identifies {names}"
+        f"sweep {', '.join(plan['sweeps'])}; {_takes(plan)}; identifies {names}"
     )
 
 
 def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
-    """Load cases and measured files; the code is 2 if anything is faulty."""
+    """Load cases and measured files and try the laws; the code is 2 if anything is faulty."""
+    from rsgen.case.trial import law_faults
+
     plans: list[dict[str, Any]] = []
     loaded: list[Case] = []
     faults: list[str] = []
@@ -152,7 +153,10 @@ def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
         try:
             case = load_case(path, data)
             loaded.append(case)
-            plans.append(_plan(case))
+            odd = law_faults(case)
+            faults += odd
+            if not odd:
+                plans.append(_plan(case))
         except CaseError as fault:
             faults += fault.faults
         except MeasurementError as fault:
@@ -182,13 +186,18 @@ def read_surface(case: Case) -> ResponseSurface:
 
 def simulate_command(path: Path, out: Path | None, json: bool) -> int:
     """Write the response surface of a simulated case as HDF5."""
+    from rsgen.simulation import simulate
     from rsgen.surface import save_surface
 
     case = load_case(path)
     if not isinstance(case.test, SimulatedTest):
         raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    if case.oscillator is None:
+        raise RsgenError(f"{path.name}: truth: is missing; a simulated case needs it")
     target = out or Path(f"{case.name}.h5")
-    surface = read_surface(case)
+    points = len(case.test.level) * len(case.test.frequency)
+    with stage_progress(case, points, "surface") as note:
+        surface = simulate(case.oscillator, case.test, progress=lambda share: note("surface", share))
     save_surface(target, surface)
     settled = int(surface.settled.sum())
     if json:
@@ -228,7 +237,13 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
     from rsgen.surface import load_surface
 
     case = load_case(path, data)
-    identification = identify(load_surface(surface) if surface else read_surface(case), case.model)
+    test = case.test
+    points = len(test.level) * len(test.frequency) if isinstance(test, SimulatedTest) else 0
+    with stage_progress(case, points, "surface", "identification") as note:
+        note("surface", 0.0)
+        tested = load_surface(surface) if surface else read_surface(case)
+        note("identification", 0.0)
+        identification = identify(tested, case.model)
     rows = _rows(identification)
     if json:
         print_json(
@@ -272,10 +287,11 @@ def report_command(cases: list[Path], out: Path, data: Path | None, figures: str
     runs = []
     if cases:
         files = find_cases(cases)
-        with case_progress(len(files), quiet=json) as note:
+        with case_progress(len(files), quiet=json) as listener:
             for path in files:
-                runs.append(rewrite_report(path, out, data, ("rsgen", "report", path.name), figures))
-                note(runs[-1])
+                words = ("rsgen", "report", path.name)
+                runs.append(rewrite_report(path, out, data, words, figures, listener.tell))
+                listener.finished(runs[-1])
     if not cases or any(run.folder for run in runs):
         write_index(out)
     if json:

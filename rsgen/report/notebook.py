@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
 import sys
 import tempfile
 from functools import cache
@@ -207,6 +208,8 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
             timeout=_CELL_SECONDS,
             record_timing=False,
             coalesce_streams=True,
+            # it keeps nothing that would need a farewell, and Ctrl-C must not wait for one
+            shutdown_kernel="immediate",
         )
         # the user's own start-up files must not take part, and figures need no window
         surroundings: dict[str, Any] = {
@@ -217,7 +220,8 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
         }
         fault: str | None = None
         try:
-            client.execute(cwd=str(folder), env=surroundings, cleanup_kc=True)
+            # what cells print comes through the kernel; what else it says at its end is for nobody
+            client.execute(cwd=str(folder), env=surroundings, cleanup_kc=True, stderr=subprocess.DEVNULL)
         except CellExecutionError as error:
             fault = f"{error.ename}: {error.evalue}"
         except (CellTimeoutError, DeadKernelError, RuntimeError) as error:

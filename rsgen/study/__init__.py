@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from rsgen.study.expectation import STAGES, Expectation, expect
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.one import CaseRun, rewrite_report, run_case
 from rsgen.study.pool import run_cases
+from rsgen.study.steps import Step
 
-__all__ = ["MANIFEST", "CaseRun", "read_manifest", "rewrite_report", "run_case", "run_cases"]
+__all__ = [
+    "MANIFEST",
+    "STAGES",
+    "CaseRun",
+    "Expectation",
+    "Step",
+    "expect",
+    "read_manifest",
+    "rewrite_report",
+    "run_case",
+    "run_cases",
+]

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rsgen.errors import RsgenError
+from rsgen.output import sync_folder
 from rsgen.study.manifest import read_manifest
 
 __all__ = ["recover", "replaced_folder"]
@@ -47,16 +48,6 @@ def recover(out: Path, name: str) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def _sync(folder: Path) -> None:
-    if os.name != "posix":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 @contextmanager
 def replaced_folder(out: Path, name: str) -> Iterator[Path]:
     """Give an empty folder to fill; when the block ends without fault it takes the place ``out/name``.
@@ -90,11 +81,11 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         ) from fault
     try:
         yield part
-        _sync(part)
+        sync_folder(part)
         if place.exists():
             place.rename(old)
         part.rename(place)
-        _sync(out)
+        sync_folder(out)
     except OSError as fault:
         if old.exists() and not place.exists():
             old.rename(place)

@@ -12,11 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsgen.case import Case, load_case
+from rsgen.case.trial import law_faults
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest
 from rsgen.simulation import SimulatedTest
+from rsgen.study.expectation import expect
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
+from rsgen.study.steps import Tell, tell_seldom
 from rsgen.surface import ResponseSurface, load_surface
 
 __all__ = ["CaseRun", "check_place", "current_result", "rewrite_report", "run_case"]
@@ -108,7 +111,7 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     return CaseRun(case.path, case.name, folder, bool(passed), skipped=True, judged=bool(case.accept))
 
 
-def _tested(case: Case) -> ResponseSurface:
+def _tested(case: Case, progress: Callable[[float], None]) -> ResponseSurface:
     from rsgen.measurement import read_measurement
     from rsgen.simulation import simulate
 
@@ -116,17 +119,23 @@ def _tested(case: Case) -> ResponseSurface:
         return read_measurement(case.test)
     if case.oscillator is None:
         raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
-    return simulate(case.oscillator, case.test)
+    return simulate(case.oscillator, case.test, progress=progress)
 
 
 def _execute(
     case: Case,
     out: Path,
     command: Sequence[str],
-    test: Callable[[Case], ResponseSurface],
+    test: Callable[[Case, Callable[[float], None]], ResponseSurface],
     figures: str | None,
+    tell: Tell | None,
 ) -> bool:
     check_place(case, out)
+    odd = law_faults(case)
+    if odd:
+        raise CaseError(odd)
+    note = _note(case, tell)
+    note("surface", 0.0)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
     from rsgen.identification import identify
@@ -137,11 +146,13 @@ def _execute(
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
-        surface = test(case)
+        surface = test(case, lambda share: note("surface", share))
         tested = time.perf_counter()
+        note("identification", 0.0)
         identification = identify(surface, case.model)
         comparison = compare(identification, case.truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
+        note("report", 0.0)
         failed = out / f"{case.name}-failed.ipynb"
         try:
             write_report(
@@ -164,6 +175,17 @@ def _execute(
     return comparison.passed
 
 
+def _note(case: Case, tell: Tell | None) -> Callable[[str, float], None]:
+    if tell is None:
+        return lambda stage, share: None
+    points, harmonics = (
+        (len(case.test.level) * len(case.test.frequency), case.test.harmonics)
+        if isinstance(case.test, SimulatedTest)
+        else (0, 1)
+    )
+    return tell_seldom(tell, case.path, expect(case, points, harmonics).seconds)
+
+
 def run_case(
     path: str | Path,
     out: str | Path,
@@ -171,6 +193,7 @@ def run_case(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
+    tell: Tell | None = None,
 ) -> CaseRun:
     """Run a case: simulate or read, identify, compare, report; the manifest is written last.
 
@@ -190,6 +213,8 @@ def run_case(
         What was called, for the manifest.
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
+    tell
+        Called now and then with how far the case has come.
 
     Returns
     -------
@@ -197,7 +222,7 @@ def run_case(
         With ``faults`` where the case failed; an earlier result is then still there.
     """
     words = command or ("rsgen", "run", Path(path).name)
-    return _guarded(Path(path), Path(out), force, data, words, _tested, figures)
+    return _guarded(Path(path), Path(out), force, data, words, _tested, figures, tell)
 
 
 def rewrite_report(
@@ -206,12 +231,13 @@ def rewrite_report(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
+    tell: Tell | None = None,
 ) -> CaseRun:
     """Identify and report anew from the surface that an earlier run of the same case left.
 
     Parameters
     ----------
-    path, out, data, command, figures
+    path, out, data, command, figures, tell
         As for ``run_case``.
 
     Returns
@@ -221,7 +247,7 @@ def rewrite_report(
     """
     place = Path(out)
 
-    def saved(case: Case) -> ResponseSurface:
+    def saved(case: Case, progress: Callable[[float], None]) -> ResponseSurface:
         manifest = read_manifest(place / case.name)
         if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
             raise RsgenError(
@@ -230,7 +256,7 @@ def rewrite_report(
         return load_surface(place / case.name / SURFACE)
 
     words = command or ("rsgen", "report", Path(path).name)
-    return _guarded(Path(path), place, True, data, words, saved, figures)
+    return _guarded(Path(path), place, True, data, words, saved, figures, tell)
 
 
 def _guarded(
@@ -239,8 +265,9 @@ def _guarded(
     force: bool,
     data: str | Path | None,
     command: Sequence[str],
-    test: Callable[[Case], ResponseSurface],
+    test: Callable[[Case, Callable[[float], None]], ResponseSurface],
     figures: str | None,
+    tell: Tell | None,
 ) -> CaseRun:
     started = time.perf_counter()
     name = file.stem
@@ -250,7 +277,7 @@ def _guarded(
         earlier = None if force else current_result(case, place, figures)
         if earlier is not None:
             return earlier
-        passed = _execute(case, place, command, test, figures)
+        passed = _execute(case, place, command, test, figures, tell)
         seconds = time.perf_counter() - started
         return CaseRun(file, name, place / name, passed, seconds=seconds, judged=bool(case.accept))
     except CaseError as fault:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import FrameType
 
@@ -17,15 +18,24 @@ from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
 from rsgen.study.folder import recover
 from rsgen.study.one import CaseRun, check_place, current_result, run_case
+from rsgen.study.steps import Step, Tell
 
 __all__ = ["run_cases"]
 
 Report = Callable[[CaseRun], None]
 
+_LISTEN_SECONDS = 0.2
+
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def _prepare_worker() -> None:
+_steps: list[SimpleQueue[Step]] = []
+"""In a worker: where it tells how far its case has come; empty where nobody listens."""
+
+
+def _prepare_worker(steps: SimpleQueue[Step] | None) -> None:
+    if steps is not None:
+        _steps.append(steps)
     # a worker whose parent was killed would wait for ever
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -77,7 +87,8 @@ def _work(
     signal.signal(signal.SIGTERM, _end)
     _working.set()
     try:
-        return run_case(path, out, force=True, data=data, command=command, figures=figures)
+        tell = _steps[0].put if _steps else None
+        return run_case(path, out, force=True, data=data, command=command, figures=figures, tell=tell)
     except KeyboardInterrupt:
         return None
     finally:
@@ -125,9 +136,11 @@ def _spread(
     workers: int,
     finished: Report,
     figures: str | None,
+    tell: Tell | None,
 ) -> None:
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
+    steps = None if tell is None else context.SimpleQueue()
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker, initargs=(steps,))
     futures: dict[Future[CaseRun | None], Path] = {}
     try:
         with _beginning(workers):
@@ -135,7 +148,10 @@ def _spread(
             futures = {pool.submit(_work, path, out, data, command, figures): path for path in todo}
         open_futures = set(futures)
         while open_futures:
-            done, open_futures = wait(open_futures, return_when=FIRST_COMPLETED)
+            pause = None if steps is None else _LISTEN_SECONDS
+            done, open_futures = wait(open_futures, timeout=pause, return_when=FIRST_COMPLETED)
+            while steps is not None and tell is not None and not steps.empty():
+                tell(steps.get())
             for future in done:
                 path = futures[future]
                 try:
@@ -166,6 +182,7 @@ def run_cases(
     command: Sequence[str] = (),
     finished: Report = lambda run: None,
     figures: str | None = None,
+    tell: Tell | None = None,
 ) -> tuple[CaseRun, ...]:
     """Run cases, each in a process of its own, then write the index over all results in ``out``.
 
@@ -187,6 +204,8 @@ def run_cases(
         Called after each case, in this process.
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
+    tell
+        Called now and then, in this process, with how far each case has come.
 
     Returns
     -------
@@ -211,9 +230,10 @@ def run_cases(
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
     if number == 1:
         for path in todo:
-            note(run_case(path, place, force=True, data=folder, command=command, figures=figures))
+            run = run_case(path, place, force=True, data=folder, command=command, figures=figures, tell=tell)
+            note(run)
     else:
-        _spread(todo, place, folder, tuple(command), number, note, figures)
+        _spread(todo, place, folder, tuple(command), number, note, figures, tell)
     changed = any(run.folder and not run.skipped for run in runs.values())
     missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
     if changed or (missing and any(run.folder for run in runs.values())):

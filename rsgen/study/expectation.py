@@ -1,0 +1,62 @@
+"""How long a run will take and how much memory it needs, said before it begins and while it goes on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsgen.case import Case
+from rsgen.element import normal_form
+from rsgen.simulation import SimulatedTest
+
+__all__ = ["STAGES", "Expectation", "expect"]
+
+STAGES = ("surface", "identification", "report")
+"""What a run goes through, in this order."""
+
+# Measured on one core of 2020; a law that is met for the first time is derived and compiled
+_COMPILE_SECONDS = 8.0
+_SURFACE_POINTS_A_SECOND = 5_000
+_SMOOTH_POINTS_A_SECOND = 2_000
+_SWITCHED_POINTS_A_SECOND = 400
+_IDENTIFY_SECONDS = 2.0
+_REPORT_SECONDS = 8.0
+_PROGRAM_MEGABYTES = 250
+_BYTES_A_HARMONIC = 500
+"""Copies that identification makes of a point, for each of its harmonics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """Seconds of each stage and the largest memory [MB], to a factor of about three; on the high side."""
+
+    seconds: dict[str, float]
+    megabytes: int
+
+    @property
+    def total(self) -> float:
+        """Seconds of the whole run."""
+        return sum(self.seconds.values())
+
+
+def expect(case: Case, points: int, harmonics: int) -> Expectation:
+    """Say what a run of a case will take.
+
+    Parameters
+    ----------
+    case
+        The case; laws with corners and jumps take longer.
+    points
+        Test points.
+    harmonics
+        Of each point.
+    """
+    switched = any(piece.switches for piece in normal_form(case.model.force).pieces)
+    rate = _SWITCHED_POINTS_A_SECOND if switched else _SMOOTH_POINTS_A_SECOND
+    simulated = isinstance(case.test, SimulatedTest)
+    surface = _COMPILE_SECONDS + points / _SURFACE_POINTS_A_SECOND if simulated else 1.0
+    identification = _IDENTIFY_SECONDS + points / rate
+    # the notebook does all of it once more, compiled by then
+    again = identification + (points / _SURFACE_POINTS_A_SECOND if simulated else 0.0)
+    seconds = (surface, identification, _REPORT_SECONDS + again)
+    megabytes = _PROGRAM_MEGABYTES + round(points * (harmonics + 2) * _BYTES_A_HARMONIC / 1e6)
+    return Expectation(dict(zip(STAGES, seconds, strict=True)), megabytes)
