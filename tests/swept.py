@@ -68,3 +68,31 @@ def sweep(oscillator: Oscillator, level: float, law: SweepLaw, stop: float, rate
         1 / (rate * keep), keep, count,
     )  # fmt: skip
     return TimeHistory(rate, table[:, 0].copy(), table[:, 1].copy(), level=level, label=f"{level:g} N")
+
+
+@numba.njit
+def _follow(n: Any, m: float, force: Any, h: float, fine: int) -> Any:
+    out = np.zeros(len(force))
+    x = v = 0.0
+    for i in range(len(force) - 1):
+        out[i] = x
+        step = (force[i + 1] - force[i]) / fine
+        for j in range(fine):
+            begin, middle, end = force[i] + j * step, force[i] + (j + 0.5) * step, force[i] + (j + 1) * step
+            a1 = (begin - n(x, v)) / m
+            v2 = v + h / 2 * a1
+            a2 = (middle - n(x + h / 2 * v, v2)) / m
+            v3 = v + h / 2 * a2
+            a3 = (middle - n(x + h / 2 * v2, v3)) / m
+            v4 = v + h * a3
+            a4 = (end - n(x + h * v3, v4)) / m
+            x += h / 6 * (v + 2 * v2 + 2 * v3 + v4)
+            v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    out[-1] = x
+    return out
+
+
+def driven(oscillator: Oscillator, force: np.ndarray, rate: float) -> np.ndarray:
+    """Displacement under a force given by samples, straight lines between them."""
+    fine = 8
+    return _follow(compiled(oscillator), oscillator.mass, np.asarray(force), 1 / rate / fine, fine)
