@@ -87,7 +87,8 @@ def _limit(largest: int, size: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # seconds of work, not of waiting: a busy machine must not refuse a good file
     seconds = ceil(time.process_time() + _SECONDS + size / _RATE)
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    # first the signal that tells why, then the one that cannot be caught
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     # none beyond standard input, output and error: links to other files lead nowhere
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
