@@ -224,6 +224,27 @@ def test_hash_of_each_file_is_checked(tmp_path: Path) -> None:
         read_measurement(measured(path, sha256=("0" * 64,)))
 
 
+def test_cells_and_structs_of_matlab_73(tmp_path: Path) -> None:
+    """MATLAB 7.3 keeps cells and struct arrays as references to arrays in a hidden group."""
+    path = tmp_path / "cells.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for number in range(3):
+            data = file.create_dataset(f"#refs#/{number}", data=np.full((4, 1), float(number)))
+            data.attrs["MATLAB_class"] = np.bytes_(b"double")
+        cell = np.array([[file[f"#refs#/{number}"].ref] for number in range(3)], dtype=h5py.ref_dtype)
+        file["runs"] = cell
+        file["runs"].attrs["MATLAB_class"] = np.bytes_(b"cell")
+        file["s/f"] = cell
+        file["s"].attrs["MATLAB_class"] = np.bytes_(b"struct")
+    with path.open("r+b") as raw_file:
+        raw_file.write(b"MATLAB 7.3 MAT-file, made by a test".ljust(124) + b"\x00\x02IM")
+    assert recognise_format(path) == "hdf5"
+    first, all_ = read_binary(path, "hdf5", ["runs/2", "s/f/*"])
+    assert first[0].values.tolist() == [[1, 1, 1, 1]]
+    assert [channel.values[0, 0] for channel in all_] == [0, 1, 2]
+    assert [entry.path for entry in list_binary(path, "hdf5").entries][:3] == ["runs/1", "runs/2", "runs/3"]
+
+
 # ---------------------------------------------------------------- universal files
 
 

@@ -97,15 +97,27 @@ def test_units_and_names_tell_what_is_what() -> None:
             "freq",
         ),
         ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
+        # a row of units below the names: columns go by their numbers
+        (
+            "recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
+            {"skip": 3},
+            2,
+        ),
+        ("% f F x\n1 1 2\n2 1 3\n", None, "f"),
         ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
     ],
 )
-def test_layouts_of_texts(tmp_path: Path, text: str, layout: dict[str, Any] | None, column: str) -> None:
+def test_layouts_of_texts(
+    tmp_path: Path, text: str, layout: dict[str, Any] | None, column: int | str
+) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
     table = proposed(path)
     assert table.get("layout") == layout
     assert table["frequency"]["column"] == column
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == 0
 
 
 def test_what_is_inside_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

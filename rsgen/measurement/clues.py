@@ -76,6 +76,9 @@ NAMES = {
 
 def last_name(entry: Entry) -> str:
     """Give the last telling part of a path: "x/X1__V_/data" is about X1__V_."""
+    if entry.path.isdigit() and entry.remark:
+        # a column that goes by its number, with a title of its own
+        return entry.remark
     parts = [part for part in entry.path.split("/") if part.casefold() not in ("data", "value", "values")]
     return parts[-1] if parts else entry.path
 

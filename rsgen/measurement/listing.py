@@ -6,12 +6,13 @@ import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
 
 from rsgen.errors import MeasurementError
+from rsgen.measurement.clues import unit_for
 from rsgen.measurement.columns import MAX_BYTES, read_columns, text_lines
 from rsgen.measurement.contents import Contents, Entry, facts, make_entry
 from rsgen.measurement.files import file_label, open_regular, recognise_format
@@ -22,6 +23,8 @@ __all__ = ["list_contents"]
 
 LOOKED_AT = 300
 """Lines of a text that tell its layout."""
+_PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
+_DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 _UNIT = re.compile(r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z|_(Hz|kHz|rpm|s|ms|N|kN|m|mm|um|g)\Z")
 
@@ -77,17 +80,49 @@ def _list_text(path: Path) -> Contents:
     if not lines:
         raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
     layout, first = _layout(lines, label)
-    width = len(_cells(lines[first][1], layout))
-    above = _cells(lines[first - 1][1], layout) if first else []
-    header = len(above) == width and not any(_is_number(cell, layout.decimal) for cell in above)
-    skipped = first - 1 if header else first
+    head = _head(lines, first, layout)
+    units = bool(head) and first > 1 and _are_units(head)
+    titles = _head(lines, first - 1, layout) if units else []
+    # a row of units is passed over with the names above it: columns then go by number
+    skipped = first if units or not head else first - 1
     skip = lines[skipped - 1][0] if skipped > 0 else 0
-    names = above if header else []
     layout = Layout(layout.delimiter, layout.decimal, comments, skip)
     kinds = _kinds(lines[first][1], layout)
-    if layout.delimiter == _automatic(lines[first - 1 if header else first][1], layout.decimal):
+    used = first if units or not head else first - 1
+    if layout.delimiter == _automatic(lines[used][1], layout.decimal):
         layout = replace(layout, delimiter="auto")
-    return Contents(path, "csv", _entries(path, layout, names, kinds), layout)
+    if not head:
+        head = _remarked(begin, lines[first][0], len(kinds))
+    entries = _entries(path, layout, [] if units else head, kinds)
+    if units:
+        told = zip_longest(entries, titles, head, fillvalue="")
+        entries = tuple(
+            replace(entry, remark=title, unit=unit) for entry, title, unit in told if isinstance(entry, Entry)
+        )
+    return Contents(path, "csv", entries, layout)
+
+
+def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
+    """Give the cells of the line above where they are names: one a column, and no numbers."""
+    cells = _cells(lines[first - 1][1], layout) if first > 0 else []
+    named = len(cells) == len(_cells(lines[first][1], layout))
+    return cells if named and not any(_is_number(cell, layout.decimal) for cell in cells) else []
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Tell whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
+    told = [cell.strip("[]()") for cell in cells]
+    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in told)
+
+
+def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
+    """Give the names in the last comment above the numbers, as ``read_columns`` takes them."""
+    comments = [text.strip() for n, text in begin if n < first and text.strip().startswith(Layout().comments)]
+    if not comments:
+        return []
+    sign = next(sign for sign in Layout().comments if comments[-1].startswith(sign))
+    names = re.split(r"[\s,;|]+", comments[-1].removeprefix(sign).strip())
+    return names if len(names) == width else []
 
 
 def _entries(path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]) -> tuple[Entry, ...]:

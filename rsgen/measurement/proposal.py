@@ -68,7 +68,7 @@ class _Guess:
         self.contents = contents
         usable = [e for e in contents.entries if e.dtype and not e.fault and e.size]
         self.free = [e for e in usable if not SPREAD.search(last_name(e)) and (e.size == 1 or tells(e))]
-        self.nameless = contents.format == "csv" and all(e.path.isdigit() for e in usable)
+        self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
         self.run: tuple[str, str] | None = None
         self.tables: dict[str, dict[str, Any]] = {}
         self.doubts: dict[str, str] = {}
