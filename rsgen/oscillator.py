@@ -112,6 +112,9 @@ class Model:
         over the band, as modes below and above leave it.
     band
         Lowest and highest frequency [Hz] that identification uses; None for all.
+    calibrated
+        False where force or response have no known scale (a drive in volts, a strain): parameters are then
+        per unit of the drive, and so is the mass, which cannot be given.
 
     Raises
     ------
@@ -124,6 +127,7 @@ class Model:
     hold_out: tuple[float, ...] = ()
     background: str = "none"
     band: tuple[float, float] | None = None
+    calibrated: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "elements", tuple(self.elements))
@@ -131,6 +135,8 @@ class Model:
         _check_elements(self.elements)
         if self.mass is not None and not (isfinite(self.mass) and self.mass > 0):
             raise RsgenError(f"mass: {self.mass!r} kg; must be positive and finite, or None to identify it")
+        if self.mass is not None and not self.calibrated:
+            raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
         if self.background not in BACKGROUNDS:
             raise RsgenError(f"background: {self.background!r}; must be one of {', '.join(BACKGROUNDS)}")
         if self.band is not None:

@@ -26,6 +26,15 @@ _SYSTEMATIC = 0.6
 
 _NOTICEABLE = 1e-3
 
+_NO_PHASE = (
+    "phase not recorded: only amplitudes were fitted; damping is taken as positive, k(X) and c(X) of single "
+    "points rest on the phase that the law says, and a law that is wrong in phase is not seen to be"
+)
+_NO_SCALE = (
+    "arbitrary scale: force or response are not calibrated, so m and every parameter are per unit of the "
+    "drive and of the response; frequencies and damping ratios hold as they are"
+)
+
 _WHOLE = 0.99
 """A direction that is not told has length one; what the parameters do not make up, the background does."""
 
@@ -73,6 +82,8 @@ def find_warnings(
     refined: FittedModel,
     resonances: tuple[Resonance, ...],
     estimates: tuple[Estimate, ...],
+    *,
+    calibrated: bool = True,
 ) -> tuple[str, ...]:
     """Collect the sentences about data and fit that a reader should know before using the numbers."""
     sentences = [estimate.remark for estimate in estimates if estimate.remark]
@@ -81,6 +92,10 @@ def find_warnings(
         if shift:
             sentences.append(shift)
     sentences += surface.notes
+    if not surface.phase_known:
+        sentences.append(_NO_PHASE)
+    if not calibrated:
+        sentences.append(_NO_SCALE)
     unsettled = int(np.count_nonzero(~surface.settled))
     if unsettled:
         sentences.append(f"{unsettled} of {len(surface)} points have no settled response and were left aside")

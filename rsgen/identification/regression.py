@@ -50,7 +50,8 @@ class Linearisation:
     residual
         (n, M) measured minus predicted; NaN in every row of a point that could not be predicted.
     by_own
-        (n, M, 2) derivative of the prediction by the two unknowns of each point.
+        (n, M, 2) derivative of the prediction by the two unknowns of each point; (n, M, 1) where the time
+        origin does not matter.
     by_parameter
         (n, M, q) derivative of the prediction by the parameters.
     """
@@ -271,9 +272,12 @@ def _descend(
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
-    """(n, 2) solutions of n small problems of two unknowns, by orthogonalisation."""
-    first, second = matrix[:, :, 0], matrix[:, :, 1]
+    """(n, 2) solutions of n small problems of two unknowns, by orthogonalisation; (n, 1) of one."""
+    first = matrix[:, :, 0]
     size = np.maximum(np.sum(first**2, axis=1), 1e-300)
+    if matrix.shape[2] == 1:
+        return np.asarray(np.sum(first * right, axis=1) / size)[:, None]
+    second = matrix[:, :, 1]
     share = np.sum(first * second, axis=1) / size
     rest = second - share[:, None] * first
     two = np.sum(rest * right, axis=1) / np.maximum(np.sum(rest**2, axis=1), 1e-300)
@@ -287,7 +291,7 @@ def _agreeing(
     """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
     residual, _ = _reduced(line)
     distance = np.sum(residual**2, axis=1)
-    freedom = line.residual.shape[1] - 2
+    freedom = line.residual.shape[1] - line.by_own.shape[2]
     typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
     limit = max(float(chdtri(freedom, 1e-3 / len(distance))) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
@@ -308,7 +312,7 @@ def _summary(
     line: Linearisation, parameters: Array, own: Array, used: NDArray[np.bool_], converged: bool
 ) -> Regression:
     residual, matrix = _reduced(line)
-    each = residual.shape[1] - 2
+    each = residual.shape[1] - line.by_own.shape[2]
     count = len(parameters)
     flat = matrix[used].reshape(-1, count)
     _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters)

@@ -81,7 +81,8 @@ class Repeats:
             (k,) rows of the surface that were fitted.
         influence
             (k, M, q) change of the estimate by a unit of each residual: real parts of force, fundamental and
-            others, then imaginary parts in the same order, relative to their sizes.
+            others, then imaginary parts in the same order, relative to their sizes; without a phase only
+            the amplitudes of force and fundamental.
         """
         place = np.full(len(self.count), -1)
         place[index] = np.arange(len(index))
@@ -89,12 +90,10 @@ class Repeats:
         point = place[self.row[fitted]]
         half = (influence.shape[1] + 1) // 2
         moved = np.zeros((int(fitted.sum()), influence.shape[2]))
-        for column, part in (
-            (0, self.force.real),
-            (1, self.response.real),
-            (half, self.force.imag),
-            (half + 1, self.response.imag),
-        ):
+        parts = [(0, self.force.real), (1, self.response.real)]
+        if influence.shape[1] > len(parts):
+            parts += [(half, self.force.imag), (half + 1, self.response.imag)]
+        for column, part in parts:
             moved += part[fitted, None] * influence[point, column]
         # readings in a row share what drifts, so a mean is as sure as the means of its batches agree
         count = self.count[self.row[fitted]]

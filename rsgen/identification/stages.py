@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
-from rsgen.identification.background import shape_of
-from rsgen.identification.background_fit import begin_background, fit_with_background, split_off
 from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.dynamic_stiffness import (
     Equations,
@@ -21,18 +19,13 @@ from rsgen.identification.dynamic_stiffness import (
 from rsgen.identification.force_law import ForceLaw, compile_law
 from rsgen.identification.identifiability import find_warnings, untold_reason
 from rsgen.identification.inversion import invert_curve
+from rsgen.identification.magnitude import with_phase
+from rsgen.identification.measured_mode import fit_among_modes, fit_amplitudes, with_repeats
 from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
-from rsgen.identification.regression import Regression
-from rsgen.identification.repeats import Repeats, gather_repeats
+from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.resonance import find_resonances, mass_from_slices
-from rsgen.identification.result import (
-    Background,
-    EquivalentCurve,
-    Estimate,
-    Identification,
-    Resonance,
-)
+from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.units import parameter_units
@@ -120,14 +113,22 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
     background, caused = None, None
-    if model.background == "none":
+    if not surface.phase_known:
+        refined, background, caused = fit_amplitudes(points, law, model, repeats)
+        besides = background.values
+        surface = with_phase(surface, law, refined, background.shape(surface.omega), besides)
+        points = with_phase(points, law, refined, background.shape(points.omega), besides)
+    elif model.background == "none":
         refined = _refined(points, law, _start(points, law, model.mass), model.mass)
     else:
-        refined, background, caused = _among_modes(points, law, model, repeats)
+        refined, background, caused = fit_among_modes(points, law, model, repeats, _start)
+    if background is not None:
         points = background.shape(points.omega).subtract(points, background.values)
         surface = background.shape(surface.omega).subtract(surface, background.values)
     fitted = refined
-    if law.rough or _is_strong(points) or (law.switched and refined.regression.noise < _EXACT):
+    # the simulator is compared in phase, too
+    sharp = law.rough or _is_strong(points) or (law.switched and refined.regression.noise < _EXACT)
+    if sharp and surface.phase_known:
         refined = _polished(points, model, law, refined)
     used = refined.regression.used
     kept = points.select(used)
@@ -141,7 +142,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     if repeats is not None:
         noise = repeats.noise
         if background is None or refined is not fitted:
-            covariance = _repeated(refined.regression, points, repeats).covariance
+            covariance = with_repeats(refined.regression, points, repeats).covariance
         spread = refined.regression.noise * np.sqrt(np.sum(refined.regression.influence**2, axis=(0, 1)))
         notes = (repeats.judge(misfit_noise, float(np.nanmedian(spread / np.sqrt(np.diag(covariance))))),)
     if caused is not None and refined is not fitted:
@@ -172,8 +173,13 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
-        background=background,
-        warnings=(*notes, *find_warnings(surface, points, used, law, refined, resonances, estimates)),
+        background=background if model.background != "none" else None,
+        warnings=(
+            *notes,
+            *find_warnings(
+                surface, points, used, law, refined, resonances, estimates, calibrated=model.calibrated
+            ),
+        ),
     )
 
 
@@ -268,45 +274,6 @@ def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float 
         ):
             break
     return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
-
-
-def _repeated(regression: Regression, points: Points, repeats: Repeats | None) -> Regression:
-    """Give a regression the covariance that repeats show, where there are any."""
-    if repeats is None:
-        return regression
-    covariance = repeats.covariance(points.index, regression.influence)
-    covariance[np.isnan(regression.covariance)] = np.nan
-    return replace(regression, covariance=covariance)
-
-
-def _among_modes(
-    points: Points, law: ForceLaw, model: Model, repeats: Repeats | None
-) -> tuple[FittedModel, Background, Array]:
-    """Fit law and background together; also the part of the law's covariance that the background causes."""
-    frequency = points.omega / (2 * np.pi)
-    band = (float(frequency.min()), float(frequency.max()))
-    kind, given = model.background, model.mass
-    values = begin_background(points, kind, band, given)
-    start = _start(shape_of(kind, points.omega, band).subtract(points, values), law, given)
-    few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points
-    law_values, mass = start.values, start.mass
-    for part in (few, points) if few is not points else (points,):
-        shape = shape_of(kind, part.omega, band)
-        refined, values = fit_with_background(
-            part, law, law_values, mass, shape, values, mass_free=given is None, order=_ORDERS[0]
-        )
-        law_values, mass = refined.values, refined.mass
-    known = _repeated(refined.regression, points, repeats)
-    regression, covariance, caused = split_off(known, len(_names(law, model)))
-    wide = float(stdtrit(regression.freedom, 0.975))
-    errors = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), np.inf))
-    estimates = tuple(
-        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
-        for name, v, e, unit in zip(shape.names, values, errors, shape.units, strict=True)
-    )
-    besides = np.abs(shape.receptance(values) * points.force)
-    share = float(np.sqrt(np.mean(besides**2) / np.mean(points.amplitude**2)))
-    return replace(refined, regression=regression), Background(kind, band, estimates, share), caused
 
 
 def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel) -> FittedModel:
