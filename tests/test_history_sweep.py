@@ -292,3 +292,43 @@ def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
     near = np.abs(surface.frequency - resonance) < 5
     # quasi-steady by construction: no correction may be larger than its own size
     assert np.median(np.abs(dynamic.imag / surface.omega / c - 1)[near]) < 0.02
+
+
+def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
+    law = SweepLaw("logarithmic", 12.0, -0.008)
+    random = np.random.default_rng(2)
+    histories = []
+    for level in (1.0, 3.0):
+        clean = sweep(linear(), level, law, 8.0, 400.0)
+        noise = 0.01 * random.normal(size=(2, len(clean)))
+        histories.append(
+            TimeHistory(
+                400.0,
+                clean.force + noise[0] * np.std(clean.force),
+                clean.response + noise[1] * np.std(clean.response),
+            )
+        )
+    surface = demodulate_sweep(histories)
+    assert surface.levels.tolist() == [1.0, 3.0]
+    assert set(surface.sweep) == {"down"}
+    dynamic = surface.force / surface.harmonics[:, 1]
+    near = surface.settled & (np.abs(dynamic.real) < np.abs(dynamic.imag))
+    k, c = dynamic.real + MASS * surface.omega**2, dynamic.imag / surface.omega
+    # the noise of one row is 0.5 %, and there are some tens
+    assert np.count_nonzero(near) > 20
+    assert np.median(k[near]) == pytest.approx(STIFFNESS, rel=2e-4)
+    assert np.median(c[near]) == pytest.approx(DAMPING, rel=AS_STEPPED)
+
+
+def test_a_narrower_bandwidth_leaves_less_noise() -> None:
+    clean = sweep(linear(), 1.0, SweepLaw("linear", 9.0, 0.01), 11.0, 400.0)
+    noise = 0.03 * np.std(clean.response) * np.random.default_rng(4).normal(size=len(clean))
+    history = TimeHistory(400.0, clean.force, clean.response + noise)
+
+    def scatter(bandwidth: float) -> float:
+        surface = demodulate_sweep(history, bandwidth=bandwidth, band=(9.7, 10.3), mass=MASS)
+        dynamic = surface.force / surface.harmonics[:, 1]
+        return float(np.std((dynamic.imag / surface.omega / DAMPING - 1)[surface.settled]))
+
+    # white noise: by the root of the bandwidth, and what asks for differences by more
+    assert scatter(1.0) < 0.7 * scatter(3.0)
