@@ -196,6 +196,17 @@ def test_machine_code_is_never_told_what_is_not_so() -> None:
 
 
 @pytest.mark.slow
+def test_numba_is_left_as_it_was(own_cache: Path) -> None:
+    numba = pytest.importorskip("numba")
+    before = numba.njit(lambda a: a + 1)
+    assert before(1) == 2
+    load_kernel(generate(parse("c*v + k*x")) + "\n# a kernel among others\n")
+    assert before(1.5) == 2.5
+    assert numba.njit(lambda a: a * before(a))(2.0) == 6.0
+    assert numba.config.OPT == 3
+
+
+@pytest.mark.slow
 def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
     law = (
         "c*v + sin(x)*cos(x) + tan(x) + sinh(x) + cosh(x)*tanh(x) + exp(x) + log(2 + x) + asin(x/9)"

@@ -10,7 +10,8 @@ import ctypes
 import importlib.util
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -88,15 +89,31 @@ def _import(path: Path, name: str) -> ModuleType:
     return module
 
 
-def _unoptimised(path: Path, name: str) -> ModuleType:
-    """Import a kernel, and let numba only translate: what is optimised once at the end compiles sooner."""
+@contextmanager
+def _translation_only() -> Iterator[None]:
+    """Let numba translate to LLVM's language and no further, for as long as nobody else compiles.
+
+    Its own way makes machine code of every function by itself and of all of them together; what is optimised
+    once, at the end, compiles in half the time.
+    """
     config: Any = import_module("numba.core.config")
+    codegen: Any = import_module("numba.core.codegen")
     level = config.OPT
-    config.OPT = type(level)(0)
-    try:
-        return _import(path, name)
-    finally:
-        config.OPT = level
+    instead = (
+        (config, "OPT", type(level)(0)),
+        (codegen.JITCodeLibrary, "_finalize_specific", lambda self: None),
+        (codegen.JITCPUCodegen, "_add_module", lambda self, module: None),
+        (codegen.JITCPUCodegen, "set_env", lambda self, name, environment: None),
+    )
+    before = [(place, name, getattr(place, name)) for place, name, _ in instead]
+    with import_module("numba.core.compiler_lock").global_compiler_lock:
+        try:
+            for place, name, value in instead:
+                setattr(place, name, value)
+            yield
+        finally:
+            for place, name, value in before:
+                setattr(place, name, value)
 
 
 def compile_source(path: Path, name: str) -> tuple[bytes, str]:
@@ -122,7 +139,8 @@ def compile_source(path: Path, name: str) -> tuple[bytes, str]:
     llvm = _llvm()
     with _lock:
         machine, _ = _engine()
-        entry = _unoptimised(path, name).enter
+        with _translation_only():
+            entry = _import(path, name).enter
         # the wrapper of numba reports errors to Python; the function inside it has none to report
         symbol = entry.native_name.removeprefix("cfunc.")
         module = llvm.parse_assembly(

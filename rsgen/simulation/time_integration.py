@@ -13,7 +13,7 @@ from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = ["integrate"]
 
-_POINTS_A_REPORT = 16384  # between two calls of ``progress``
+_POINTS_A_REPORT = 65536  # between two calls of ``progress``
 
 
 def integrate(

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 __all__ = ["map_batches"]
 
-_MOST = 4096  # points worked on at once
+_MOST = 16384  # points worked on at once; the larger, the less threads wait for one another
 _FEWEST = 256  # below, a thread of its own costs more than it saves
 
 Answer = TypeVar("Answer")
