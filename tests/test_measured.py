@@ -69,6 +69,18 @@ def test_units_of_a_response(tmp_path: Path, quantity: str, response: str, facto
     assert test.response.factor == pytest.approx(factor, rel=1e-14)
 
 
+def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
+    with pytest.raises(CaseError, match=r"test\.force"):
+        measured(tmp_path, force='unit = "V"')
+    path = tmp_path / "case.toml"
+    path.write_text(path.read_text() + "\n[identify]\ncalibrated = false\n")
+    case = load_case(path)
+    assert isinstance(case.test, MeasuredTest)
+    assert case.test.force is not None
+    assert case.test.force.factor == 1.0
+    assert not case.model.calibrated
+
+
 def test_frequency_in_radians_is_not_hertz(tmp_path: Path) -> None:
     assert measured(tmp_path, unit="rad/s").frequency_factor == pytest.approx(1 / (2 * np.pi))
     assert measured(tmp_path, unit="rpm").frequency_factor == pytest.approx(1 / 60)

@@ -301,17 +301,22 @@ class _Builder:
             parts.printed = MappingProxyType(self.printed(units))
             parts.accept = MappingProxyType(self.accept(units, simulated))
         if isinstance(table, MeasuredTable):
-            parts.test = build_measured(table, self.folders, self.faults, mass)
+            scaled = document.identify.calibrated
+            parts.test = build_measured(table, self.folders, self.faults, mass, scaled)
         else:
             parts.test = self.simulated(table)
         hold_out = self.hold_out(parts.test)
         band = self.band()
+        if mass is not None and not document.identify.calibrated:
+            self.faults.append("system.mass: a test that is not calibrated tells no mass; leave one out")
         if self.faults:
             return parts
         # "1" is how units calls a plain number; downstream that is no unit
         parts.units = MappingProxyType({**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"})
-        background = document.identify.background
-        parts.model = Model(elements, None if simulated else mass, hold_out, background, band)
+        given = document.identify
+        parts.model = Model(
+            elements, None if simulated else mass, hold_out, given.background, band, given.calibrated
+        )
         if simulated and mass is not None:
             parts.oscillator = Oscillator(mass, elements, values)
             parts.truth = MappingProxyType({**values, MASS: mass})

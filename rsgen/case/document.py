@@ -333,6 +333,10 @@ class IdentifyTable(_Table):
         max_length=2,
         description='Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.',
     )
+    calibrated: bool = Field(
+        default=True,
+        description="False: force or response have no known scale, so parameters are per unit of the drive.",
+    )
 
 
 class CaseDocument(_Table):

@@ -86,8 +86,8 @@ def _files(texts: list[str], folders: tuple[Path, ...], key: str, faults: list[s
     return tuple(paths)
 
 
-def _quantity(path: str, value: float | str | None, unit: str, faults: list[str]) -> float | None:
-    """Turn a value into SI, or note a fault; None where there is none."""
+def _quantity(path: str, value: float | str | None, unit: str | None, faults: list[str]) -> float | None:
+    """Turn a value into SI, or note a fault; None where there is none. Without a unit any is taken."""
     if value is None:
         return None
     try:
@@ -97,15 +97,20 @@ def _quantity(path: str, value: float | str | None, unit: str, faults: list[str]
         return None
 
 
-def _scaled(path: str, unit: str, factor: float | str, target: str, faults: list[str]) -> float | None:
-    """Find what 1 ``unit`` times ``factor`` is in ``target``; the factor may have a unit of its own."""
+def _scaled(
+    path: str, unit: str, factor: float | str, target: str, faults: list[str], calibrated: bool = True
+) -> float | None:
+    """Find what 1 ``unit`` times ``factor`` is in ``target``; the factor may have a unit of its own.
+
+    Where the test is not calibrated, any unit stands for the target's: 1 V of a drive for 1 N.
+    """
     # in a list of accelerations g is the standard gravity, never the gram
     name = re.sub(r"^\s*(g|g_n|gn)(?=/|\s*$)", "standard_gravity", unit) if "s^2" in target else unit
     try:
         if isinstance(factor, str):
             # column x unit x factor must come out as the target, so this is the unit the factor must have
             return quantity(f"1 {name}", None) * quantity(factor, f"({target})/({name})")
-        return quantity(f"1 {name}", target) * factor
+        return quantity(f"1 {name}", target if calibrated else None) * factor
     except RsgenError as fault:
         faults.append(f"{path}: {' '.join(str(fault).split())}")
         return None
@@ -143,11 +148,17 @@ def _column_faults(table: ForceTable | ResponseTable, path: str, history: bool) 
 
 
 def _signal(
-    table: ForceTable | ResponseTable, path: str, unit: str, target: str, history: bool, faults: list[str]
+    table: ForceTable | ResponseTable,
+    path: str,
+    unit: str,
+    target: str,
+    history: bool,
+    calibrated: bool,
+    faults: list[str],
 ) -> Signal | None:
     before = len(faults)
     faults += _column_faults(table, path, history)
-    factor = _scaled(path, unit, table.factor, target, faults)
+    factor = _scaled(path, unit, table.factor, target, faults, calibrated)
     if factor == 0:
         faults.append(f"{path}.factor: is 0; a number other than 0 is needed")
     if history and table.scale == "rms":
@@ -168,14 +179,14 @@ def _signal(
     )
 
 
-def _force(table: MeasuredTable, history: bool, faults: list[str]) -> Signal | None:
+def _force(table: MeasuredTable, history: bool, calibrated: bool, faults: list[str]) -> Signal | None:
     force = table.force
     if force is None:
         if table.excitation != "ring-down":
             faults.append("test.force: is missing; where it is, or nominal = true, is needed")
         return None
     if not force.nominal:
-        return _signal(force, "test.force", force.unit, "N", history, faults)
+        return _signal(force, "test.force", force.unit, "N", history, calibrated, faults)
     recorded = (force.amplitude, force.phase, force.real, force.imaginary, force.complex, force.samples)
     if any(column is not None for column in recorded):
         faults.append("test.force.nominal: is true, but there are columns of the force; leave one out")
@@ -198,7 +209,7 @@ def _sweep(table: SweepTable, faults: list[str]) -> SweepRule:
     return SweepRule(table.direction or "recognise", table.column, table.up, table.down)
 
 
-def _level(table: LevelTable, files: int, faults: list[str]) -> LevelRule:
+def _level(table: LevelTable, files: int, calibrated: bool, faults: list[str]) -> LevelRule:
     keys = ("value", "values", "column", "name", "spread")
     given = [key for key in keys if getattr(table, key) is not None]
     if len(given) > 1:
@@ -207,16 +218,17 @@ def _level(table: LevelTable, files: int, faults: list[str]) -> LevelRule:
         faults.append(f"test.level.values: {len(table.values)} for {files} files; one for each is needed")
     if table.name is not None and table.name.count("{level}") != 1:
         faults.append("test.level.name: must have {level} once, where the number stands: run_{level}N.csv")
-    value = _quantity("test.level.value", table.value, "N", faults)
+    newton = "N" if calibrated else None
+    value = _quantity("test.level.value", table.value, newton, faults)
     values = [
-        _quantity(f"test.level.values.{number}", entry, "N", faults)
+        _quantity(f"test.level.values.{number}", entry, newton, faults)
         for number, entry in enumerate(table.values or (), start=1)
     ]
     told = [("value", value), *((f"values.{number}", entry) for number, entry in enumerate(values, start=1))]
     for key, level in told:
         if level is not None and not level > 0:
             faults.append(f"test.level.{key}: is {level:g} N; must be above 0")
-    factor = _scaled("test.level", table.unit, table.factor, "N", faults)
+    factor = _scaled("test.level", table.unit, table.factor, "N", faults, calibrated)
     rms = sqrt(2) if table.scale == "rms" else 1.0
     return LevelRule(
         value=value,
@@ -277,7 +289,11 @@ def _history(table: MeasuredTable, mass: float | None, faults: list[str]) -> His
 
 
 def build_measured(
-    table: MeasuredTable, folders: tuple[Path, ...], faults: list[str], mass: float | None = None
+    table: MeasuredTable,
+    folders: tuple[Path, ...],
+    faults: list[str],
+    mass: float | None = None,
+    calibrated: bool = True,
 ) -> MeasuredTest | None:
     """Build the plan for reading; faults are appended, each with its key.
 
@@ -291,19 +307,22 @@ def build_measured(
         Gets one sentence for each fault.
     mass
         The moving mass [kg], if the case tells it.
+    calibrated
+        False where force or response have no known scale: their units may then be any.
     """
     before = len(faults)
     history = _history(table, mass, faults)
     timed = table.excitation != "steady"
     if not timed and table.frequency is None:
         faults.append("test.frequency: is missing; its column is needed")
-    force = _force(table, timed, faults)
+    force = _force(table, timed, calibrated, faults)
     target = _SI[table.response.quantity] + ("/N" if table.response.per_force else "")
-    response = _signal(table.response, "test.response", table.response.unit or target, target, timed, faults)
+    unit = table.response.unit or target
+    response = _signal(table.response, "test.response", unit, target, timed, calibrated, faults)
     if timed and table.response.per_force:
         faults.append("test.response.per_force: is for frequency responses, not for time histories")
     sweep = _sweep(table.sweep, faults)
-    level = _level(table.level, len(table.file), faults)
+    level = _level(table.level, len(table.file), calibrated, faults)
     if table.layout.decimal == "," and table.layout.delimiter == ",":
         faults.append(
             "test.layout.delimiter: ',' is the decimal sign here; ';', '\\t', '|' or 'whitespace' is allowed"
