@@ -20,6 +20,10 @@ NOMINAL = (
     "the force was not recorded and the nominal level stands for it; real forces fall at "
     "resonance, which then looks like damping and stiffness of the structure"
 )
+QUOTIENT = (
+    "the files tell response over force, so the level stands for the force; where the real one fell, so "
+    "did the amplitude, and laws of amplitude are off by as much"
+)
 _INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -161,7 +165,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     saids = [part.said for part in parts if part.said is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
-    notes = () if test.force is not None else (NOMINAL,)
+    notes = () if test.force is not None else (QUOTIENT if test.per_force else NOMINAL,)
     unknown = np.full(len(frequency), np.nan)
     return ResponseSurface(
         level=level,
