@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numba
@@ -18,11 +19,16 @@ STEPS = 512
 
 def compiled(oscillator: Oscillator) -> Callable[[float, float], float]:
     """The restoring force as a compiled function of x and v."""
+    return _compiled(oscillator.force, tuple(oscillator.values.items()))
+
+
+@lru_cache(maxsize=64)
+def _compiled(force: sympy.Expr, values: tuple[tuple[str, float], ...]) -> Callable[[float, float], float]:
+    # kept for good: compiled functions that are dropped while others are compiled have crashed numba
     x, v = sympy.symbols("x v", real=True)
-    named = {
-        s: {"x": x, "v": v}.get(s.name) or oscillator.values[s.name] for s in oscillator.force.free_symbols
-    }
-    return numba.njit(sympy.lambdify((x, v), oscillator.force.subs(named), "math"))
+    known = dict(values)
+    named = {free: {"x": x, "v": v}.get(free.name) or known[free.name] for free in force.free_symbols}
+    return numba.njit(sympy.lambdify((x, v), force.subs(named), "math"))
 
 
 @numba.njit

@@ -121,7 +121,6 @@ def _choose_windows(
     t = np.interp(np.linspace(0, count[-1], number), count, dense)
     period = rate / law.frequency_at(t)
     size = len(history)
-    wide = place_windows(t * rate, _WIDER * length(t) * rate, period, orders, size)
     # only places where both fit
     margin = _WIDER * length(t) / 2 + 2 / law.frequency_at(t)
     inside = (t > margin) & (t < size / rate - margin)
