@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from virtual_test import changed, model, noisy, surface, truth
 
-from rsgen.element import make_element
+from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
 from rsgen.identification.amplitude_balance import AmplitudeBalance
+from rsgen.measurement import read_measurement
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 
@@ -86,30 +87,20 @@ def test_a_test_that_is_not_calibrated_says_so():
         Model(model("cubic").elements, mass=1.0, calibrated=False)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not (DATA / "frid_clamp").is_dir(),
     reason="the measured clamp is not here; set RSGEN_DATA to the folder that holds frid_clamp",
 )
 def test_the_clamped_beam_has_the_published_backbone():
-    tables = [
-        (drive, np.loadtxt(DATA / "frid_clamp" / f"clamp_meas_{drive}.csv", delimiter=",", skiprows=1))
-        for drive in ("1.0", "1.5", "2.0")
-    ]
-    level = np.concatenate([np.full(len(table), float(drive)) for drive, table in tables])
-    frequency, strain = np.concatenate([table for _, table in tables]).T
-    n = len(level)
-    unknown = np.full(n, np.nan)
-    seen = ResponseSurface(
-        level, frequency, level.astype(complex), np.stack([0 * strain, strain], axis=1).astype(complex),
-        np.stack([unknown, unknown], axis=1), np.full(n, "up"), np.zeros(n), unknown, unknown, "measured",
-        phase_known=False,
-    )  # fmt: skip
-    law = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v) + c3*v**3"
-    found = identify(seen, Model((make_element("clamp", law),), calibrated=False))
+    case = load_case(Path(__file__).parent / "cases" / "clamp.toml", data=DATA)
+    seen = read_measurement(case.test)
+    assert not seen.phase_known
+    found = identify(seen, case.model)
     assert found.residual < 0.02
     published, size = np.loadtxt(DATA / "frid_clamp" / "clamp_cons_backbone.csv", delimiter=",", skiprows=1).T
     # from the lowest to the highest resonance: below, the test saw no resonance
-    peaks = [strain[level == value].max() for value in np.unique(level)]
+    peaks = [seen.amplitude[seen.level == level].max() for level in seen.levels]
     crossed = (size > min(peaks)) & (size < max(peaks))
     assert crossed.sum() > 50
     size, published = size[crossed], published[crossed]

@@ -273,8 +273,8 @@ def _active_values(equations: Equations, law: ForceLaw, which: int) -> Array:
             others[which] = value
             with np.errstate(all="ignore"):
                 shape = _rows(some, law, None, others, coarse=True)[0]
-            norm = np.abs(shape).max(axis=0)
-            shape = shape / np.where(norm > 0, norm, 1.0)
+                norm = np.abs(shape).max(axis=0)
+                shape = shape / np.where(norm > 0, norm, 1.0)
             finite = bool(np.all(np.isfinite(norm)) and norm.max() < _HUGE)
             if last is not None and i != len(size) and finite:
                 active[i] |= bool(np.max(np.abs(np.abs(shape) - np.abs(last))) > 1e-3)

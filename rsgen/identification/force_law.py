@@ -127,10 +127,10 @@ class ForceLaw:
             shares = [_share(outputs, switch, v, a, step) for switch in self._steps]
             for term in self._terms:
                 self._add(sums, term, outputs, shares)
-        for total in sums[1:]:
-            # a power law with exponent below one has an infinite slope at a single instant
-            if not np.isfinite(np.sum(total)):
-                np.nan_to_num(total, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+            for total in sums[1:]:
+                # a power law with exponent below one has an infinite slope at a single instant
+                if not np.isfinite(np.sum(total)):
+                    np.nan_to_num(total, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
         return ForceSample(sums[0], sums[1], sums[2], tuple(sums[3:]))
 
     def _add(
