@@ -220,7 +220,7 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
     triangle: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r"))
     parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
     left, singular, across = (np.asarray(part) for part in parts)
-    told = singular > _NULL * max(singular[0], 1e-300) if count else np.zeros(0, dtype=bool)
+    told = singular > _NULL * np.max(singular, initial=1e-300)
     solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
     inverse = (across[told].T / singular[told]) / scale[:, None]
     return solution, inverse, across[~told].T

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, write
-from rsgen.identification import Candidate, Ranking
+from rsgen.identification import Candidate, Ranking, identify
 from rsgen.identification.dynamic_stiffness import Equations, solve_equations
 from rsgen.identification.force_law import compile_law
 from rsgen.identification.points import Points, select_points
@@ -46,7 +46,7 @@ _ROUNDS = 5
 _CLOSE = 3
 """References tried where the best candidate cannot follow the measured motion."""
 
-_LEAST = 2e-4
+_LEAST = 1e-3
 """Relative noise below which laws are not told apart: what is left of corners and of the simulation."""
 
 _TIE = 6.0
@@ -74,7 +74,7 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     surface
         Settled points of any test; held-out levels are left aside.
     model
-        Its law is one more candidate; its mass, where given, holds for all.
+        Its law is one more candidate; its mass, where given, its band and its background hold for all.
 
     Returns
     -------
@@ -84,10 +84,9 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     Raises
     ------
     RsgenError
-        Too few points, or no law follows the test.
+        Too few points, no phase recorded, or no law follows the test.
     """
-    points = select_points(surface, model)
-    points = points.select(points.spread(_POINTS))
+    points = _points(surface, model)
     own = _own_guess(points, model)
     rows = first_rows(points, compile_law(parse("c*v + k*x")), model.mass)
     candidates = _candidates(rows, points, model.mass, own, first=True)
@@ -107,6 +106,19 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     if current is None:
         raise RsgenError("ranking: no law of the library has steady states near the measured ones")
     return _ranking(points, current, candidates, model)
+
+
+def _points(surface: ResponseSurface, model: Model) -> Points:
+    """Some of the points, what the sensor sees besides the mode taken off as the model's own law tells it."""
+    if not surface.phase_known:
+        raise RsgenError(
+            "ranking: the phase was not recorded; laws are told apart by force and phase together"
+        )
+    points = select_points(surface, model)
+    background = None if model.background == "none" else identify(surface, model).background
+    if background is not None:
+        points = background.shape(points.omega).subtract(points, background.values)
+    return points.select(points.spread(_POINTS))
 
 
 def _own_guess(points: Points, model: Model) -> Guess:
@@ -240,9 +252,10 @@ def _merged(candidates: list[Fitted], rows: Rows) -> list[Fitted]:
 
     mine = force(own)
     largest = float(np.max(np.abs(mine)))
-    for fit in candidates:
-        same = fit is not own and len(fit.guess.values) == len(own.guess.values)
-        if same and float(np.max(np.abs(force(fit) - mine))) < _SAME * largest:
-            named = replace(own, guess=replace(own.guess, name=fit.guess.name))
-            return [named if each is own else each for each in candidates if each is not fit]
-    return candidates
+    like = [fit for fit in candidates if fit is not own and len(fit.guess.values) == len(own.guess.values)]
+    apart = [float(np.max(np.abs(force(fit) - mine))) for fit in like]
+    if not apart or min(apart) > _SAME * largest:
+        return candidates
+    twin = like[int(np.argmin(apart))]
+    named = replace(own, guess=replace(own.guess, name=twin.guess.name))
+    return [named if each is own else each for each in candidates if each is not twin]

@@ -33,6 +33,8 @@ SAMPLES = 128
 _STEPS = 12
 _ACCURACY = 1e-5
 
+_CLEARLY = 0.7
+
 _FOLLOWED = 0.8
 """Share of the points that a law must be able to follow to serve as reference."""
 
@@ -181,11 +183,17 @@ def _simulated_motion(points: Points, model: Model, law: ForceLaw, found: Fitted
 def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Root mean square of mean, fundamental and harmonics (H+1,), and the part that neighbours do not share.
 
-    Neighbours in frequency of one run share what a law leaves; noise they do not share.
+    Neighbours in frequency of one run share what a law leaves; noise they do not share. Where second
+    differences are clearly smaller than first ones, the grid is coarse for the misfit: they tell the noise.
     """
     one, other = residual[pairs[:, 0]], residual[pairs[:, 1]]
     total = np.mean(one**2 + other**2, axis=0) / 2
     apart = np.mean((one - other) ** 2, axis=0) / 2
+    inner = np.flatnonzero(pairs[:-1, 1] == pairs[1:, 0])
+    if len(inner):
+        left, middle, right = (residual[rows] for rows in (*pairs[inner].T, pairs[inner + 1, 1]))
+        twice = np.mean((left - 2 * middle + right) ** 2, axis=0) / 6
+        apart = np.where(twice < _CLEARLY * apart, twice, apart)
     orders = np.repeat(np.arange((residual.shape[1] + 1) // 2), 2)[1:]
     result = []
     for power in (total, apart):

@@ -76,18 +76,18 @@ def judge(best: Fitted, points: Points, noise: Array, candidates: Sequence[Candi
         return Judgement(True, 0.0, tuple(_fitting(tied, float(noise[1]), len(points))))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     sentences = [
-        f"none of these fits: even the best, {candidates[0].name}, leaves {unexplained:.2g} of force and "
-        f"response beyond noise of {noise[1]:.2g}",
+        f"none of these fits: even the best, {candidates[0].name}, leaves {unexplained:.1%} of force and "
+        f"response unexplained (noise: {noise[1]:.1%})",
         _where(best, points, missing, left),
-        "what they share is one mode, a force of displacement and velocity alone, and no memory: hysteresis, "
-        "a second mode, a background or a drift would leave this",
+        "all of them assume one mode and a force of displacement and velocity alone: hysteresis, a second "
+        "mode, a background or a drift would leave this",
     ]
     return Judgement(False, unexplained, tuple(sentences))
 
 
 def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
     best, rest = tied[0], list(tied[1:])
-    sentences = [f"{best} fits best: it leaves nothing but noise of {noise:.1g} at {count} points"]
+    sentences = [f"{best} fits best: what it leaves of {count} points looks like noise of {noise:.2g}"]
     inside = set(best.split(" + "))
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]
@@ -100,7 +100,7 @@ def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
 
 def _where(best: Fitted, points: Points, missing: NDArray[np.bool_], left: Array) -> str:
     """Say in which harmonic, at which frequencies and amplitudes what is unexplained lies."""
-    names = [f"{_order(h)} ({left[h]:.2g} of the amplitude)" for h in np.flatnonzero(missing).tolist()]
+    names = [f"{_order(h)} ({left[h]:.1%})" for h in np.flatnonzero(missing).tolist()]
     orders = np.repeat(np.arange(len(missing)), 2)[1:]
     rows = best.told & missing[orders]
     pairs = points.neighbours
