@@ -26,6 +26,9 @@ _DEGREE = 3
 _MOST_KNOTS = 24
 _POINTS_A_KNOT = 8
 _NORMAL = 1.96
+_SIGNIFICANT = 25.0
+"""Gain in the sum of squares, in units of the noise, that a jump at rest must bring to be believed."""
+
 _STIFFENING = 1e-7
 """Weight of the spline's curvature: settles it where there are no points, without effect elsewhere."""
 
@@ -52,13 +55,21 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
     omega = 2 * np.pi * curve.frequency[used]
     stiffness, damping = curve.stiffness[used], curve.damping[used]
     force = size * np.hypot(stiffness - mass * omega**2, omega * damping)
-    x, spring, spring_band = _invert(size, size * stiffness, force)
-    v, damper, damper_band = _invert(omega * size, omega * size * damping, force)
+    # a spring does not jump at rest; a damper may, so it starts from zero only if that fits as well
+    x, spring, spring_band, _ = _invert(size, size * stiffness, force, free=False)
+    tied, free = (_invert(omega * size, omega * size * damping, force, free=free) for free in (False, True))
+    jumps = free[3] < tied[3] * (1 - _SIGNIFICANT / len(size))
+    v, damper, damper_band, _ = free if jumps else tied
     return RestoringForce(x, spring, spring_band, v, damper, damper_band)
 
 
-def _invert(reach: Array, amplitude: Array, spread: Array) -> tuple[Array, Array, Array]:
-    """Points x, n(x) and half width of the band, from g at ``reach`` with errors as ``spread``."""
+def _invert(
+    reach: Array, amplitude: Array, spread: Array, *, free: bool
+) -> tuple[Array, Array, Array, float]:
+    """Points x, n(x), half width of the band, sum of squares; from g at ``reach`` with errors ``spread``.
+
+    Where g is not ``free`` at zero, it is zero there.
+    """
     from scipy.interpolate import BSpline
 
     largest = float(reach.max())
@@ -69,11 +80,16 @@ def _invert(reach: Array, amplitude: Array, spread: Array) -> tuple[Array, Array
     matrix = BSpline.design_matrix(reach / largest, knots, _DEGREE).toarray() / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
     curvature *= _STIFFENING * np.abs(matrix).max() * np.sqrt(len(reach))
+    if not free:
+        # the only spline that is not zero at zero
+        matrix[:, 0] = 0
+        curvature[:, 0] = 0
     rows = np.concatenate([matrix, curvature])
     right = np.concatenate([amplitude / spread, np.zeros(len(curvature))])
     solution, inverse, _ = solve_scaled(rows, right)
     freedom = max(len(reach) - functions, 1)
-    variance = float(np.sum((amplitude / spread - matrix @ solution) ** 2)) / freedom
+    squares = float(np.sum((amplitude / spread - matrix @ solution) ** 2))
+    variance = squares / freedom
 
     nodes, weights = np.polynomial.legendre.leggauss(64)
     sine = np.sin(np.pi / 4 * (nodes + 1))
@@ -87,4 +103,4 @@ def _invert(reach: Array, amplitude: Array, spread: Array) -> tuple[Array, Array
     operator = np.einsum("t,xtf->xf", weights * sine**2, value)
     operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
     band = _NORMAL * np.sqrt(variance) * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
-    return x * largest, operator @ solution, band
+    return x * largest, operator @ solution, band, squares

@@ -128,6 +128,8 @@ class EquivalentCurve:
         (n,) equivalent damping [N s/m].
     used
         (n,) True where the point took part in the fits (not held out, not an outlier).
+    level_unit
+        "N", or "m" where the test held the amplitude.
     """
 
     amplitude: NDArray[np.float64]
@@ -136,6 +138,7 @@ class EquivalentCurve:
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
     used: NDArray[np.bool_]
+    level_unit: str = "N"
 
     def __post_init__(self) -> None:
         _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
@@ -149,9 +152,9 @@ class RestoringForce:
     Parameters
     ----------
     displacement
-        (a,) x [m], ascending from 0.
+        (a,) x [m], ascending from 0, or over both sides where the motion is uneven.
     stiffness_force
-        (a,) odd part of the stiffness force at x [N].
+        (a,) stiffness force at x [N], its odd part where x starts from 0.
     stiffness_band
         (a,) half width of its 95 % band [N].
     velocity
@@ -237,7 +240,8 @@ class Identification:
     noise
         Estimated relative noise of force and response [1].
     levels
-        The nominal levels [N] that took part, ascending; held-out levels are absent.
+        The nominal levels [N] that took part, ascending; held-out levels are absent. Where the test held the
+        amplitude: the forces at the resonances.
     amplitude_range, frequency_range
         Tested range of X [m] and of the frequency [Hz] over the points that took part.
     outcome

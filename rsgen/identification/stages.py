@@ -25,7 +25,14 @@ from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points, select_points
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.resonance import find_resonances, mass_from_slices
-from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance
+from rsgen.identification.result import (
+    EquivalentCurve,
+    Estimate,
+    Identification,
+    Resonance,
+    RestoringForce,
+)
+from rsgen.identification.waveform_inversion import invert_motion
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.units import parameter_units
@@ -68,6 +75,9 @@ _TYPICAL = 0.04
 _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
 
+
+_QUIET = 5e-4
+"""Noise beyond which the measured harmonics are too rough for a force along an uneven motion."""
 
 _UNEVEN = 0.2
 """Mean or second harmonic, relative to the fundamental, that a centred motion does not have."""
@@ -165,10 +175,10 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         covariance=covariance,
         resonances=resonances,
         curve=curve,
-        restoring=invert_curve(curve, refined.mass) if _is_centred(kept) else None,
+        restoring=_without_law(kept, curve, refined.mass, float(noise)),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
-        levels=np.unique(points.level),
+        levels=_force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
@@ -190,10 +200,25 @@ def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]
     return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
 
 
+def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
+    """Levels of force: as tested, or, where the amplitude was held, what a resonance needed."""
+    if surface.control == "force":
+        return np.unique(points.level)
+    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
+    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])
+
+
 def _leaves_the_middle(points: Points) -> bool:
     """Tell whether some motions have a mean or a second harmonic that no noise explains."""
     even = np.abs(points.harmonics[:, 0:3:2]).max(axis=1) / points.amplitude
     return int(np.count_nonzero(even > _UNEVEN)) >= _SOME
+
+
+def _without_law(points: Points, curve: EquivalentCurve, mass: float, noise: float) -> RestoringForce | None:
+    """Draw the forces from k(X) and c(X), or along the motion where an uneven one is known well enough."""
+    if _is_centred(points):
+        return invert_curve(curve, mass)
+    return invert_motion(points, mass, noise) if noise < _QUIET else None
 
 
 def _is_centred(points: Points) -> bool:
@@ -393,6 +418,7 @@ def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], ma
         stiffness=stiffness.real + mass * omega**2,
         damping=stiffness.imag / omega,
         used=took_part[rows],
+        level_unit=surface.level_unit,
     )
 
 
