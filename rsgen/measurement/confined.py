@@ -34,7 +34,7 @@ FORMATS = {
     "uff": ("rsgen.measurement.universal", "walk_universal"),
 }
 READY = b"ready\n"
-_MEMORY_BYTES = 160 * 2**20
+_MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 _SECONDS = 1.0
 _RATE = 20 * 2**20
@@ -97,7 +97,7 @@ def _limit(largest: int, size: int) -> None:
             base = int(status.read().split()[0]) * resource.getpagesize()
     except OSError:
         return
-    most = base + _MEMORY_BYTES + _COPIES * min(largest, 2 * size + largest // 8)
+    most = base + _MEMORY_BYTES + _COPIES * largest
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 

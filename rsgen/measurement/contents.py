@@ -18,7 +18,7 @@ __all__ = ["LARGEST_BYTES", "Channel", "Contents", "Entry", "Node", "array_bytes
 
 LARGEST_BYTES = 2**30
 """Bytes of numbers that are taken from one file, at most."""
-_SMALL_BYTES = 64 * 2**20
+_SMALL_BYTES = 32 * 2**20
 _EXPANSION = 20
 """A file may unpack to so many times its size: measured numbers hardly compress, bombs do a thousandfold."""
 _KINDS = "fiubc"
