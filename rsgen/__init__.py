@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rsgen.measurement import MeasuredTest, read_measurement
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
+    from rsgen.ranking import rank
     from rsgen.report import write_report
     from rsgen.simulation import SimulatedTest, simulate
     from rsgen.steady_state import SteadyStates, solve_steady_states
@@ -61,6 +62,7 @@ _ROOMS = {
     "load_surface": "surface",
     "make_element": "element",
     "predict": "prediction",
+    "rank": "ranking",
     "read_measurement": "measurement",
     "save_surface": "surface",
     "simulate": "simulation",
@@ -94,6 +96,7 @@ __all__ = [
     "load_surface",
     "make_element",
     "predict",
+    "rank",
     "read_measurement",
     "save_surface",
     "simulate",

@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,8 @@ class Case:
         SI unit of each parameter and of "m"; "" where the law does not tell it.
     warnings
         Sentences about what is allowed but may be meant otherwise.
+    ranked
+        Whether the laws of the library compete with the case's own.
     """
 
     path: Path
@@ -75,6 +77,20 @@ class Case:
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    ranked: bool = False
+
+    def with_model(self, model: Model) -> Case:
+        """Give the case the law that a ranking found; what concerned another law is left out.
+
+        Parameters
+        ----------
+        model
+            Of the best candidate; the case's own one leaves the case as it is.
+        """
+        if model.elements == self.model.elements:
+            return self
+        units = {name: unit for name, unit in self.units.items() if name == "m"}
+        return replace(self, model=model, truth=None, printed={}, units=units)
 
 
 def _folders(path: Path, data: str | os.PathLike[str] | None) -> tuple[Path, ...]:
@@ -155,6 +171,7 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         printed=parts.printed,
         units=parts.units,
         warnings=tuple(parts.warnings),
+        ranked=document.model == "rank",
     )
 
 

@@ -88,10 +88,24 @@ class _Builder:
             if fault:
                 self.faults.append(f"{key}: {fault}")
 
+    @property
+    def tables(self) -> list[ElementTable]:
+        """The elements of the file; of a ranking without any, spring and damper that all candidates have."""
+        document = self.document
+        if document.element is not None:
+            return document.element
+        if document.model == "rank" and isinstance(document.test, MeasuredTable):
+            return [ElementTable(name=name, law=name) for name in ("linear-spring", "linear-damper")]
+        return []
+
     def elements(self) -> tuple[Element, ...]:
+        if not self.tables:
+            self.faults.append(
+                'element: is missing; every case needs it, but a measured one with model = "rank"'
+            )
         built = []
         taken: set[str] = set()
-        for number, table in enumerate(self.document.element, start=1):
+        for number, table in enumerate(self.tables, start=1):
             fault = name_fault(table.name)
             if fault:
                 self.faults.append(f"element.{number}.name: {fault}")
@@ -270,6 +284,11 @@ class _Builder:
 
     def accept(self, units: dict[str, str], simulated: bool) -> dict[str, float]:
         table = self.document.accept
+        if table and self.document.model == "rank":
+            self.faults.append(
+                'accept: the law is not known before a ranking; leave [accept] out or model = "rank"'
+            )
+            return {}
         if table and not simulated:
             self.faults.append("accept: a measured case has no truth to be compared with; leave [accept] out")
             return {}
@@ -286,7 +305,7 @@ class _Builder:
         simulated = isinstance(table, SimulatedTable)
         self.texts()
         elements = self.elements()
-        complete = len(elements) == len(document.element)
+        complete = len(elements) == len(self.tables) > 0
         units = self.parameters(elements)
         mass = self.mass(simulated)
         values: dict[str, float] = {}

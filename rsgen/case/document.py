@@ -322,10 +322,11 @@ class IdentifyTable(_Table):
     hold_out: list[Quantity] = Field(
         default=[], max_length=1000, description="Levels kept from identification and predicted instead."
     )
-    background: Literal["none", "phase", "constant", "residuals"] = Field(
+    background: Literal["none", "phase", "constant", "residuals", "neighbour"] = Field(
         default="none",
         description="What the sensor sees besides the mode, fitted with it: a phase error; and a response "
-        "proportional to the force; and its change over the band, as modes below and above leave it.",
+        "proportional to the force; and its change over the band, as modes below and above leave it; and one "
+        "linear mode near the band.",
     )
     band: list[Quantity] | None = Field(
         default=None,
@@ -347,7 +348,12 @@ class CaseDocument(_Table):
     title: Text
     source: Text = ""
     system: SystemTable = SystemTable()
-    element: list[ElementTable] = Field(min_length=1, max_length=50)
+    model: Literal["given", "rank"] = Field(
+        default="given",
+        description="given: identify the elements. rank: compare the laws of the library and identify the best; "
+        "the elements are one candidate more, and a measured case may leave them out.",
+    )
+    element: list[ElementTable] | None = Field(default=None, min_length=1, max_length=50)
     printed: PrintedTable | None = None
     truth: dict[str, Quantity] | None = Field(
         default=None, description="One value for each parameter; simulated cases only."

@@ -234,6 +234,7 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
 def identify_command(path: Path, surface: Path | None, data: Path | None, json: bool) -> int:
     """Identify a case from its test or from a saved surface, and print the estimates."""
     from rsgen.identification import identify
+    from rsgen.ranking import identify_best
     from rsgen.surface import load_surface
 
     case = load_case(path, data)
@@ -243,7 +244,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         note("surface", 0.0)
         tested = load_surface(surface) if surface else read_surface(case)
         note("identification", 0.0)
-        identification = identify(tested, case.model)
+        identification = (identify_best if case.ranked else identify)(tested, case.model)
     rows = _rows(identification)
     if json:
         print_json(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, write
-from rsgen.identification import Candidate, Ranking, identify
+from rsgen.identification import Candidate, Identification, Ranking, identify
 from rsgen.identification.dynamic_stiffness import Equations, solve_equations
 from rsgen.identification.force_law import compile_law
 from rsgen.identification.points import Points, select_points
@@ -27,7 +27,7 @@ from rsgen.ranking.terms import library_terms
 from rsgen.ranking.verdict import judge
 from rsgen.surface import ResponseSurface
 
-__all__ = ["rank"]
+__all__ = ["identify_best", "rank"]
 
 Array = NDArray[np.float64]
 
@@ -106,6 +106,24 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     if current is None:
         raise RsgenError("ranking: no law of the library has steady states near the measured ones")
     return _ranking(points, current, candidates, model)
+
+
+def identify_best(surface: ResponseSurface, model: Model) -> Identification:
+    """Rank, and identify the best law with intervals; the ranking is in the result.
+
+    Parameters
+    ----------
+    surface, model
+        As for ``rank``.
+
+    Raises
+    ------
+    RsgenError
+        As for ``rank`` and ``identify``.
+    """
+    ranking = rank(surface, model)
+    found = replace(identify(surface, ranking.model), ranking=ranking)
+    return found if ranking.fits else replace(found, warnings=(*ranking.verdict, *found.warnings))
 
 
 def _points(surface: ResponseSurface, model: Model) -> Points:

@@ -27,6 +27,9 @@ _HARMONIC = 1e-3
 _SHARE = 0.1
 """A law that leaves less of a higher harmonic, relative to that harmonic, is said to fit."""
 
+_TOLD = 1e-3
+"""Noise below this is not told from what a ranking itself leaves."""
+
 _MOST = 0.6
 """The range is told in which so much of what is unexplained lies."""
 
@@ -87,7 +90,8 @@ def judge(best: Fitted, points: Points, noise: Array, candidates: Sequence[Candi
 
 def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
     best, rest = tied[0], list(tied[1:])
-    sentences = [f"{best} fits best: what it leaves of {count} points looks like noise of {noise:.2g}"]
+    size = f"looks like noise of {noise:.2g}" if noise > _TOLD else f"is less than {_TOLD:g}"
+    sentences = [f"{best} fits best: what it leaves of {count} points {size}"]
     inside = set(best.split(" + "))
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]

@@ -124,10 +124,13 @@ def write_report(
         place.mkdir(exist_ok=True)
     except OSError as fault:
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    case = case.with_model(identification.model)
     identification, comparison = _with_units(case, identification, comparison)
     save_surface(place / "surface.h5", surface)
     write_atomic(place / "kernel.py", kernel.generate(case.model.force))
-    levels = sorted({*choose_levels(surface, 5), *case.model.hold_out})
+    # where the test held the amplitude, its levels are no forces; those that the resonances needed are
+    tested = choose_levels(surface, 5) if surface.control == "force" else identification.levels.tolist()
+    levels = sorted({*tested, *(case.model.hold_out if surface.control == "force" else ())})
     prediction = predict(identification, levels, surface)
     printed = check_printed(case, identification)
     spent = dict(durations or {})

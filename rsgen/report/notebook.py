@@ -130,6 +130,7 @@ def build_notebook(
             elements=[element.name for element in case.model.elements],
             mean=mean,
             held_out=held_out,
+            ranked=case.ranked,
             surface_file=surface_file,
         )
     )

@@ -197,6 +197,7 @@ def render_page(
         "estimates_table": estimate_table(identification),
         "resonance_table": resonance_table(identification),
         "ranking_table": ranking_table(identification),
+        "ranking_verdict": identification.ranking.verdict if identification.ranking is not None else (),
         "provenance": list(provenance.items()),
         "case_text": case.text,
         "version": rsgen.__version__,

@@ -15,7 +15,7 @@ from rsgen.case import Case
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.describing import derive
 from rsgen.expression import write
-from rsgen.identification import Estimate, Identification
+from rsgen.identification import Estimate, Identification, Ranking
 from rsgen.prediction import Prediction
 from rsgen.report.printed import PrintedFormula
 from rsgen.surface import ResponseSurface
@@ -86,6 +86,28 @@ def _elements(case: Case) -> list[dict[str, Any]]:
             }
         )
     return entries
+
+
+def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
+    if ranking is None:
+        return None
+    return {
+        "fits": ranking.fits,
+        "verdict": list(ranking.verdict),
+        "noise": _finite(ranking.noise),
+        "unexplained": _finite(ranking.unexplained),
+        "candidates": [
+            {
+                "name": candidate.name,
+                "force": candidate.force,
+                "parameters": candidate.parameters,
+                "held_out_error": _finite(candidate.held_out_error),
+                "bic": _finite(candidate.bic),
+                "tied": candidate.tied,
+            }
+            for candidate in ranking.candidates
+        ],
+    }
 
 
 def build_result(
@@ -163,6 +185,7 @@ def build_result(
             for item in prediction.held_out
         ],
         "residual": {"relative": _finite(identification.residual), "noise": _finite(identification.noise)},
+        "ranking": _ranking(identification.ranking),
     }
 
 

@@ -139,6 +139,7 @@ def _execute(
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
     from rsgen.identification import identify
+    from rsgen.ranking import identify_best
     from rsgen.report import write_report
 
     noisy = isinstance(case.test, SimulatedTest) and case.test.noise_relative > 0
@@ -149,7 +150,8 @@ def _execute(
         surface = test(case, lambda share: note("surface", share))
         tested = time.perf_counter()
         note("identification", 0.0)
-        identification = identify(surface, case.model)
+        identification = (identify_best if case.ranked else identify)(surface, case.model)
+        case = case.with_model(identification.model)
         comparison = compare(identification, case.truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         note("report", 0.0)
