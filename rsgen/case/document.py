@@ -350,8 +350,8 @@ class CaseDocument(_Table):
     system: SystemTable = SystemTable()
     model: Literal["given", "rank"] = Field(
         default="given",
-        description="given: identify the elements. rank: compare the laws of the library and identify the best; "
-        "the elements are one candidate more, and a measured case may leave them out.",
+        description="given: identify the elements. rank: compare the laws of the library and identify the "
+        "best; the elements are one candidate more, and a measured case may leave them out.",
     )
     element: list[ElementTable] | None = Field(default=None, min_length=1, max_length=50)
     printed: PrintedTable | None = None

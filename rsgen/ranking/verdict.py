@@ -12,6 +12,7 @@ from rsgen.identification import Candidate
 from rsgen.identification.points import Points
 from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.reference import neighbour_noise
+from rsgen.ranking.terms import library_terms
 
 __all__ = ["Judgement", "judge"]
 
@@ -93,6 +94,11 @@ def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
     size = f"looks like noise of {noise:.2g}" if noise > _TOLD else f"is less than {_TOLD:g}"
     sentences = [f"{best} fits best: what it leaves of {count} points {size}"]
     inside = set(best.split(" + "))
+    sentences += [
+        f"{term.name} beside a linear spring is also {' and '.join(term.also)}"
+        for term in library_terms()
+        if term.also and term.name in inside
+    ]
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]
     if other:
