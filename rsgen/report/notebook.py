@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import subprocess
 import sys
 import tempfile
+import threading
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,8 @@ from rsgen.simulation import SimulatedTest
 __all__ = ["build_notebook", "execute_notebook", "literal", "prose", "write_notebook"]
 
 _CELL_SECONDS = 300
+_LISTEN_SECONDS = 0.2
+_END_SECONDS = 10.0
 _CELL = re.compile(r"^--- (?P<kind>markdown|code) (?P<id>[a-z0-9-]+)\n", flags=re.MULTILINE)
 # what markdown, mathematics in markdown, or HTML gives a meaning to inside a line
 _MARKED = re.compile(r"[\\`*_{}\[\]<>&$~#|!@:]")
@@ -188,6 +192,30 @@ def _clean(notebook: nbformat.NotebookNode) -> None:
         cell.metadata.pop("execution", None)
 
 
+def _in_a_thread(client: NotebookClient, **kernel: Any) -> BaseException | None:
+    """Execute beside the main thread, where nbclient would take Ctrl-C for itself; give what went wrong."""
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            asyncio.run(client.async_execute(cleanup_kc=True, **kernel))
+        except BaseException as error:
+            errors.append(error)
+
+    worker = threading.Thread(target=work, name="notebook", daemon=True)
+    worker.start()
+    try:
+        while worker.is_alive():
+            worker.join(_LISTEN_SECONDS)
+    except BaseException:
+        process = getattr(getattr(client.km, "provisioner", None), "process", None)
+        if process is not None:
+            process.kill()
+        worker.join(_END_SECONDS)
+        raise
+    return errors[0] if errors else None
+
+
 def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | None:
     """Run every cell in a fresh kernel of this Python; the notebook keeps what came out.
 
@@ -219,14 +247,15 @@ def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | Non
             "MPLBACKEND": "agg",
             "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         }
+        # what cells print comes through the kernel; what else it says at its end is for nobody
+        error = _in_a_thread(client, cwd=str(folder), env=surroundings, stderr=subprocess.DEVNULL)
         fault: str | None = None
-        try:
-            # what cells print comes through the kernel; what else it says at its end is for nobody
-            client.execute(cwd=str(folder), env=surroundings, cleanup_kc=True, stderr=subprocess.DEVNULL)
-        except CellExecutionError as error:
+        if isinstance(error, CellExecutionError):
             fault = f"{error.ename}: {error.evalue}"
-        except (CellTimeoutError, DeadKernelError, RuntimeError) as error:
+        elif isinstance(error, CellTimeoutError | DeadKernelError | RuntimeError):
             fault = str(error).splitlines()[0]
+        elif error is not None:
+            raise error
         _clean(notebook)
     if fault is None:
         return None

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import FrameType
@@ -25,6 +28,7 @@ __all__ = ["run_cases"]
 Report = Callable[[CaseRun], None]
 
 _LISTEN_SECONDS = 0.2
+_CLEARING_SECONDS = 15.0
 
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -61,10 +65,11 @@ def _beginning(workers: int) -> Iterator[None]:
             del os.environ[name]
 
 
-_working = threading.Event()
+_working, _ending = threading.Event(), threading.Event()
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    _ending.set()
     if _working.is_set():
         # unwinds through the case, which removes its unfinished folder
         raise KeyboardInterrupt
@@ -81,8 +86,7 @@ def _end_with_parent() -> None:
 def _work(
     path: Path, out: Path, data: Path | None, command: tuple[str, ...], figures: str | None
 ) -> CaseRun | None:
-    # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers. Set for
-    # each case, because executing a notebook sets both back
+    # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
     _working.set()
@@ -93,6 +97,9 @@ def _work(
         return None
     finally:
         _working.clear()
+        if _ending.is_set():
+            # back in the pool it would wait for a lock that another ended worker may have taken along
+            os._exit(1)
 
 
 def _sort(
@@ -163,14 +170,27 @@ def _spread(
                     raise KeyboardInterrupt
                 finished(run)
     except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
+        _end_workers(list((pool._processes or {}).values()))
         pool.shutdown(wait=True, cancel_futures=True)
         for name in todo.values():
             # what a worker had no time to remove
             recover(out, name)
         raise
     pool.shutdown(wait=True)
+
+
+def _end_workers(processes: list[BaseProcess]) -> None:
+    """Ask workers to clear up and end; those that do not are killed, and `recover` clears up after them."""
+    for process in processes:
+        process.terminate()
+    open_ends = [process.sentinel for process in processes]
+    until = time.monotonic() + _CLEARING_SECONDS
+    while open_ends and (left := until - time.monotonic()) > 0:
+        for end in multiprocessing.connection.wait(open_ends, left):
+            open_ends.remove(end)  # type: ignore[arg-type]
+    for process in processes:
+        if process.sentinel in open_ends:
+            process.kill()
 
 
 def run_cases(
