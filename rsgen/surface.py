@@ -41,6 +41,7 @@ _UNITS = {
     "outcome": "",
     "residual": "1",
     "error": "1",
+    "stable": "",
 }
 _SCHEMA = 1
 
@@ -63,7 +64,8 @@ class ResponseSurface:
     Parameters
     ----------
     level
-        (n,) nominal force amplitude [N]; names the level a point belongs to, never used as the force.
+        (n,) nominal force amplitude [N], or amplitude of the displacement [m] where that was held constant;
+        names the level a point belongs to, never used as the force.
     frequency
         (n,) [Hz], positive.
     force
@@ -84,6 +86,10 @@ class ResponseSurface:
         "simulated" or "measured".
     phase_known
         False where the test recorded amplitudes only: the phase of the response is then without meaning.
+    control
+        What the test held constant within a level: "force" or "response".
+    stable
+        (n,) False where the motion would leave this state if the force were held constant; None: all stable.
     notes
         Sentences about how the surface came about that a reader should know before using its numbers.
 
@@ -104,6 +110,8 @@ class ResponseSurface:
     error: NDArray[np.float64]
     origin: str
     phase_known: bool = True
+    control: str = "force"
+    stable: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -118,7 +126,10 @@ class ResponseSurface:
             "outcome": (np.int8, (n,)),
             "residual": (np.float64, (n,)),
             "error": (np.float64, (n,)),
+            "stable": (np.bool_, (n,)),
         }
+        if self.stable is None:
+            object.__setattr__(self, "stable", np.ones(n, dtype=bool))
         for name, (dtype, shape) in shapes.items():
             object.__setattr__(self, name, _frozen(getattr(self, name), dtype, name, shape))
         if self.harmonics.shape[1] < 2:
@@ -129,6 +140,8 @@ class ResponseSurface:
             raise RsgenError(f"surface.sweep: must be one of {', '.join(SWEEPS)}")
         if n and not ((self.outcome >= 0) & (self.outcome < len(OUTCOMES))).all():
             raise RsgenError(f"surface.outcome: must be 0 to {len(OUTCOMES) - 1}")
+        if self.control not in ("force", "response"):
+            raise RsgenError(f"surface.control: {self.control!r}; must be 'force' or 'response'")
         if self.origin not in ("simulated", "measured"):
             raise RsgenError(f"surface.origin: {self.origin!r}; must be 'simulated' or 'measured'")
 
@@ -158,8 +171,23 @@ class ResponseSurface:
 
     @property
     def levels(self) -> NDArray[np.float64]:
-        """The distinct nominal levels [N], ascending."""
+        """The distinct nominal levels, ascending, in ``level_unit``."""
         return np.unique(self.level)
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the levels: "N", or "m" where the amplitude of the response was held."""
+        return "N" if self.control == "force" else "m"
+
+    @property
+    def answer(self) -> NDArray[np.float64]:
+        """(n,) what the test found at its levels: X [m], or |F| [N] where the response was held."""
+        return self.amplitude if self.control == "force" else np.abs(self.force)
+
+    @property
+    def answer_unit(self) -> str:
+        """Unit of ``answer``."""
+        return "m" if self.control == "force" else "N"
 
     def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
         """Keep some points: a boolean mask (n,) or an index array."""
@@ -184,15 +212,17 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         file.attrs["schema"] = _SCHEMA
         file.attrs["origin"] = surface.origin
         file.attrs["phase_known"] = surface.phase_known
+        file.attrs["control"] = surface.control
         file.attrs["notes"] = list(surface.notes)
         file.attrs["outcomes"] = list(OUTCOMES)
         columns = {name: getattr(surface, name) for name in _UNITS}
         columns["sweep"] = columns["sweep"].astype("S4")
         columns["settled"] = surface.settled.astype(np.uint8)
+        columns["stable"] = columns["stable"].astype(np.uint8)
         for name, values in columns.items():
             # no time stamps: the same surface gives the same bytes
             data = file.create_dataset(name, data=values, track_times=False)
-            data.attrs["units"] = _UNITS.get(name, "")
+            data.attrs["units"] = surface.level_unit if name == "level" else _UNITS.get(name, "")
     write_atomic(path, buffer.getvalue())
 
 
@@ -210,6 +240,9 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
                 raise MeasurementError(f"{path}: not an rsgen response surface of schema {_SCHEMA}")
             values: dict[str, Any] = {}
             for name in _UNITS:
+                if name == "stable" and name not in file:
+                    # surfaces written before response control was told apart
+                    continue
                 link = file.get(name, getlink=True)
                 if not isinstance(link, h5py.HardLink) or not isinstance(file[name], h5py.Dataset):
                     raise MeasurementError(f"{path}: {name}: missing; a surface has {', '.join(_UNITS)}")
@@ -220,6 +253,12 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
             # surfaces written before there were tests without phase do not say
             known = bool(file.attrs.get("phase_known", True))
             notes = tuple(str(note) for note in file.attrs.get("notes", ()))
-            return ResponseSurface(**values, origin=str(file.attrs["origin"]), phase_known=known, notes=notes)
+            return ResponseSurface(
+                **values,
+                origin=str(file.attrs["origin"]),
+                phase_known=known,
+                control=str(file.attrs.get("control", "force")),
+                notes=notes,
+            )
     except (OSError, KeyError, ValueError, TypeError) as fault:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault

@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
-from rsgen import load_case
+from rsgen import load_case, predict
 from rsgen.element import make_element
 from rsgen.errors import RsgenError
-from rsgen.oscillator import Oscillator
+from rsgen.figures import draw_map, draw_responses, draw_surface
+from rsgen.identification import identify
+from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest, simulate
 from rsgen.simulation.response_control import solve_response_control
 from rsgen.steady_state import solve_steady_states
+from rsgen.surface import load_surface, save_surface
 
 CASES = Path(__file__).parent.parent / "cases"
 
@@ -79,3 +83,40 @@ def test_surface_of_a_controlled_test_has_its_amplitudes_as_levels() -> None:
         simulate(duffing(2.5e6), replace(test, method="harmonic-balance"))
     with pytest.raises(RsgenError, match="positive"):
         solve_response_control(duffing(1.0), [0.0], [1.0])
+
+
+def held_amplitudes(kn: float) -> tuple[Oscillator, SimulatedTest]:
+    test = SimulatedTest(
+        np.linspace(2e-3, 2e-2, 8), np.linspace(7, 13, 61), control="response", accuracy=1e-6
+    )
+    return duffing(kn), test
+
+
+def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path: Path) -> None:
+    surface = simulate(*held_amplitudes(5e6))
+    assert (surface.control, surface.level_unit, surface.answer_unit) == ("response", "m", "N")
+    assert np.array_equal(surface.answer, np.abs(surface.force))
+    # a hardening spring this strong folds: between the folds no constant force holds the motion
+    assert 0 < np.count_nonzero(surface.stable) < len(surface)
+    save_surface(tmp_path / "surface.h5", surface)
+    with h5py.File(tmp_path / "surface.h5") as file:
+        assert file["level"].attrs["units"] == "m"
+    again = load_surface(tmp_path / "surface.h5")
+    assert again.control == "response"
+    assert np.array_equal(again.stable, surface.stable)
+
+
+def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None:
+    oscillator, test = held_amplitudes(-2e5)
+    surface = simulate(oscillator, test)
+    found = identify(surface, Model(oscillator.elements))
+    for estimate in found.refined:
+        true = {**oscillator.values, "m": oscillator.mass}[estimate.name]
+        assert estimate.value == pytest.approx(true, rel=1e-5)
+    # at resonance the force overcomes the damper: F = c omega X
+    needed = 3.8 * 2 * np.pi * 10 * test.level
+    assert found.levels == pytest.approx(needed, rel=0.02)
+    for drawing in (draw_surface(surface), draw_map(surface), draw_responses(surface, predict(found))):
+        labels = [axes.get_ylabel() + axes.get_xlabel() for axes in drawing.figure.axes]
+        assert any("Level X [mm]" in label for label in labels) or drawing.name == "responses"
+        assert drawing.figure.axes[0].lines or drawing.name == "surface"

@@ -40,7 +40,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
     for column in fields(ResponseSurface):
         a, b = getattr(one, column.name), getattr(two, column.name)
-        if column.name in ("origin", "phase_known", "notes"):
+        if column.name in ("origin", "phase_known", "control", "notes"):
             assert a == b
         else:
             assert a.dtype == b.dtype
@@ -73,7 +73,7 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known", "notes"} | {
+    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known", "control", "notes"} | {
         "settled"
     }
 

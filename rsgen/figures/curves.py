@@ -220,7 +220,7 @@ def draw_collapse(identification: Identification) -> Drawing:
     grid = amplitudes_tested(identification)
     model = backbone(identification, solution_of(identification), grid)
     x = choose_scale(curve.amplitude, "m")
-    force = choose_scale(curve.level, "N")
+    force = choose_scale(curve.level, curve.level_unit)
     colours = level_colours()
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     figure = new_figure(4.4, 4.6)
@@ -257,7 +257,7 @@ def draw_collapse(identification: Identification) -> Drawing:
     if speed:
         panels[0].set_xlabel(x.label("Amplitude X"))
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(panels), pad=0.02, aspect=35)
-    bar.set_label(force.label("Level F"))
+    bar.set_label(force.label("Level F" if curve.level_unit == "N" else "Level X"))
     bar.outline.set_visible(False)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)

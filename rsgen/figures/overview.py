@@ -31,16 +31,31 @@ def level_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
 
 
+def level_word(surface: ResponseSurface) -> str:
+    """Name the levels of a test: forces, or amplitudes that were held."""
+    return "Level F" if surface.control == "force" else "Level X"
+
+
+def _answer_word(surface: ResponseSurface) -> str:
+    return "Amplitude X" if surface.control == "force" else "Force F"
+
+
+def _what(surface: ResponseSurface, words: str) -> str:
+    if surface.control == "response":
+        return "force that holds the amplitude of the fundamental"
+    return f"amplitude of the fundamental, {words}"
+
+
 def _grid(
     surface: ResponseSurface,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Give frequency, level (both 1-D) and amplitude (level x frequency) where the points fill a grid."""
+    """Give frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
     level, frequency = np.unique(surface.level), np.unique(surface.frequency)
     if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):
         return None
     amplitude = np.full((len(level), len(frequency)), np.nan)
     rows, columns = np.searchsorted(level, surface.level), np.searchsorted(frequency, surface.frequency)
-    amplitude[rows, columns] = np.where(surface.settled, surface.amplitude, np.nan)
+    amplitude[rows, columns] = np.where(surface.settled, surface.answer, np.nan)
     unsettled = int(np.count_nonzero(~surface.settled))
     return (frequency, level, amplitude) if np.isnan(amplitude).sum() == unsettled else None
 
@@ -50,12 +65,17 @@ def _sweeps(surface: ResponseSurface) -> list[str]:
 
 
 def peaks_by_level(surface: ResponseSurface) -> list[int]:
-    """Give for each level the index of its settled point of largest amplitude, levels ascending."""
+    """Give for each level the index of its settled point at resonance, levels ascending.
+
+    It is where the amplitude is largest, or, where the amplitude was held, the force least.
+    """
     peaks = []
     for level in surface.levels:
         points = np.flatnonzero((surface.level == level) & surface.settled)
         if points.size:
-            peaks.append(int(points[np.argmax(surface.amplitude[points])]))
+            answer = surface.answer[points]
+            at = np.argmax(answer) if surface.control == "force" else np.argmin(answer)
+            peaks.append(int(points[at]))
     return peaks
 
 
@@ -64,25 +84,28 @@ def _alternative(surface: ResponseSurface) -> str:
     if not peaks:
         return "No test point settled, so there is no surface to show."
     low, high = peaks[0], peaks[-1]
+    extreme = "largest amplitude" if surface.control == "force" else "least force"
+    unit = surface.answer_unit
     shift = surface.frequency[high] / surface.frequency[low] - 1
     unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
     if len(peaks) == 1:
         return (
             f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}, "
             f"{quantity_text(surface.frequency.min(), 'Hz', 5)} to "
-            f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The largest amplitude is "
-            f"{quantity_text(surface.amplitude[low], 'm', 3)} at "
+            f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The {extreme} is "
+            f"{quantity_text(surface.answer[low], unit, 3)} at "
             f"{quantity_text(surface.frequency[low], 'Hz', 5)}, level "
-            f"{quantity_text(surface.level[low], 'N')}. {unsettled}"
+            f"{quantity_text(surface.level[low], surface.level_unit)}. {unsettled}"
         )
     return (
         f"{len(surface)} test points, {len(surface.levels)} levels from "
-        f"{quantity_text(surface.level.min(), 'N')} to "
-        f"{quantity_text(surface.level.max(), 'N')}, {quantity_text(surface.frequency.min(), 'Hz', 5)} to "
-        f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The largest amplitude rises from "
-        f"{quantity_text(surface.amplitude[low], 'm', 3)} at "
+        f"{quantity_text(surface.level.min(), surface.level_unit)} to "
+        f"{quantity_text(surface.level.max(), surface.level_unit)}, "
+        f"{quantity_text(surface.frequency.min(), 'Hz', 5)} to "
+        f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The {extreme} rises from "
+        f"{quantity_text(surface.answer[low], unit, 3)} at "
         f"{quantity_text(surface.frequency[low], 'Hz', 5)} (lowest "
-        f"level) to {quantity_text(surface.amplitude[high], 'm', 3)} at "
+        f"level) to {quantity_text(surface.answer[high], unit, 3)} at "
         f"{quantity_text(surface.frequency[high], 'Hz', 5)} "
         f"(highest level): the peak moves by {100 * shift:+.2f} %. "
         f"{unsettled}"
@@ -106,9 +129,9 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
     axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
     sweep = _sweeps(surface)[0]
     shown = surface.select(surface.sweep == sweep)
-    scale = choose_scale(shown.amplitude[shown.settled], "m")
-    force = choose_scale(shown.level, "N")
-    top = float(np.max(shown.amplitude, where=shown.settled, initial=0.0)) / scale.factor or 1.0
+    scale = choose_scale(shown.answer[shown.settled], shown.answer_unit)
+    force = choose_scale(shown.level, shown.level_unit)
+    top = float(np.max(shown.answer, where=shown.settled, initial=0.0)) / scale.factor or 1.0
     norm, colours = Normalize(0, top), level_colours()
     grid = _grid(shown)
     if grid is not None:
@@ -132,7 +155,7 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
             if not len(line):
                 continue
             order = np.argsort(line.frequency, kind="stable")
-            height = line.amplitude[order] / scale.factor
+            height = line.answer[order] / scale.factor
             axes.plot(
                 line.frequency[order],
                 line.level[order] / force.factor,
@@ -141,8 +164,8 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
                 lw=1.1,
             )
     axes.set_xlabel("Frequency [Hz]", labelpad=4)
-    axes.set_ylabel(force.label("Level F"), labelpad=4)
-    axes.set_zlabel(scale.label("Amplitude X"), labelpad=2)
+    axes.set_ylabel(force.label(level_word(shown)), labelpad=4)
+    axes.set_zlabel(scale.label(_answer_word(shown)), labelpad=2)
     axes.tick_params(pad=0)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.pane.set_facecolor("none")
@@ -150,9 +173,7 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
     words = {"rest": "every point from rest", "up": "sweep up", "down": "sweep down"}[sweep]
-    return Drawing(
-        "surface", figure, f"Response surface: amplitude of the fundamental, {words}.", _alternative(shown)
-    )
+    return Drawing("surface", figure, f"Response surface: {_what(shown, words)}.", _alternative(shown))
 
 
 def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
@@ -174,7 +195,7 @@ def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, n
         axes.scatter(
             part.frequency[good],
             part.level[good] / force,
-            c=part.amplitude[good] / factor,
+            c=part.answer[good] / factor,
             cmap=colours,
             norm=norm,
             s=5,
@@ -202,20 +223,20 @@ def draw_map(surface: ResponseSurface) -> Drawing:
         Any surface; points that did not settle are crossed.
     """
     sweeps = _sweeps(surface)
-    scale = choose_scale(surface.amplitude[surface.settled], "m")
-    force = choose_scale(surface.level, "N")
-    top = float(np.max(surface.amplitude, where=surface.settled, initial=0.0)) / scale.factor or 1.0
+    scale = choose_scale(surface.answer[surface.settled], surface.answer_unit)
+    force = choose_scale(surface.level, surface.level_unit)
+    top = float(np.max(surface.answer, where=surface.settled, initial=0.0)) / scale.factor or 1.0
     norm = Normalize(0, top)
     figure = new_figure(4.4, 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps))
     panels = figure.subplots(len(sweeps), 1, sharex=True, squeeze=False)[:, 0]
     for axes, sweep in zip(panels, sweeps, strict=True):
         _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
-        axes.set_ylabel(force.label("Level F"))
+        axes.set_ylabel(force.label(level_word(surface)))
         if len(sweeps) > 1:
             axes.set_title(_SWEEP_WORDS[sweep])
     panels[-1].set_xlabel("Frequency [Hz]")
     bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=list(panels), pad=0.02, aspect=30)
-    bar.set_label(scale.label("Amplitude X"))
+    bar.set_label(scale.label(_answer_word(surface)))
     bar.outline.set_visible(False)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)
@@ -240,7 +261,7 @@ def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail") -> Drawing
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     part = surface.select(surface.sweep == _sweeps(surface)[0])
-    top = float(np.max(part.amplitude, where=part.settled, initial=0.0)) or 1.0
+    top = float(np.max(part.answer, where=part.settled, initial=0.0)) or 1.0
     _map_panel(axes, part, 1.0, 1.0, Normalize(0, top))
     axes.margins(0)
     return Drawing(name, figure, "Response surface.", _alternative(surface))

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.overview import level_colours, peaks_by_level
@@ -95,8 +96,13 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     prediction
         The lines; levels without a predicted curve show their points alone.
     """
-    levels = choose_levels(_predicted(surface, prediction))
-    shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+    if surface.control == "force":
+        levels = choose_levels(_predicted(surface, prediction))
+        shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+    else:
+        curves_there = [curve.level for curve in prediction.curves if len(curve.frequency)]
+        levels = curves_there[:: -(-len(curves_there) // 6) or 1]
+        shown = surface.select(surface.settled)
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure = new_figure(4.4, 3.7)
@@ -104,11 +110,11 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     curves = []
     for level, colour in zip(levels, colours, strict=True):
         for sweep, marker in _MARKERS.items():
-            part = shown.select((shown.level == level) & (shown.sweep == sweep))
-            if len(part):
+            frequency, amplitude = _tested(shown, level, sweep)
+            if len(frequency):
                 axes.plot(
-                    part.frequency,
-                    part.amplitude / scale.factor,
+                    frequency,
+                    amplitude / scale.factor,
                     marker,
                     color=colour,
                     ms=3.2,
@@ -134,6 +140,13 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
         "lines as predicted by "
         "the refined model; dashed parts are unstable."
     )
+    if surface.control == "response":
+        caption = (
+            "Frequency responses at constant force: points read off the test, which held X, lines as "
+            "predicted by the refined model; dashed parts are unstable."
+        )
+        text = f"{len(levels)} forces out of those that the resonances needed. {_fold_words(curves)}"
+        return Drawing("responses", figure, caption, text)
     peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
     largest = "; ".join(
         f"{quantity_text(p.level[0], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
@@ -143,6 +156,24 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
     text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
     return Drawing("responses", figure, caption, text)
+
+
+def _tested(
+    shown: ResponseSurface, level: float, sweep: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give frequency and amplitude of the points at a force; where X was held, between neighbours."""
+    if shown.control == "force":
+        part = shown.select((shown.level == level) & (shown.sweep == sweep))
+        return part.frequency, part.amplitude
+    found: list[tuple[float, float]] = []
+    for held in shown.levels:
+        part = shown.select((shown.level == held) & (shown.sweep == sweep))
+        order = np.argsort(part.frequency)
+        f, over = part.frequency[order], np.abs(part.force)[order] - level
+        at = np.flatnonzero(over[:-1] * over[1:] < 0)
+        slope = (over[at + 1] - over[at]) / (f[at + 1] - f[at])
+        found += [(float(place), float(held)) for place in f[at] - over[at] / slope]
+    return np.array([f for f, _ in found]), np.array([a for _, a in found])
 
 
 def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
@@ -280,7 +311,7 @@ def draw_time_history(surface: ResponseSurface) -> Drawing:
     )
     ratio = abs(low / high) if high else float("nan")
     text = (
-        f"At level {quantity_text(surface.level[i], 'N', 3)} and "
+        f"At level {quantity_text(surface.level[i], surface.level_unit, 3)} and "
         f"{quantity_text(surface.frequency[i], 'Hz', 5)} the displacement "
         f"swings between {quantity_text(low, 'm')} and {quantity_text(high, 'm')}; the negative peak is "
         f"{number_text(ratio, 3)} times the positive one and the mean is {quantity_text(mean, 'm', 3)}."

@@ -36,17 +36,18 @@ def _rounded(values: Any) -> Any:
 
 
 def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    amplitude = choose_scale(surface.amplitude[surface.settled], "m")
-    force = choose_scale(surface.level, "N")
+    amplitude = choose_scale(surface.answer[surface.settled], surface.answer_unit)
+    force = choose_scale(surface.level, surface.level_unit)
+    held, found = ("F", "X") if surface.control == "force" else ("X", "F")
     axes = {
         "x": "Frequency [Hz]",
-        "y": force.label("Level F"),
-        "z": amplitude.label("Amplitude X"),
+        "y": force.label(f"Level {held}"),
+        "z": amplitude.label("Amplitude X" if found == "X" else "Force F"),
     }
-    top = float(np.max(surface.amplitude, where=surface.settled, initial=0.0)) / amplitude.factor or 1.0
+    top = float(np.max(surface.answer, where=surface.settled, initial=0.0)) / amplitude.factor or 1.0
     colour = {"colorscale": "Viridis", "cmin": 0, "cmax": top}
     hover = (
-        f"%{{x:.5g}} Hz<br>F = %{{y:.4g}} {force.unit}<br>X = %{{z:.5g}} {amplitude.unit}"
+        f"%{{x:.5g}} Hz<br>{held} = %{{y:.4g}} {force.unit}<br>{found} = %{{z:.5g}} {amplitude.unit}"
         "<br>phase = %{customdata:.4g} °"
     )
     traces: list[dict[str, Any]] = []
@@ -58,7 +59,7 @@ def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, s
             len(index) == len(rows[0]) and np.array_equal(part.frequency[index], part.frequency[rows[0]])
             for index in rows
         )
-        height, lag = part.amplitude / amplitude.factor, np.degrees(part.phase)
+        height, lag = part.answer / amplitude.factor, np.degrees(part.phase)
         if grid:
             traces.append(
                 {

@@ -24,6 +24,7 @@ from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, describe_mean
 from rsgen.report.printed import PrintedFormula
 from rsgen.report.tables import (
+    background_table,
     error_text,
     estimate_table,
     held_out_table,
@@ -83,7 +84,7 @@ def verdict_sentence(comparison: Comparison, *, fits: bool = True) -> str:
 def _surface_sentence(surface: ResponseSurface) -> str:
     settled = int(np.count_nonzero(surface.settled))
     made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
-    lowest, highest = (quantity_text(float(f(surface.level)), "N") for f in (np.min, np.max))
+    lowest, highest = (quantity_text(float(f(surface.level)), surface.level_unit) for f in (np.min, np.max))
     forces = f"from {lowest} to {highest}" if len(surface.levels) > 1 else f"of {highest}"
     was = "was" if len(surface) == 1 else "were"
     text = (
@@ -196,6 +197,7 @@ def render_page(
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": estimate_table(identification),
         "resonance_table": resonance_table(identification),
+        "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": identification.ranking.verdict if identification.ranking is not None else (),
         "provenance": list(provenance.items()),

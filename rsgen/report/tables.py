@@ -14,6 +14,7 @@ __all__ = [
     "Cell",
     "Table",
     "TableRow",
+    "background_table",
     "error_text",
     "estimate_table",
     "held_out_table",
@@ -23,6 +24,17 @@ __all__ = [
 ]
 
 _FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
+_BACKGROUND_NAMES = {
+    "psi": "lead of the force in the phase of the response",
+    "b0_re": "response per force in the middle of the band, real",
+    "b0_im": "the same, imaginary",
+    "b1_re": "its change over the band, real",
+    "b1_im": "the same, imaginary",
+    "r_re": "residue of the neighbour, real",
+    "r_im": "the same, imaginary",
+    "f_n": "natural frequency of the neighbour",
+    "zeta": "damping ratio of the neighbour",
+}
 _SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
 
 
@@ -157,7 +169,7 @@ def resonance_table(identification: Identification) -> Table:
     rows = tuple(
         TableRow(
             (
-                quantity_text(point.level, "N"),
+                quantity_text(point.level, identification.curve.level_unit),
                 Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
                 Cell(number_text(point.frequency, 6)),
                 Cell(number_text(100 * point.damping_ratio, 4)),
@@ -206,6 +218,38 @@ def held_out_table(prediction: Prediction) -> Table | None:
         "Points without prediction",
     )
     return Table("Levels that identification has not seen", columns, rows)
+
+
+def background_table(identification: Identification) -> Table | None:
+    """List what was found besides the mode; None where nothing was asked for."""
+    background = identification.background
+    if background is None:
+        return None
+    rows = tuple(
+        TableRow(
+            (
+                Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
+                Cell(unit_text(estimate.unit)),
+                _estimate_cell(estimate, "", interval=True),
+                Cell(number_text(estimate.standard_error, 2)),
+            )
+            if math.isfinite(estimate.standard_error)
+            else (
+                Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
+                Cell(unit_text(estimate.unit)),
+                Cell("–", "not told by this test"),
+                Cell("–"),
+            )
+        )
+        for estimate in background.estimates
+    )
+    low, high = background.band
+    share = f", {error_text(background.share)} of the response" if background.share else ""
+    return Table(
+        f"Besides the mode, {low:.4g} to {high:.4g} Hz: subtracted before k(X) and c(X) are drawn{share}",
+        ("Background", "Unit", "Value", "Standard error"),
+        rows,
+    )
 
 
 def ranking_table(identification: Identification) -> Table | None:

@@ -37,7 +37,7 @@ def simulate(
     ResponseSurface
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
-        X [m] that were held, and the error is that of the force.
+        X [m] that were held, the error is that of the force, and ``stable`` tells the branches between folds.
 
     Raises
     ------
@@ -47,12 +47,13 @@ def simulate(
     level = np.repeat(test.level, len(test.frequency))
     frequency = np.tile(test.frequency, len(test.level))
     states: SteadyStates | ControlledStates
+    stable = None
     if test.control == "force":
         solve = balance_grid if test.method == "harmonic-balance" else integrate
         states, force = solve(oscillator, test, progress), level.astype(np.complex128)
     else:
         states = control_grid(oscillator, test, progress)
-        force = states.force
+        force, stable = states.force, states.stable
     surface = ResponseSurface(
         level=level,
         frequency=frequency,
@@ -64,5 +65,7 @@ def simulate(
         residual=states.residual,
         error=states.error,
         origin="simulated",
+        control=test.control,
+        stable=stable,
     )
     return add_noise(surface, test.noise_relative, test.seed)
