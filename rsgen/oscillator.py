@@ -14,7 +14,7 @@ from rsgen.errors import RsgenError
 
 __all__ = ["BACKGROUNDS", "Model", "Oscillator"]
 
-BACKGROUNDS = ("none", "phase", "constant", "residuals")
+BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """What may be seen besides the mode; each contains the ones before it."""
 
 
@@ -109,7 +109,8 @@ class Model:
     background
         What a sensor sees besides the mode, fitted with it: "none"; "phase", a constant phase error between
         force and response; "constant", and a response proportional to the force; "residuals", and its change
-        over the band, as modes below and above leave it.
+        over the band, as modes below and above leave it; "neighbour", and one linear mode at the edge of the
+        band or inside it.
     band
         Lowest and highest frequency [Hz] that identification uses; None for all.
     calibrated

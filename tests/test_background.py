@@ -90,6 +90,26 @@ def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
     assert found.frequency_range[1] <= 11.2
 
 
+@pytest.mark.parametrize(
+    ("frequency", "ratio", "band"), [(8.9, 0.03, (8.5, 11.5)), (11.2, 0.01, (9.2, 11.0))]
+)
+def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, ratio, band):
+    cubic = surface("cubic", frequencies=np.linspace(8, 12, 81))
+    # 10 % away, as the modes of an aircraft at 6.5 and 7.3 Hz; inside the band, or just above it
+    omega, own = cubic.omega, 2 * np.pi * frequency
+    harmonics = np.array(cubic.harmonics)
+    harmonics[:, 1] += cubic.force / 1.5 / (own**2 - omega**2 + 2j * ratio * own * omega)
+    table = changed(cubic, harmonics=harmonics)
+    rough = identify(table, replace(model("cubic"), background="residuals", band=band))
+    assert max(errors(rough, truth("cubic")).values()) > 0.05
+    found = identify(table, replace(model("cubic"), background="neighbour", band=band))
+    assert max(errors(found, truth("cubic")).values()) < 10 * EXACT
+    neighbour = {e.name: e.value for e in found.background.estimates}
+    assert neighbour["f_n"] == pytest.approx(frequency, rel=1e-4)
+    assert neighbour["zeta"] == pytest.approx(ratio, rel=1e-2)
+    assert neighbour["r_re"] == pytest.approx(1 / 1.5, rel=1e-2)
+
+
 @pytest.mark.slow
 def test_standard_errors_allow_for_the_background(cubic):
     seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
@@ -119,7 +139,7 @@ def test_predictions_are_of_what_the_sensor_sees(cubic):
 
 
 def test_a_model_says_what_a_background_may_be():
-    with pytest.raises(RsgenError, match="none, phase, constant, residuals"):
+    with pytest.raises(RsgenError, match="none, phase, constant, residuals, neighbour"):
         Model(model("cubic").elements, background="smooth")
     with pytest.raises(RsgenError, match="ascending"):
         Model(model("cubic").elements, band=(5.0, 4.0))

@@ -31,6 +31,13 @@ _SAMPLES_SWITCHED = 256
 _PLAIN = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
 
+_PLACES = 12
+_BRIEF = 12
+_SHARE = 0.3
+_TYPICAL_DAMPING = 0.01
+"""A neighbour is sought with this damping ratio, in so many places, in so few steps
+each, and with this share of the mode's own residue."""
+
 _NOISY = 1e-4
 """Misfit above which it is noise, not the truncated waveform."""
 
@@ -50,12 +57,43 @@ def begin_background(points: Points, kind: str, band: tuple[float, float], mass:
     misfits = [_turned(scanned, law, mass, float(turn)) for turn in turns]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
     found = _turned(few, law, mass, float(turns[best]))
+    start, begun = found.values, found.mass
+    values = np.array([turns[best]])
+    if kind == "neighbour":
+        shape = shape_of("residuals", few.omega, band)
+        values = np.append(values, np.zeros(len(shape.names) - 1))
+        fitted, values = fit_with_background(
+            few, law, start, begun, shape, values, mass_free=mass is None, order=1, steps=_BRIEF
+        )
+        start, begun = fitted.values, fitted.mass
+        values = _place_neighbour(few, law, start, begun, values, band, mass_free=mass is None)
     shape = shape_of(kind, few.omega, band)
-    values = np.zeros(len(shape.names))
-    values[0] = turns[best]
-    return fit_with_background(
-        few, law, found.values, found.mass, shape, values, mass_free=mass is None, order=1
-    )[1]
+    values = np.append(values, np.zeros(len(shape.names) - len(values)))
+    return fit_with_background(few, law, start, begun, shape, values, mass_free=mass is None, order=1)[1]
+
+
+def _place_neighbour(
+    points: Points,
+    law: ForceLaw,
+    start: Array,
+    mass: float,
+    values: Array,
+    band: tuple[float, float],
+    *,
+    mass_free: bool,
+) -> Array:
+    """Try a neighbour at places around the band; the one that leaves the least misfit is near."""
+    shape = shape_of("neighbour", points.omega, band)
+    width = band[1] - band[0]
+    best, least = values, np.inf
+    for place in np.linspace(max(band[0] - width, band[0] / 2), band[1] + width, _PLACES):
+        trial = np.concatenate([values, [_SHARE / mass, 0.0, place, _TYPICAL_DAMPING]])
+        fitted, found = fit_with_background(
+            points, law, start, mass, shape, trial, mass_free=mass_free, order=1, steps=_BRIEF, reject=False
+        )
+        if fitted.mass > 0 and fitted.regression.noise < least:
+            best, least = found, fitted.regression.noise
+    return best
 
 
 def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> LinearSolution:
@@ -141,11 +179,11 @@ def fit_with_background(
         b = shape.receptance(besides)
         seen = size + b * balance.force
         by_law = balance.force_by[:, :count]
-        terms = (shape.functions * balance.force[:, None])[:, :, None] * np.array([1, 1j])
-        none = np.zeros((len(points), terms[0].size))
+        terms = shape.slopes(besides) * balance.force[:, None]
+        none = np.zeros_like(terms)
         still = np.zeros((len(points), 1))
         by_force = np.hstack([by_law, still, none])
-        by_seen = np.hstack([by_law * b[:, None], still, terms.reshape(none.shape)])
+        by_seen = np.hstack([by_law * b[:, None], still, terms])
         psi = by_law.shape[1]
         if logarithmic:
             # the noise of a logarithm has mean zero and the same size everywhere

@@ -7,8 +7,8 @@ At a measured amplitude X and frequency the law demands one force, on whatever b
 is fitted without a phase and without a choice of branch. It starts from points with a phase made up: at the
 peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it less, above
 it more; the law that fits then says the phase anew. A real background b is told by how the response is lifted
-on one side of the resonance and lowered on the other, |X| = |q + b F|; its imaginary part is hardly told beside
-the damping, and stays zero.
+on one side of the resonance and lowered on the other, |X| = |q + b F|; its imaginary part is hardly told
+beside the damping and stays zero.
 """
 
 from __future__ import annotations
@@ -145,8 +145,9 @@ def fit_magnitude(
         slope = balance.force_slope * x
         grow = np.stack([(slope / force).real, ((x + b * slope) / seen).real], axis=1)
         by_law = balance.force_by[:, :count]
-        terms = (shape.functions * (force / seen)[:, None])[:, :, None] * np.array([1, 0])
-        by_terms = terms.reshape(len(points), -1).real * besides
+        # real parts stand first in each pair
+        by_terms = (shape.slopes(parameters[count:]) * (force / seen)[:, None]).real * besides
+        by_terms[:, 1::2] = 0
         still = np.zeros((len(points), 1))
         by_force = np.hstack([(by_law / force[:, None]).real, still, np.zeros_like(by_terms)])
         by_seen = np.hstack([(by_law * (b / seen)[:, None]).real, still, by_terms])

@@ -23,6 +23,9 @@ _SAME = 1e-7
 _BRANCH = 1.5
 """Repeats whose amplitudes differ by a larger ratio lie on two branches: no mean, no noise."""
 
+_MIRRORED = 0.2
+"""Mean or second harmonic of repeats, relative to the amplitude, differ by less."""
+
 _BATCHED = 6
 """So many repeats are split into as many batches as the square root of their number."""
 
@@ -203,6 +206,16 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     np.minimum.at(smallest, group[good], size[good])
     np.maximum.at(largest, group[good], size[good])
     alone = ~good | (largest > _BRANCH * smallest)[group]
+    # one of two wells, or of two broken symmetries: as large, but a mirror image
+    clock = np.exp(-1j * np.angle(surface.force))
+    for order in range(0, min(3, surface.harmonics.shape[1]), 2):
+        own = np.nan_to_num(surface.harmonics[:, order] * clock**order)
+        for part in (own.real, own.imag):
+            low, high = np.full(group.max() + 1, np.inf), np.full(group.max() + 1, -np.inf)
+            np.minimum.at(low, group[good], part[good])
+            np.maximum.at(high, group[good], part[good])
+            with np.errstate(invalid="ignore"):
+                alone |= ~(high - low <= _MIRRORED * largest)[group]
     group[alone] = group.max() + 1 + np.arange(int(alone.sum()))
     return group
 
