@@ -184,8 +184,30 @@ def build_result(
             }
             for item in prediction.held_out
         ],
+        "background": _background(identification),
         "residual": {"relative": _finite(identification.residual), "noise": _finite(identification.noise)},
         "ranking": _ranking(identification.ranking),
+    }
+
+
+def _background(identification: Identification) -> dict[str, Any] | None:
+    """What was found besides the mode; null where nothing was asked for."""
+    background = identification.background
+    if background is None:
+        return None
+    return {
+        "kind": background.kind,
+        "band": list(background.band),
+        "share": _finite(background.share),
+        "estimates": [
+            {
+                "name": estimate.name,
+                "unit": estimate.unit,
+                "value": _finite(estimate.value),
+                "standard_error": _finite(estimate.standard_error),
+            }
+            for estimate in background.estimates
+        ],
     }
 
 
