@@ -123,6 +123,15 @@ def test_standard_errors_allow_for_the_background(cubic):
     assert 0.67 < spread < 1.33
 
 
+def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
+    seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
+    sentences = identify(seen, model("cubic")).warnings
+    proposal = next(sentence for sentence in sentences if "band = [" in sentence)
+    assert 'background = "phase"' in proposal
+    found = identify(seen, replace(model("cubic"), background="residuals"))
+    assert not any("band = [" in sentence for sentence in found.warnings)
+
+
 def test_predictions_are_of_what_the_sensor_sees(cubic):
     seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
     level = float(cubic.levels[3])

@@ -24,6 +24,8 @@ _DRIFT = 0.02
 _SYSTEMATIC = 0.6
 """Correlation of neighbouring misfits beyond which it is the law, not noise, that disagrees."""
 
+_REACH = 5.0
+
 _NOTICEABLE = 1e-3
 
 _NO_PHASE = (
@@ -84,6 +86,7 @@ def find_warnings(
     estimates: tuple[Estimate, ...],
     *,
     calibrated: bool = True,
+    background: str = "none",
 ) -> tuple[str, ...]:
     """Collect the sentences about data and fit that a reader should know before using the numbers."""
     sentences = [estimate.remark for estimate in estimates if estimate.remark]
@@ -116,8 +119,24 @@ def find_warnings(
             f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, "
             "not noise; intervals are too narrow, try another law"
         )
+        if surface.origin == "measured" and background == "none" and surface.phase_known:
+            sentences.append(_propose(points, resonances))
     sentences += _data_warnings(points, law, resonances)
     return tuple(sentences)
+
+
+def _propose(points: Points, resonances: tuple[Resonance, ...]) -> str:
+    """Say how to look for what stands beside the mode, and in which band."""
+    tested = points.omega / (2 * np.pi)
+    reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
+    ends = [(r.frequency - w, r.frequency + w) for r, w in zip(resonances, reach, strict=True)]
+    low = max([min(end[0] for end in ends), float(tested.min())]) if ends else float(tested.min())
+    high = min([max(end[1] for end in ends), float(tested.max())]) if ends else float(tested.max())
+    return (
+        'a sensor may see more than the mode: try [identify] background = "phase", "constant" or '
+        f'"residuals", and band = ["{low:.4g} Hz", "{high:.4g} Hz"], which is {_REACH:g} widths of the '
+        "resonance to either side"
+    )
 
 
 def _data_warnings(points: Points, law: ForceLaw, resonances: tuple[Resonance, ...]) -> list[str]:

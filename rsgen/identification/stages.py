@@ -187,7 +187,15 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         warnings=(
             *notes,
             *find_warnings(
-                surface, points, used, law, refined, resonances, estimates, calibrated=model.calibrated
+                surface,
+                points,
+                used,
+                law,
+                refined,
+                resonances,
+                estimates,
+                calibrated=model.calibrated,
+                background=model.background,
             ),
         ),
     )
