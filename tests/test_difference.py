@@ -67,7 +67,17 @@ def test_values_without_verdict_are_compared_too(tmp_path: Path) -> None:
     before, after = (write_result(tmp_path / side, tolerance=None) for side in "ab")
     (difference,) = compare_results(before, after)
     assert all(row.passed_before is None and row.passed_after is None for row in difference.rows)
-    assert json.loads(json.dumps(difference_data([difference]), allow_nan=False))[0]["worse"] is False
+    data = json.loads(json.dumps(difference_data([difference]), allow_nan=False))[0]
+    assert data["worse"] is False
+    assert data["passed"] == {"before": None, "after": None}
+    page = render_difference([difference], "a", "b")
+    assert "nothing was judged in either" in page
+    assert "accepted" not in page
+    # what was judged once and is no longer has not become worse, but it has changed
+    (loosened,) = compare_results(write_result(tmp_path / "judged"), after)
+    assert loosened.changed
+    assert not loosened.worse
+    assert "accepted before, not judged now" in render_difference([loosened], "a", "b")
 
 
 def test_the_page_shows_names_as_text(tmp_path: Path) -> None:

@@ -83,7 +83,8 @@ def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int
         print_table(("case", "value", "before", "after", "unit", "change", "verdict"), rows)
     changed = sum(difference.changed for difference in differences)
     worse = sum(difference.worse for difference in differences)
-    print_line(f"{changed} of {len(differences)} cases changed, {worse} for the worse")
+    cases = "case" if len(differences) == 1 else "cases"
+    print_line(f"{changed} of {len(differences)} {cases} changed, {worse} for the worse")
     if target is not None:
         print_line(f"{target}")
     return int(worse > 0)

@@ -28,6 +28,7 @@ _SAME = 1e-12
 """Relative change below which two values are the same: the last digits differ between machines."""
 
 _VERDICTS: dict[object, str] = {True: "kept", False: "missed", None: "–"}
+_STATES: dict[object, str] = {True: "accepted", False: "not accepted", None: "not judged"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class ValueDifference:
 
 @dataclass(frozen=True, slots=True)
 class CaseDifference:
-    """One case in both results; ``before`` or ``after`` is None where it is in one only."""
+    """One case in both results; ``before`` and ``after`` are None where nothing was judged or it is not there."""
 
     case: str
     before: bool | None
@@ -117,6 +118,14 @@ def _verdict(row: dict[str, Any]) -> bool | None:
     return bool(row["passed"]) if row.get("tolerance") is not None else None
 
 
+def _judgement(result: dict[str, Any] | None) -> bool | None:
+    """Give the verdict on a whole case; a case without ``[accept]`` has none, whatever its result says."""
+    rows = _rows(result).values()
+    if result is None or not any(row.get("tolerance") is not None for row in rows):
+        return None
+    return bool(result["passed"])
+
+
 def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | None) -> CaseDifference:
     old, new = _rows(before), _rows(after)
     rows = []
@@ -136,8 +145,8 @@ def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | N
         )
     return CaseDifference(
         case,
-        before=None if before is None else bool(before["passed"]),
-        after=None if after is None else bool(after["passed"]),
+        before=_judgement(before),
+        after=_judgement(after),
         rows=tuple(rows),
         only="" if before and after else ("before" if before else "after"),
     )
@@ -197,8 +206,9 @@ def _sentence(difference: CaseDifference) -> str:
         return f"This case is only in the result {difference.only}."
     moved = sum(row.changed for row in difference.rows)
     words = "No value changed" if not moved else f"{moved} of {len(difference.rows)} values changed"
-    states = {True: "accepted", False: "not accepted"}
-    before, after = states[bool(difference.before)], states[bool(difference.after)]
+    if difference.before is None and difference.after is None:
+        return f"{words}; nothing was judged in either."
+    before, after = _STATES[difference.before], _STATES[difference.after]
     return f"{words}; {before} as before." if before == after else f"{words}; {before} before, {after} now."
 
 
