@@ -74,7 +74,7 @@ class ValueDifference:
 
 @dataclass(frozen=True, slots=True)
 class CaseDifference:
-    """One case in both results; ``before`` and ``after`` are None where nothing was judged or it is not there."""
+    """One case in both results; ``before``, ``after`` are None where nothing was judged or it is absent."""
 
     case: str
     before: bool | None
