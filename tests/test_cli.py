@@ -23,7 +23,7 @@ FAULTS = sorted((Path(__file__).parent / "faults").glob("*.toml"))
 HELP_SECONDS = 1.0
 COMMANDS = (
     "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "inspect", "init",
-    "laws",
+    "laws", "rank",
 )  # fmt: skip
 
 

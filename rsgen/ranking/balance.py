@@ -189,6 +189,8 @@ def make_rows(
     known = np.repeat(motion.measured, 2)[1:]
     spread = np.where(known, np.repeat(noise, 2)[1:], _UNKNOWN * float(noise[1])) / np.sqrt(2)
     diagonal = np.arange(width)
+    # rows of unknown harmonics first: what they do not need is left to the others
+    order = np.argsort(known, kind="stable")
     for low in range(0, count, _BLOCK):
         part = slice(low, low + _BLOCK)
         x, v, a, step = (column[part] for column in trajectory)
@@ -203,7 +205,10 @@ def make_rows(
         covariance[:, [1, 2], [1, 2]] += (np.abs(motion.force[part])[:, None] * noise[1]) ** 2 / 2
         # harmonics that were not measured make the matrix badly scaled: stay above round-off
         covariance[:, diagonal, diagonal] *= 1 + 1e-9
-        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        root = np.empty_like(covariance)
+        root[:, order[:, None], order] = np.linalg.inv(
+            np.linalg.cholesky(covariance[:, order[:, None], order])
+        )
         accelerated = inertia * _real(motion.harmonics[part, : motion.order + 1])
         if balanced:
             rest = (projection @ sample.force[:, :, None])[:, :, 0] + mass * accelerated
