@@ -10,7 +10,7 @@ import pytest
 from axe import find_axe
 from browser import Page, find_browser, in_browser
 from first_order import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
-from test_report import hostile_titles
+from test_report import hostile_titles, identified
 
 from rsgen.expression import parse
 from rsgen.report import draw_all, write_index
@@ -76,11 +76,16 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     places = (folder / "results" / "plain", folder / "results" / "hostile")
     changes = render_difference(compare_results(*places), "before", titles[0])
     (folder / "difference.html").write_text(changes, encoding="utf-8")
-    names = ("plain", "wide", "hostile", "bare", "difference")
+    # describing functions wider than any phone, as those of laws with pieces are
+    law = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
+    model, pieces = identified(law, {"k4": 5920.0, "k5": 6900.0, "b": 0.02})
+    parts = (cubic_case(model=model), surface, pieces, comparison, prediction, (), drawings)
+    (folder / "pieces.html").write_text(render_page(*parts, {"Versions": "rsgen"}), encoding="utf-8")
+    names = ("plain", "wide", "pieces", "hostile", "bare", "difference")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}
 
 
-@pytest.mark.parametrize("name", ["plain", "wide", "hostile", "bare", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "bare", "difference", "index"])
 def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str) -> None:
     address = pages[name].as_uri()
 
@@ -117,7 +122,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 """
 
 
-@pytest.mark.parametrize("name", ["plain", "wide", "hostile", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "difference", "index"])
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:
@@ -164,6 +169,31 @@ def test_figures_are_drawn_and_formulas_are_laid_out(chromium: str, pages: dict[
     assert min(drawings) > 150
     assert formulas
     assert min(formulas) > 8
+
+
+def test_a_phone_shows_the_verdict_beside_the_name(chromium: str, pages: dict[str, Path]) -> None:
+    async def visit(page: Page) -> list[float]:
+        await page.show(pages["plain"].as_uri(), PHONE)
+        row = "document.querySelector('#verdict tbody tr')"
+        middles = f"[...{row}.children].map(e => e.getBoundingClientRect()).map(b => (b.top + b.bottom)/2)"
+        return [*await page.ask(middles), await page.ask(f"{row}.getBoundingClientRect().height")]
+
+    name, *_, verdict, height = in_browser(chromium, visit)
+    assert verdict == pytest.approx(name, abs=6)
+    # true, refined with interval, error with tolerance: no more than a hand's breadth for each parameter
+    assert height < 180
+
+
+def test_a_phone_reads_the_index_from_top_to_bottom(chromium: str, pages: dict[str, Path]) -> None:
+    async def visit(page: Page) -> list[list[float]]:
+        await page.show(pages["index"].as_uri(), PHONE)
+        shown = "[...row.querySelectorAll('td:not(.aside)')].map(cell => cell.getBoundingClientRect().top)"
+        rows = f"[...document.querySelectorAll('#table tbody tr')].map(row => {shown})"
+        return list(await page.ask(rows))
+
+    for parameter, true, first_order, refined, verdict in in_browser(chromium, visit):
+        assert abs(verdict - parameter) < 8
+        assert parameter < true < first_order < refined
 
 
 def test_print_gives_a_few_pages(chromium: str, pages: dict[str, Path]) -> None:
