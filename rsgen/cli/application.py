@@ -100,6 +100,13 @@ def run(
         typer.Option("--jobs", "-j", min=1, max=256, help="Processes at a time.", show_default="processors"),
     ] = None,
     figures: Figures = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler whose workers see the same folders (needs rsgen[cluster]).",
+            show_default=False,
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Run cases from file to report; unchanged ones with a verified result are skipped.
@@ -110,10 +117,11 @@ def run(
       rsgen run cases/cubic.toml --force
       rsgen run mine.toml --data /mnt/laboratory --out results
       rsgen run mine.toml --figures pdf
+      rsgen run cases --cluster tcp://node1:8786
     """
     from rsgen.cli.commands import run_command
 
-    raise typer.Exit(run_command(cases, out, force, data, jobs, figures, json))
+    raise typer.Exit(run_command(cases, out, force, data, jobs, figures, json, cluster))
 
 
 @application.command(short_help="Find every fault in case files.")

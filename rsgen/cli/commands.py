@@ -52,6 +52,7 @@ def run_command(
     jobs: int | None,
     figures: str | None,
     json: bool,
+    cluster: str | None = None,
 ) -> int:
     """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
     from rsgen.study import run_cases
@@ -61,7 +62,9 @@ def run_command(
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
     words += ("--figures", figures) if figures else ()
     with case_progress(len(files), quiet=json) as listener:
-        runs = run_cases(cases, out, force, data, jobs, words, listener.finished, figures, listener.tell)
+        runs = run_cases(
+            cases, out, force, data, jobs, words, listener.finished, figures, listener.tell, cluster
+        )
     if json:
         print_json(
             [

@@ -19,6 +19,7 @@ from types import FrameType
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
+from rsgen.study.cluster import run_on_cluster
 from rsgen.study.folder import recover
 from rsgen.study.one import CaseRun, check_place, current_result, run_case
 from rsgen.study.steps import Step, Tell
@@ -203,6 +204,7 @@ def run_cases(
     finished: Report = lambda run: None,
     figures: str | None = None,
     tell: Tell | None = None,
+    cluster: str | None = None,
 ) -> tuple[CaseRun, ...]:
     """Run cases, each in a process of its own, then write the index over all results in ``out``.
 
@@ -225,7 +227,9 @@ def run_cases(
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
     tell
-        Called now and then, in this process, with how far each case has come.
+        Called now and then, in this process, with how far each case has come; not from a cluster.
+    cluster
+        Address of a Dask scheduler whose workers see the same folders; ``workers`` is theirs then.
 
     Returns
     -------
@@ -248,7 +252,10 @@ def run_cases(
 
     todo = _sort(files, place, force, folder, note, figures)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
-    if number == 1:
+    if cluster is not None:
+        if todo:
+            run_on_cluster(cluster, todo, place, folder, tuple(command), note, figures)
+    elif number == 1:
         for path in todo:
             run = run_case(path, place, force=True, data=folder, command=command, figures=figures, tell=tell)
             note(run)
