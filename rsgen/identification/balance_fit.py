@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,18 @@ class FittedModel:
     force: ComplexArray
     harmonics: ComplexArray
     turn: Array
+
+    def select(self, chosen: NDArray[np.intp]) -> FittedModel:
+        """Keep some points; what was found from all stays."""
+        of_points = ("own", "misfit", "used")
+        kept = {name: getattr(self.regression, name)[chosen] for name in of_points}
+        return replace(
+            self,
+            regression=replace(self.regression, **kept),
+            force=self.force[chosen],
+            harmonics=self.harmonics[chosen],
+            turn=self.turn[chosen],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,7 +211,7 @@ def fit_balance(
     pairs = points.neighbours
     scale: Array | None = None
     regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=pairs)
-    if law.switched and samples < _SAMPLES_SWITCHED and regression.noise < _EXACT:
+    if law.switched and steps > 1 and samples < _SAMPLES_SWITCHED and regression.noise < _EXACT:
         samples = _SAMPLES_SWITCHED
         found, own = regression.parameters, regression.own
         regression = fit(linearise, found, own, reject=reject, steps=steps, neighbours=pairs)

@@ -92,11 +92,24 @@ class LinearSolution:
     covariance: Array
 
 
-def solve_equations(equations: Equations, law: ForceLaw, mass: float | None) -> LinearSolution:
-    """Solve for all parameters of the law, and for the mass where it is None."""
+def solve_equations(
+    equations: Equations, law: ForceLaw, mass: float | None, near: Array | None = None
+) -> LinearSolution:
+    """Solve for all parameters of the law, and for the mass where it is None.
+
+    Parameters
+    ----------
+    equations, law, mass
+        What is solved.
+    near
+        (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
+    """
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
     few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCH_POINTS).round().astype(np.intp))]
-    nonlinear = _search(equations.select(few), law, mass) if law.nonlinear else np.zeros(0)
+    nonlinear = np.zeros(0)
+    if law.nonlinear:
+        begin = None if near is None else near[list(law.nonlinear)]
+        nonlinear = _search(equations.select(few), law, mass, begin)
     matrix, right = _rows(equations, law, mass, nonlinear)
     solution, _, _ = solve_scaled(matrix, right)
     residual = right - matrix @ solution
@@ -214,7 +227,7 @@ def _nonlinear_columns(
     return np.stack(columns, axis=1)
 
 
-def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
+def _search(equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None) -> Array:
     """Search the parameters in which the law is not linear over the whole range where they change it."""
     count = len(law.nonlinear)
     some = np.unique(np.linspace(0, len(equations.omega) - 1, _SCANNED).round().astype(np.intp))
@@ -229,6 +242,8 @@ def _search(equations: Equations, law: ForceLaw, mass: float | None) -> Array:
             solution, _, _ = solve_scaled(matrix, right)
             return np.asarray(right - matrix @ solution)
 
+    if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
+        return _polish(residual, begin)[0]
     windows = [_active_values(equations, law, i) for i in range(count)]
     trials = _trials(windows)
     costs = np.array([float(np.sum(residual(trial, coarse=True) ** 2)) for trial in trials])

@@ -26,6 +26,9 @@ ComplexArray = NDArray[np.complex128]
 _MOVE = 1e-3
 """Relative change of the response by which derivatives are taken."""
 
+_SHARE = 1e-3
+"""Error of a derivative, relative, that slows the fit down by no step."""
+
 _ROUND_OFF = 1e-12
 """Effect of a parameter, relative to the strongest, that is only round-off."""
 
@@ -42,6 +45,12 @@ _BENT = (1e-3, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 
 _STEPS = 6
+_ROUNDS = 4
+_FLOOR = 5.0
+"""A misfit of so many times the simulator's accuracy is its own."""
+
+_SAME = 0.99
+"""A round that lowers the misfit by less was the last."""
 
 _STEEP = 20.0
 """Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
@@ -75,14 +84,18 @@ def fit_output(
     """
     simulator = _Simulator(points, model, law, start, accuracy)
     bend = simulator.bend if start.regression.noise > _NOISY else None
-    regression = fit(
-        simulator.linearise,
-        start.regression.parameters,
-        simulator.begin,
-        steps=_STEPS,
-        neighbours=points.neighbours,
-        bend=bend,
-    )
+    parameters, own, last = start.regression.parameters, simulator.begin, start.regression.noise
+    for _ in range(_ROUNDS):
+        regression = fit(
+            simulator.linearise, parameters, own, steps=_STEPS, neighbours=points.neighbours, bend=bend
+        )
+        parameters, own = regression.parameters, regression.own
+        exact = regression.noise < _FLOOR * accuracy
+        if regression.converged and (exact or regression.noise > _SAME * last):
+            break
+        # near a fold derivatives change quickly
+        last = regression.noise
+        simulator.renew()
     if np.count_nonzero(regression.used) < 0.5 * len(points):
         return None
     found, own = regression.parameters, regression.own
@@ -135,9 +148,13 @@ class _Simulator:
         self.begin = np.where(told[:, None], begin, self.begin)
         self._state = np.where(told[:, None], state, self._state)
 
-    def solve(self, parameters: Array, drive: Array) -> ComplexArray:
+    def renew(self) -> None:
+        """Take the derivatives anew at the next call."""
+        self._by_parameter = None
+
+    def solve(self, parameters: Array, drive: Array, accuracy: float | None = None) -> ComplexArray:
         """(n, H+1) harmonics [m] under the forces [N] of phase zero; NaN off the measured branch."""
-        states = self._states_of(parameters, drive)
+        states = self._states_of(parameters, drive, accuracy or self._accuracy)
         return np.full_like(self._by_force, np.nan) if states is None else self._near(states)
 
     def _near(self, states: SteadyStates) -> ComplexArray:
@@ -145,7 +162,7 @@ class _Simulator:
         good = states.settled & (np.abs(size / self._points.amplitude - 1) < self._branch)
         return np.where(good[:, None], states.harmonics, np.nan)
 
-    def _states_of(self, parameters: Array, drive: Array) -> SteadyStates | None:
+    def _states_of(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
         mass = float(parameters[-1]) if self._model.mass is None else self._model.mass
         values = dict(zip(self._law.parameters, map(float, parameters), strict=False))
         try:
@@ -154,20 +171,22 @@ class _Simulator:
                 drive.astype(complex),
                 self._points.omega / (2 * np.pi),
                 harmonics=self._highest,
-                accuracy=self._accuracy,
+                accuracy=accuracy,
                 start=self._state,
             )
         except RsgenError:
             return None
 
     def _differentiate(self, parameters: Array, drive: Array, base: ComplexArray) -> ComplexArray:
-        self._by_force = (self.solve(parameters, drive * (1 + _MOVE)) - base) / _MOVE
+        accuracy = max(self._accuracy, _SHARE * _MOVE)
+        self._by_force = (self.solve(parameters, drive * (1 + _MOVE), accuracy) - base) / _MOVE
         columns = []
         for j, move in enumerate(self._moves):
             trial = np.array(parameters)
             trial[j] += move
             # nothing moves where the response does not depend on the parameter
-            columns.append((self.solve(trial, drive) - base) / move if move else np.zeros_like(base))
+            moved = self.solve(trial, drive, accuracy) if move else base
+            columns.append((moved - base) / (move or 1.0))
         self._steep = ~(np.abs(self._by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
         return np.stack(columns, axis=-1)
 
@@ -175,7 +194,7 @@ class _Simulator:
         """Around the present parameters; derivatives are taken once, at the first call."""
         drive = np.exp(own[:, 0])
         if self._by_parameter is None:
-            states = self._states_of(parameters, drive)
+            states = self._states_of(parameters, drive, self._accuracy)
             predicted = np.full_like(self._by_force, np.nan)
             if states is not None:
                 predicted = self._near(states)

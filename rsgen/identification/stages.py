@@ -56,6 +56,10 @@ _ACCURACIES = (1e-5, 1e-8)
 _EXACT = 1e-5
 """Misfit below which a truncated waveform shows wherever a law has a switch, be it as soft as x|x|."""
 
+_LEFT = 1e-7
+_NOISY = 1e-4
+"""A misfit between these is neither noise nor the simulator's accuracy: some points were not followed."""
+
 _RESOLVED = 100.0
 """A misfit so many times the simulator's accuracy is not the simulator's."""
 
@@ -123,13 +127,14 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
     background, caused = None, None
+    sharp = law.rough or _is_strong(points)
     if not surface.phase_known:
         refined, background, caused = fit_amplitudes(points, law, model, repeats)
         besides = background.values
         surface = with_phase(surface, law, refined, background.shape(surface.omega), besides)
         points = with_phase(points, law, refined, background.shape(points.omega), besides)
     elif model.background == "none":
-        refined = _refined(points, law, _start(points, law, model.mass), model.mass)
+        refined, sharp = _refined(points, law, _start(points, law, model.mass), model.mass)
     else:
         refined, background, caused = fit_among_modes(points, law, model, repeats, _start)
     if background is not None:
@@ -137,14 +142,15 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         surface = background.shape(surface.omega).subtract(surface, background.values)
     fitted = refined
     # the simulator is compared in phase, too
-    sharp = law.rough or _is_strong(points) or (law.switched and refined.regression.noise < _EXACT)
     if sharp and surface.phase_known:
         refined = _polished(points, model, law, refined)
+        if not law.rough and _LEFT < refined.regression.noise < _NOISY:
+            refined = _enriched(points, law, refined, model.mass)
     used = refined.regression.used
     kept = points.select(used)
     first = _fit(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
     bias = _first_order_bias(kept, law, refined, first, model.mass)
-    paper, resonances = _paper(kept, law, model.mass, refined.mass)
+    paper, resonances = _paper(kept, law, model.mass, first)
     # the expected noise has unit size in real and imaginary part each
     noise = misfit_noise = refined.regression.noise * np.sqrt(2)
     covariance = refined.regression.covariance
@@ -241,11 +247,12 @@ def _names(law: ForceLaw, model: Model) -> tuple[str, ...]:
 
 def _start(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
     """Values to start from: first order, or the measured waveform where that fits better."""
-    first = _linear_start(points, law, mass, 1)
+    some = points.select(points.spread(2 * _QUICK))
+    first = _linear_start(some, law, mass, 1)
     if not _is_strong(points):
         return first
     # in the balance of the fundamental along the measured waveform a law is as linear as it is written
-    whole = _linear_start(points, law, mass, points.harmonics.shape[1] - 1)
+    whole = _linear_start(some, law, mass, points.harmonics.shape[1] - 1)
     return whole if whole.misfit < first.misfit else first
 
 
@@ -286,43 +293,59 @@ def _fit(
     order: int,
     *,
     reject: bool,
+    steps: int = 25,
 ) -> FittedModel:
-    return fit_balance(points, law, values, mass, mass_free=given is None, order=order, reject=reject)
+    free = given is None
+    return fit_balance(points, law, values, mass, mass_free=free, order=order, reject=reject, steps=steps)
 
 
-def _refined(points: Points, law: ForceLaw, start: LinearSolution, given: float | None) -> FittedModel:
-    """All harmonics that matter."""
+def _refined(
+    points: Points, law: ForceLaw, start: LinearSolution, given: float | None
+) -> tuple[FittedModel, bool]:
+    """All harmonics that matter, and whether only the simulator has all of them."""
     values, mass = start.values, start.mass
     few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points
-    followed = _is_strong(points)  # by the simulator, which has all harmonics
+    sharp = law.rough or _is_strong(points)
     for order in _ORDERS:
         refined = _fit(few, law, values, mass, given, order, reject=True)
         values, mass = refined.values, refined.mass
         harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
-        if (
-            law.switched
-            or followed
-            or last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
-        ):
+        enough = last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+        if law.switched or sharp or enough:
             break
-    return refined if few is points else _fit(points, law, values, mass, given, order, reject=True)
+    sharp = sharp or (law.switched and refined.regression.noise < _EXACT)
+    if few is points:
+        return refined, sharp
+    # what the simulator takes up needs no more than one step
+    return _fit(points, law, values, mass, given, order, reject=True, steps=1 if sharp else 25), sharp
 
 
 def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel) -> FittedModel:
     """Replace the balance by the simulator where the law has jumps or corners."""
-    polished: FittedModel | None = None
-    for accuracy in _ACCURACIES:
-        finer = fit_output(points, model, law, polished or balanced, accuracy=accuracy)
-        polished = finer or polished
-        if finer is None or finer.regression.noise > _RESOLVED * accuracy:
-            break
+    start, accuracy = balanced, _ACCURACIES[0]
+    few = points.spread(_QUICK)
+    quick = fit_output(points.select(few), model, law, balanced.select(few), accuracy=accuracy)
+    if quick is not None:
+        near = replace(balanced.regression, parameters=quick.regression.parameters)
+        start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
+        if quick.regression.noise < _RESOLVED * accuracy:
+            accuracy = _ACCURACIES[1]
+    polished = fit_output(points, model, law, start, accuracy=accuracy)
     followed = np.count_nonzero(polished.regression.used) if polished is not None else 0
     if polished is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
         return balanced
     both = polished.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (polished, balanced)]
     return polished if misfit[0] <= _WORSE * misfit[1] else balanced
+
+
+def _enriched(points: Points, law: ForceLaw, followed: FittedModel, given: float | None) -> FittedModel:
+    """Try more harmonics where the simulator did not settle on every branch of exact data."""
+    balanced = followed
+    for order in _ORDERS[1:]:
+        balanced = _fit(points, law, balanced.values, balanced.mass, given, order, reject=True)
+    return min(followed, balanced, key=lambda found: found.regression.noise)
 
 
 def _of_fit(found: FittedModel) -> _Values:
@@ -342,16 +365,17 @@ def _first_order_bias(
     if not np.isfinite(harmonics).all():
         return np.full(len(refined.regression.parameters), np.nan)
     exact = replace(points, force=refined.force[used] * turn, harmonics=harmonics[:, :count])
+    exact = exact.select(exact.spread(2 * _QUICK))
     again = _fit(exact, law, first.values, first.mass, given, 1, reject=False)
     return np.asarray(again.regression.parameters - refined.regression.parameters)
 
 
 def _paper(
-    points: Points, law: ForceLaw, given: float | None, fallback: float
+    points: Points, law: ForceLaw, given: float | None, near: FittedModel
 ) -> tuple[_Values, tuple[Resonance, ...]]:
     """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
     mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
-    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else fallback)
+    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near.mass)
     count = len(law.parameters) + (given is None)
     if not np.isfinite(mass) or not resonances:
         return _Values(
@@ -373,7 +397,7 @@ def _paper(
         return _Values(
             np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
         ), resonances
-    found = solve_equations(equations, law, mass)
+    found = solve_equations(equations, law, mass, near=near.values)
     covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
     values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
     if given is None:

@@ -72,8 +72,8 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
 
     if low < 0 < high:
         # three knots at zero let the two sides meet in a corner
-        sides = [np.linspace(low, 0, _INTERVALS[0] + 1), [0.0], np.linspace(0, high, _INTERVALS[0] + 1)]
-        on_spring = np.concatenate(sides)
+        left, right = (np.linspace(0, end, _INTERVALS[0] + 1) for end in (low, high))
+        on_spring = np.concatenate([left[::-1], np.zeros(1), right])
     else:
         on_spring = np.linspace(low, high, 2 * _INTERVALS[0] + 1)
     on_damper = np.linspace(0, fast, _INTERVALS[1] + 1)
@@ -97,17 +97,17 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
     known = (points.force + mass * points.omega**2 * points.harmonics[:, 1]) / force
     blocks += [fundamental.real / force[:, None], fundamental.imag / force[:, None]]
     rights += [known.real, known.imag]
-    matrix, right = np.concatenate(blocks), np.concatenate(rights)
+    matrix, balance = np.concatenate(blocks), np.concatenate(rights)
     counts = (spring.shape[2], damper.shape[2])
     stiff = np.zeros((sum(counts) - 4, sum(counts)))
     stiff[: counts[0] - 2, : counts[0]] = np.diff(np.eye(counts[0]), 2, axis=0)
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
-    stiff *= _STIFFENING * np.abs(matrix).max() * np.sqrt(len(right))
+    stiff *= _STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
     solution, inverse, _ = solve_scaled(
-        np.concatenate([matrix, stiff]), np.concatenate([right, np.zeros(len(stiff))])
+        np.concatenate([matrix, stiff]), np.concatenate([balance, np.zeros(len(stiff))])
     )
-    freedom = max(len(right) - sum(counts), 1)
-    variance = float(np.sum((right - matrix @ solution) ** 2)) / freedom
+    freedom = max(len(balance) - sum(counts), 1)
+    variance = float(np.sum((balance - matrix @ solution) ** 2)) / freedom
 
     chosen = (slice(0, counts[0]), slice(counts[0], None))
     places = (np.linspace(low, high, _DRAWN), np.linspace(0, fast, _DRAWN))
