@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -17,7 +18,8 @@ from rsgen.case import load_case
 from rsgen.cli import main
 from rsgen.cli.inspection import proposal_text
 from rsgen.errors import MeasurementError
-from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.measurement import Layout, MeasuredTest, read_measurement
+from rsgen.measurement.columns import read_columns, text_lines
 from rsgen.measurement.listing import list_contents
 from rsgen.measurement.proposal import Proposal, propose
 
@@ -218,3 +220,121 @@ def test_nothing_to_recognise(tmp_path: Path) -> None:
     path.write_text("", encoding="utf-8")
     with pytest.raises(MeasurementError, match="no numbers"):
         list_contents(path)
+
+
+GERMAN = "Prüfling: Träger\r\nFrequenz [Hz];Kraft [N];Weg [µm];Phase [°]\r\n" + "".join(
+    f"{f},5;1,0;{x},25;{-y},0\r\n" for f, x, y in ((9, 3, 20), (10, 5, 90), (11, 2, 160))
+)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "cp1250"])
+def test_a_text_of_a_german_laboratory_is_read(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "a.csv"
+    text = GERMAN.replace("µ", "u") if encoding == "cp1250" else GERMAN
+    path.write_bytes(text.encode(encoding))
+    table = proposed(path)
+    assert table["layout"] == {"decimal": ",", "skip": 1, "encoding": "cp1252"}
+    assert table["response"]["unit"] == "um"
+    assert table["response"]["phase"] == "Phase [°]"
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    # recognised without being told, too
+    case.write_text(case.read_text(encoding="utf-8").replace('encoding = "cp1252"', ""), encoding="utf-8")
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert read_measurement(test).amplitude[0] == pytest.approx(3.25e-6)
+
+
+def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes("f;F;\u5909\u4f4d\n1;1;2\n2;1;3\n".encode("shift_jis"))
+    assert proposed_column(path, "shift_jis") == "\u5909\u4f4d"
+    with pytest.raises(MeasurementError, match=r"line 1: not utf-8; .* test\.layout\.encoding"):
+        read_columns(path, Layout(encoding="utf-8"), [1])
+
+
+def proposed_column(path: Path, encoding: str) -> str:
+    with path.open("rb") as file:
+        _, text = next(text_lines(file, "a", hashlib.sha256(), True, encoding))
+    return text.split(";")[2]
+
+
+def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Else a table with a gap would begin below it, and the rows above would be lost without a word."""
+    path = tmp_path / "a.csv"
+    rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
+    rows[7] = "8.7,1,NaN,17,"
+    path.write_text("f_Hz,force_N,disp_um,lag_deg,coherence\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    contents = list_contents(path)
+    assert contents.layout is not None
+    assert contents.layout.skip == 0
+    assert [entry.shape for entry in contents.entries] == [(30,), (30,), (), (30,), ()]
+    assert call("inspect", path) == 0
+    assert (
+        "a.csv: line 9: column 3: 'NaN' is not finite; a finite number is needed\n" in capsys.readouterr().out
+    )
+
+
+def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("f_Hz,force_N,disp_um\n1,1,2\n2,1,3\n3,1,3", encoding="utf-8")
+    assert proposed(path)["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == 0
+
+
+@pytest.mark.parametrize(
+    ("head", "force", "response", "level"),
+    [
+        # a nominal level beside the force that was measured
+        (
+            "Kraftstufe [N],Kraft [N],Weg [mm],f [Hz],phi [deg]",
+            {"amplitude": "Kraft [N]", "unit": "N"},
+            {"quantity": "displacement", "unit": "mm", "phase_sense": "lead"},
+            {"column": "Kraftstufe [N]", "unit": "N"},
+        ),
+        (
+            "level_N,force_lbf,disp_mil,rpm,phase_lag_deg",
+            {"amplitude": "force_lbf", "unit": "lbf"},
+            {"quantity": "displacement", "unit": "thou", "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        (
+            "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
+            {"nominal": True},
+            {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        (
+            "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
+            {"amplitude": "Force in N (rms)", "unit": "N", "scale": "rms"},
+            {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        # no factor makes decibels linear: the case must not pass
+        (
+            "level_N,force_N,|X| [dB re 1 um],freq_Hz,phase_deg",
+            {"amplitude": "force_N", "unit": "N"},
+            {"unit": "dB re 1 um", "phase_sense": "lead"},
+            {"column": "level_N", "unit": "N"},
+        ),
+    ],
+)
+def test_what_a_header_tells(
+    tmp_path: Path, head: str, force: dict[str, Any], response: dict[str, Any], level: dict[str, Any]
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = [
+        f"{level},{level * 0.99},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}"
+        for level in (1, 2)
+        for f in range(40)
+    ]
+    path.write_text(head + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    table = proposed(path)
+    assert table["force"] == force
+    assert response.items() <= table["response"].items()
+    assert table["level"] == level
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == (2 if "dB" in head else 0)

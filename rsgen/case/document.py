@@ -196,6 +196,9 @@ class LayoutTable(_Table):
         default=["#", "%", "//"], max_length=8
     )
     skip: Annotated[int, Field(ge=0, le=10_000)] = Field(default=0, description="Lines to pass over first.")
+    encoding: Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"] = (
+        Field(default="auto", description="Of names and remarks; auto is UTF-8, and cp1252 where it is not.")
+    )
 
 
 class FrequencyTable(_Table):

@@ -344,7 +344,7 @@ def build_measured(
         quantity=table.response.quantity,
         sweep=sweep,
         level=level,
-        layout=Layout(layout.delimiter, layout.decimal, tuple(layout.comments), layout.skip),
+        layout=Layout(layout.delimiter, layout.decimal, tuple(layout.comments), layout.skip, layout.encoding),
         sha256=tuple(table.sha256 or ()),
         format=table.format,
         per_force=table.response.per_force,

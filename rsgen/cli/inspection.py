@@ -76,6 +76,9 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     for row in (header, *rows):
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         print_line("  ".join([*cells, row[4]]).rstrip())
+    # a fault of many arrays is told once, and in full
+    for fault in dict.fromkeys(entry.fault for entry in shown if len(entry.fault) > _UNITS_OF_DOUBT):
+        print_line(fault)
     if len(contents.entries) > len(shown):
         print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
     print_line()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from math import pi
 
 from rsgen.errors import RsgenError
 from rsgen.measurement.contents import Entry
 from rsgen.units import quantity
 
 __all__ = [
+    "DECIBEL",
     "DRIVE",
     "EXCITATIONS",
     "FEW",
@@ -19,12 +21,14 @@ __all__ = [
     "LEVEL",
     "LOAD",
     "NAMES",
+    "NOMINAL",
     "PHASE",
     "QUANTITIES",
     "QUOTIENT",
     "RATE",
     "REAL",
     "RESPONSE",
+    "RMS",
     "SPREAD",
     "TIME",
     "all_of",
@@ -34,11 +38,13 @@ __all__ = [
     "is_long",
     "is_named",
     "is_positive",
+    "is_radian",
     "is_real",
     "is_unit",
     "last_name",
     "moves",
     "of_size",
+    "phase_sense",
     "remarked",
     "tells",
     "unit_for",
@@ -55,6 +61,11 @@ RESPONSE = re.compile(
 )
 LOAD = re.compile(r"forc|kraft|load|^f(_|$|\d)", re.IGNORECASE)
 LEVEL = re.compile(r"level|drive|^amplitude", re.IGNORECASE)
+NOMINAL = re.compile(r"level|stufe|nominal|soll|set_?point", re.IGNORECASE)
+DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
+RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
+LEAD = re.compile(r"lead", re.IGNORECASE)
+LAG = re.compile(r"lag", re.IGNORECASE)
 QUOTIENT = re.compile(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)", re.IGNORECASE)
 EXCITATIONS = {"step": "stepped-sine", "decay": "ring-down", "ring": "ring-down", "release": "ring-down"}
 RATE = re.compile(r"^f_?s$|rate|sampling|fsamp", re.IGNORECASE)
@@ -86,6 +97,7 @@ def last_name(entry: Entry) -> str:
 def unit_for(unit: str, target: str) -> str | None:
     """Give the unit if it is one of the target's dimension."""
     name = unit.strip().replace("²", "^2").replace("µ", "u")
+    name = "thou" if name in ("mil", "mils") else name
     known = "standard_gravity" if name in ("g", "g_n", "gn") and target == "m/s^2" else name
     try:
         quantity(f"1 {known}", target)
@@ -112,6 +124,33 @@ def moves(entry: Entry) -> bool:
 def of_size(size: int) -> Callable[[Entry], bool]:
     """Make a test for arrays with a side of so many numbers."""
     return lambda entry: entry.size == size or size in entry.shape
+
+
+def phase_sense(phase: Entry, quantity: str) -> str:
+    """Tell whether a positive phase means later or earlier, by its name, else by its values.
+
+    A structure that takes energy from its shaker lags with its displacement and leads with its acceleration,
+    by 0 to 180 deg; where the values tell nothing, "lag".
+    """
+    if LAG.search(last_name(phase)) or LEAD.search(last_name(phase)):
+        return "lag" if LAG.search(last_name(phase)) else "lead"
+    low, high = phase.low, phase.high
+    if low is None or high is None or quantity == "velocity":
+        return "lag"
+    half = pi if is_radian(phase) else 180.0
+    margin = half / 12
+    negative = -half - margin <= low and high <= margin and low < -margin
+    positive = -margin <= low and high <= half + margin and high > margin
+    if not (negative or positive):
+        return "lag"
+    return "lag" if positive == (quantity == "displacement") else "lead"
+
+
+def is_radian(phase: Entry) -> bool:
+    """Tell whether a phase is in radians, by its unit or its size."""
+    if phase.unit in ("deg", "°"):
+        return False
+    return phase.unit == "rad" or (phase.high is not None and phase.high <= 6.5 and (phase.low or 0) >= -6.5)
 
 
 def all_of(*tests: Callable[[Entry], bool]) -> Callable[[Entry], bool]:

@@ -188,10 +188,21 @@ class _Table:
             self.settle(line, text)
 
 
+def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
+    """Decode a line by the first encoding that fits."""
+    for encoding in encodings:
+        try:
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return None
+
+
 def text_lines(
-    file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool
+    file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool, encoding: str = "auto"
 ) -> Iterator[tuple[int, str]]:
     """Give number and text of each line, the bytes checked and hashed."""
+    encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
     number = 0
     total = 0
     while raw := file.readline(MAX_LINE + 1):
@@ -206,10 +217,12 @@ def text_lines(
             raw = raw.removeprefix(b"\xef\xbb\xbf")
         if b"\x00" in raw:
             raise MeasurementError(f"{name}: line {number}: contains a zero byte; a text file is needed")
-        try:
-            text = raw.decode("utf-8")
-        except UnicodeDecodeError as fault:
-            raise MeasurementError(f"{name}: line {number}: not UTF-8; save the file as UTF-8") from fault
+        text = _decoded(raw, encodings)
+        if text is None:
+            raise MeasurementError(
+                f"{name}: line {number}: not {' or '.join(encodings)}; save the file as UTF-8, or name its "
+                "encoding in test.layout.encoding"
+            )
         if "\r" in text.rstrip("\r\n"):
             raise MeasurementError(
                 f"{name}: line {number}: a carriage return inside the line; end lines with \\n"
@@ -230,7 +243,7 @@ def read_columns(
     Parameters
     ----------
     path
-        The file, UTF-8, at most 256 MiB.
+        The file, at most 256 MiB.
     layout
         Delimiter, decimal sign, comments, lines to skip.
     wanted
@@ -254,7 +267,7 @@ def read_columns(
     table = _Table(name, layout, wanted)
     with open_regular(path, MAX_BYTES) as file:
         try:
-            for line, text in text_lines(file, name, digest, sha256 is not None):
+            for line, text in text_lines(file, name, digest, sha256 is not None, layout.encoding):
                 if line > layout.skip:
                     table.take(line, text)
         except OSError as fault:

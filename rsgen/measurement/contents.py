@@ -110,12 +110,15 @@ class Contents:
         Its arrays, in their order.
     layout
         How a text is laid out; None for other formats.
+    sha256
+        Of a text whose last line has no end, which is read only where its hash is given; else None.
     """
 
     file: Path
     format: str
     entries: tuple[Entry, ...]
     layout: Layout | None = None
+    sha256: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import islice, zip_longest
 from pathlib import Path
+from typing import IO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.clues import unit_for
@@ -23,10 +26,17 @@ __all__ = ["list_contents"]
 
 LOOKED_AT = 300
 """Lines of a text that tell its layout."""
+_ALONE_BYTES = 32 * 2**20
+"""Of larger files no column is read alone."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
-_UNIT = re.compile(r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z|_(Hz|kHz|rpm|s|ms|N|kN|m|mm|um|g)\Z")
+_GAP = re.compile(r"(?:[+-]?(?:nan|inf|infinity)|n/?a|)\Z", re.IGNORECASE)
+"""What stands in place of a number that is missing: the row is one of numbers all the same."""
+_SUFFIX = "Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV"
+_UNIT = re.compile(
+    rf"[\[(]\s*([^\])]{{1,20}}?)\s*[\])]\s*\Z|_((?:{_SUFFIX})(?:_per_N)?)\Z|\s(?:in|/)\s+([^\s()\[\]]{{1,12}})(?:\s|\Z)"
+)
 
 
 def _cells(text: str, layout: Layout) -> list[str]:
@@ -43,16 +53,26 @@ def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
     return tuple(_is_number(cell, layout.decimal) for cell in _cells(text, layout))
 
 
+def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
+    """Give the kinds of the row with the most numbers, of those as wide as the last."""
+    kinds = [_kinds(text, layout) for _, text in reversed(lines)]
+    return max((row for row in kinds if len(row) == len(kinds[0])), key=sum)
+
+
 def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
     """Judge a layout: (numbers less other cells in alike rows at the end, first of these, numbers in one)."""
-    last = _kinds(lines[-1][1], layout)
+    full = _full(lines, layout)
     first = len(lines)
     for place in range(len(lines) - 1, -1, -1):
-        kinds = _kinds(lines[place][1], layout)
-        if len(kinds) != len(last) or not all(found for found, kind in zip(kinds, last, strict=True) if kind):
+        cells = _cells(lines[place][1], layout)
+        if len(cells) != len(full) or not all(
+            _GAP.match(cell) or _is_number(cell, layout.decimal)
+            for cell, kind in zip(cells, full, strict=True)
+            if kind
+        ):
             break
         first = place
-    return (2 * sum(last) - len(last)) * (len(lines) - first), first, sum(last)
+    return (2 * sum(full) - len(full)) * (len(lines) - first), first, sum(full)
 
 
 def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
@@ -71,10 +91,32 @@ def _automatic(text: str, decimal: str) -> str:
     return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
 
 
+def _is_foreign(lines: Iterable[bytes]) -> bool:
+    """Tell whether a line is not UTF-8."""
+    try:
+        for line in lines:
+            line.decode("utf-8")
+    except UnicodeDecodeError:
+        return True
+    return False
+
+
+def _whole(file: IO[bytes]) -> str | None:
+    """Give the SHA-256 where the last line has no end: by it a case may say that nothing is cut off."""
+    file.seek(-1, os.SEEK_END)
+    if file.read(1) == b"\n":
+        return None
+    file.seek(0)
+    return hashlib.sha256(file.read()).hexdigest()
+
+
 def _list_text(path: Path) -> Contents:
     label = file_label(path)
     with open_regular(path, MAX_BYTES) as file:
         begin = list(islice(text_lines(file, label, hashlib.sha256(), True), LOOKED_AT))
+        file.seek(0)
+        foreign = _is_foreign(islice(file, LOOKED_AT))
+        whole = _whole(file) if begin else None
     comments = Layout().comments
     lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
     if not lines:
@@ -86,20 +128,20 @@ def _list_text(path: Path) -> Contents:
     # a row of units is passed over with the names above it: columns then go by number
     skipped = first if units or not head else first - 1
     skip = lines[skipped - 1][0] if skipped > 0 else 0
-    layout = Layout(layout.delimiter, layout.decimal, comments, skip)
-    kinds = _kinds(lines[first][1], layout)
+    layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
+    kinds = _full(lines[first:], layout)
     used = first if units or not head else first - 1
     if layout.delimiter == _automatic(lines[used][1], layout.decimal):
         layout = replace(layout, delimiter="auto")
     if not head:
         head = _remarked(begin, lines[first][0], len(kinds))
-    entries = _entries(path, layout, [] if units else head, kinds)
+    entries = _entries(path, layout, [] if units else head, kinds, whole)
     if units:
         told = zip_longest(entries, titles, head, fillvalue="")
         entries = tuple(
             replace(entry, remark=title, unit=unit) for entry, title, unit in told if isinstance(entry, Entry)
         )
-    return Contents(path, "csv", entries, layout)
+    return Contents(path, "csv", entries, layout, whole)
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
@@ -125,31 +167,43 @@ def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[
     return names if len(names) == width else []
 
 
-def _entries(path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]) -> tuple[Entry, ...]:
-    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
-    fault = ""
-    columns: dict[int, dict[str, object]] = {}
-    rows = 0
+def _numbers(
+    path: Path, layout: Layout, wanted: list[int], sha256: str | None
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, str]]:
+    """Read columns, together or, where one is at fault, each alone: numbers and faults by column."""
     try:
-        table = read_columns(path, layout, wanted, None)
-        rows = len(table.line)
-        columns = {n: facts(np.ascontiguousarray(table.values[:, i])) for i, n in enumerate(wanted)}
+        values = read_columns(path, layout, wanted, sha256).values
     except MeasurementError as error:
-        fault = str(error)
+        if len(wanted) < 2 or path.stat().st_size > _ALONE_BYTES:
+            return {}, dict.fromkeys(wanted, str(error))
+    else:
+        return {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)}, {}
+    parts = [_numbers(path, layout, [number], sha256) for number in wanted]
+    return {n: v for found, _ in parts for n, v in found.items()}, {
+        n: t for _, told in parts for n, t in told.items()
+    }
+
+
+def _entries(
+    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...], sha256: str | None
+) -> tuple[Entry, ...]:
+    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
+    numbers, faults = _numbers(path, layout, wanted, sha256)
     entries = []
     for number, kind in enumerate(kinds, start=1):
         name = names[number - 1] if names else ""
         alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
         unit = _UNIT.search(name)
+        values = numbers.get(number)
         item = {
             "path": alone,
-            "shape": [rows] if rows else [],
+            "shape": [] if values is None else [values.size],
             "dtype": "float64" if kind else "",
-            "unit": (unit[1] or unit[2]) if unit else "",
+            "unit": next(filter(None, unit.groups())).replace("_per_", "/") if unit else "",
             "remark": "",
-            "fault": fault if kind else "is no column of numbers",
+            "fault": faults.get(number, "") if kind else "is no column of numbers",
         }
-        entries.append(make_entry(item | columns.get(number, {})))
+        entries.append(make_entry(item | ({} if values is None else facts(values))))
     return tuple(entries)
 
 

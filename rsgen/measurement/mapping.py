@@ -25,6 +25,7 @@ __all__ = [
 QUANTITIES = ("displacement", "velocity", "acceleration")
 DIRECTIONS = ("recognise", "rest", "up", "down")
 EXCITATIONS = ("swept-sine", "stepped-sine", "ring-down")
+ENCODINGS = ("utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis")
 FORMATS = ("auto", "csv", "mat", "hdf5", "npy", "npz", "uff")
 
 
@@ -42,12 +43,16 @@ class Layout:
         Lines that begin with one of these are no data.
     skip
         Lines to pass over before anything else.
+    encoding
+        "auto" (UTF-8, and lines that are not are taken for cp1252) or one of ENCODINGS. Numbers are ASCII in
+        all of them, so that it can change names and remarks alone.
     """
 
     delimiter: str = "auto"
     decimal: str = "."
     comments: tuple[str, ...] = ("#", "%", "//")
     skip: int = 0
+    encoding: str = "auto"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsgen.measurement.clues import (
+    DECIBEL,
     DRIVE,
     EXCITATIONS,
     FORCE,
@@ -16,12 +17,14 @@ from rsgen.measurement.clues import (
     LEVEL,
     LOAD,
     NAMES,
+    NOMINAL,
     PHASE,
     QUANTITIES,
     QUOTIENT,
     RATE,
     REAL,
     RESPONSE,
+    RMS,
     SPREAD,
     TIME,
     all_of,
@@ -31,11 +34,13 @@ from rsgen.measurement.clues import (
     is_long,
     is_named,
     is_positive,
+    is_radian,
     is_real,
     is_unit,
     last_name,
     moves,
     of_size,
+    phase_sense,
     remarked,
     tells,
     unit_for,
@@ -132,6 +137,10 @@ def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
         guess.doubts["test.response.unit"] = (
             f"the file says {entry.unit!r}; put its meaning into factor" if entry.unit else "not in the file"
         )
+        if DECIBEL.search(entry.unit):
+            # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
+            table["unit"] = entry.unit
+            guess.doubts["test.response.unit"] = "decibels are not read: write linear numbers into the file"
     if (
         per
         or QUOTIENT.search(last_name(entry))
@@ -186,6 +195,11 @@ def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
     guess.tables["test.response"] = told
 
 
+def _scale(entry: Entry) -> dict[str, str]:
+    """Say that amplitudes are effective values where their name does."""
+    return {"scale": "rms"} if RMS.search(f"{last_name(entry)} {entry.remark}") else {}
+
+
 def _unit_of_force(guess: _Guess, entry: Entry) -> str:
     known = unit_for(entry.unit, "N") if entry.unit else None
     if known is None:
@@ -225,13 +239,13 @@ def _response(guess: _Guess, fits: Callable[[Entry], bool]) -> dict[str, Any]:
     )
     if amplitude is not None:
         _quantity_of(guess, amplitude, table)
-        table["amplitude"] = guess.address(amplitude)
+        table |= {"amplitude": guess.address(amplitude)} | _scale(amplitude)
     if phase is None:
         return table | {"phase_known": False}
     table["phase"] = guess.address(phase)
-    if phase.unit == "rad" or (phase.high is not None and phase.high <= 6.5 and (phase.low or 0) >= -6.5):
+    if is_radian(phase):
         table["phase_unit"] = "rad"
-    return table | {"phase_sense": "lag"}
+    return table | {"phase_sense": phase_sense(phase, table.get("quantity", "displacement"))}
 
 
 def _amplitudes(guess: _Guess, frequency: Entry) -> None:
@@ -245,8 +259,14 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
     if frequency.unit in ("kHz", "mHz", "rad/s", "rpm"):
         column["unit"] = frequency.unit
     guess.tables["test.frequency"] = column
-    level = guess.take(all_of(is_real, is_positive, is_named(LEVEL), lambda entry: entry.size < size))
     alike = all_of(is_long, of_size(size))
+    level = guess.take(
+        all_of(is_real, is_positive, is_named(LEVEL), lambda entry: entry.size < size),
+        all_of(alike, is_real, is_positive, is_named(NOMINAL), has_few),
+    )
+    leveled: dict[str, Any] = {} if level is None else {"column": guess.address(level)}
+    if level is not None and is_unit(level, "N"):
+        leveled["unit"] = unit_for(level.unit, "N")
     fits = all_of(alike, moves)
     force = guess.take(
         all_of(alike, is_real, lambda entry: is_unit(entry, "N")),
@@ -259,21 +279,21 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
     if response.get("phase_sense"):
         guess.doubts["test.response.phase_sense"] = "a positive phase means later (lag) or earlier (lead)"
     if force is not None:
-        told = {"amplitude": guess.address(force), "unit": _unit_of_force(guess, force)}
+        told = {"amplitude": guess.address(force), "unit": _unit_of_force(guess, force)} | _scale(force)
         if not is_real(force):
             told = {"complex": told["amplitude"], "unit": told["unit"], "phase_sense": "lead"}
         guess.tables["test.force"] = told
         guess.tables["test.response"] = response
-        if level is not None:
-            guess.tables["test.level"] = {"column": guess.address(level)}
+        if leveled:
+            guess.tables["test.level"] = leveled
         elif has_few(force):
             guess.tables["test.level"] = {"column": told["amplitude"], "unit": told["unit"]}
         return
     guess.tables["test.force"] = {"nominal": True}
     guess.doubts["test.force.nominal"] = "no force was found, so the level stands for it"
     guess.tables["test.response"] = response
-    if level is not None:
-        guess.tables["test.level"] = {"column": guess.address(level)}
+    if leveled:
+        guess.tables["test.level"] = leveled
     elif runs is not None:
         guess.tables["test.level"] = {"values": ["1 N"] * runs[2]}
         guess.doubts["test.level.values"] = "write the force amplitude of each"
@@ -328,11 +348,14 @@ def propose(contents: Contents) -> Proposal | None:
         key in guess.tables["test.response"] for key in ("amplitude", "complex", "real")
     ):
         return None
-    guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **guess.tables["test"]}
+    fixed = {"sha256": contents.sha256} if contents.sha256 else {}
+    guess.doubts["test.sha256"] = "the last line has no end: see that nothing is cut off"
+    guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **fixed, **guess.tables["test"]}
     layout = contents.layout
     if layout is not None:
         told = {"delimiter": layout.delimiter, "decimal": layout.decimal, "skip": layout.skip}
-        plain = {"delimiter": "auto", "decimal": ".", "skip": 0}
+        told["encoding"] = layout.encoding
+        plain = {"delimiter": "auto", "decimal": ".", "skip": 0, "encoding": "auto"}
         needed = {key: value for key, value in told.items() if value != plain[key]}
         if needed:
             guess.tables = {"test": guess.tables["test"], "test.layout": needed, **guess.tables}
