@@ -245,3 +245,21 @@ def test_points_that_do_not_move_are_counted() -> None:
     table = surface("coulomb", levels=np.array([0.1, 0.2]))
     with pytest.raises(RsgenError, match="friction holds the mass"):
         identify(table, model("coulomb"))
+
+
+def test_sentences_print_displacements_as_drawings_do() -> None:
+    found = identify(surface("piecewise", levels=np.array([0.5])), model("piecewise"))
+    assert " at 1 level; " in found.outcome
+    remark = next(estimate.remark for estimate in found.refined if estimate.name == "b")
+    # X = F/(c omega) at 10 Hz, next to the resonance
+    assert "X up to 2.09 mm, levels up to 0.5 N" in remark
+
+
+def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
+    # half of the misfit is noise: neighbours are still alike
+    table = noisy(surface("combined", np.linspace(1, 12, 12)), 0.02, 1)
+    found = identify(table, model("cubic"))
+    assert found.noise < 0.06
+    assert any("the law does not fit" in warning for warning in found.warnings)
+    right = identify(table, model("combined"))
+    assert not any("the law does not fit" in warning for warning in right.warnings)

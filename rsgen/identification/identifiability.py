@@ -21,8 +21,11 @@ _STRONG = 0.05
 """Higher harmonics beyond this share of the fundamental bias every first-order estimate."""
 
 _DRIFT = 0.02
-_SYSTEMATIC = 0.6
-"""Correlation of neighbouring misfits beyond which it is the law, not noise, that disagrees."""
+_SYSTEMATIC = 0.4
+"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+
+_CHANCE = 4.0
+"""Standard deviations within which chance may bring such a correlation."""
 
 _REACH = 5.0
 
@@ -49,7 +52,7 @@ def untold_reason(name: str, law: ForceLaw, points: Points, regression: Regressi
     i = names.index(name)
     highest = float(points.level.max())
     largest = float(points.amplitude.max())
-    tested = f"X up to {largest:.3g} m, levels up to {highest:g} N"
+    tested = f"X up to {_length(largest)}, levels up to {highest:.3g} N"
     weight = np.abs(regression.null[i]) if regression.null.shape[1] else np.zeros(1)
     if weight.max(initial=0.0) > 1e-3:
         column = int(np.argmax(weight))
@@ -114,7 +117,7 @@ def find_warnings(
         )
     # of real and imaginary part together, as everywhere in the result
     noise = refined.regression.noise * np.sqrt(2)
-    if noise > _NOTICEABLE and _neighbour_correlation(points, refined, used) > _SYSTEMATIC:
+    if noise > _NOTICEABLE and _is_systematic(points, refined, used):
         sentences.append(
             f"the law does not fit: the misfit of {noise:.1%} is systematic over amplitude and frequency, "
             "not noise; intervals are too narrow, try another law"
@@ -194,8 +197,16 @@ def _small_shift(resonances: tuple[Resonance, ...]) -> str:
     return ""
 
 
-def _neighbour_correlation(points: Points, refined: FittedModel, used: NDArray[np.bool_]) -> float:
-    """Correlation of the signed misfit of the force between neighbours in frequency of one run."""
+def _length(value: float) -> str:
+    """Three digits of a displacement [m] in the unit that a drawing would have."""
+    unit, factor = next(
+        (pair for pair in (("m", 1.0), ("mm", 1e-3), ("um", 1e-6)) if value >= 0.9995 * pair[1]), ("nm", 1e-9)
+    )
+    return f"{value / factor:.3g} {unit}"
+
+
+def _is_systematic(points: Points, refined: FittedModel, used: NDArray[np.bool_]) -> bool:
+    """Tell whether signed misfits of the force go together between neighbours in frequency of one run."""
     rotated = points.force * np.exp(-1j * refined.turn)
     misfit = (rotated - refined.force) / np.abs(points.force)
     pairs = points.neighbours
@@ -203,5 +214,7 @@ def _neighbour_correlation(points: Points, refined: FittedModel, used: NDArray[n
     first, second = misfit[pairs].T
     power: NDArray[np.float64] = np.abs(misfit[pairs]) ** 2
     if len(first) < 10 or power.sum() == 0:
-        return 0.0
-    return float(np.mean((first * np.conj(second)).real) / np.mean(power))
+        return False
+    correlation = float(np.mean((first * np.conj(second)).real) / np.mean(power))
+    # real and imaginary part tell together
+    return bool(correlation > max(_SYSTEMATIC, _CHANCE / np.sqrt(2 * len(first))))

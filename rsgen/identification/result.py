@@ -222,7 +222,8 @@ class Identification:
     paper
         Resonance per level, then fit of k(X) and c(X) (Liu et al., Sec. 1.2), one Estimate a parameter.
     first_order
-        First-order harmonic balance over all points at once.
+        First-order harmonic balance over all points at once. Its intervals say how far noise may have moved
+        it; what one harmonic leaves out is no chance and stands in ``first_order_bias``.
     refined
         All harmonics: the maximum-likelihood estimate.
     first_order_bias

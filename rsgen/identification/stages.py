@@ -331,7 +331,8 @@ def _polished(points: Points, model: Model, law: ForceLaw, balanced: FittedModel
         start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
         if quick.regression.noise < _RESOLVED * accuracy:
             accuracy = _ACCURACIES[1]
-    polished = fit_output(points, model, law, start, accuracy=accuracy)
+    whole = len(few) == len(points) and accuracy == _ACCURACIES[0]
+    polished = quick if whole else fit_output(points, model, law, start, accuracy=accuracy)
     followed = np.count_nonzero(polished.regression.used) if polished is not None else 0
     if polished is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
         return balanced
@@ -462,8 +463,9 @@ def _outcome(
     noise: float,
 ) -> str:
     told = sum(estimate.told for estimate in estimates)
+    levels = len(np.unique(points.level))
     return (
         f"{told} of {len(estimates)} parameters identified from {int(used.sum())} of {len(surface)} points "
-        f"at {len(np.unique(points.level))} levels; force and response agree with the law within {noise:.1e} "
-        "of their size"
+        f"at {levels} {'level' if levels == 1 else 'levels'}; force and response agree with the law within "
+        f"{noise:.1e} of their size"
     )
