@@ -37,4 +37,4 @@ bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accu
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
-	find reports -mindepth 1 ! -name '*.md' -delete
+	find reports -mindepth 1 ! -name '*.md' ! -path 'reports/pictures*' -delete

@@ -19,6 +19,7 @@ NOT_HERE = ("make ",)
 PROGRAM = ".venv/bin/rsgen"
 QUICK = ("derive", "laws", "inspect", "init", "check")
 SECONDS = 300
+MOST_BYTES = 150_000  # of a picture: the repository keeps every version
 
 
 def blocks(kind: str) -> list[str]:
@@ -52,6 +53,15 @@ def run_commands(folder: Path, *, quick: bool) -> None:
         assert words[0] == PROGRAM, f"{shlex.join(words)}: only commands of rsgen can be tried here"
         if words[1] in QUICK or not quick:
             run([sys.executable, "-c", "from rsgen.cli import main; main()", *words[1:]], folder)
+
+
+def test_what_the_readme_links_to_is_there_and_small() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)]*)\)", text) if "://" not in link]
+    assert [link for link in links if not (ROOT / link).is_file()] == []
+    pictures = [ROOT / link for link in links if link.endswith(".png")]
+    assert len(pictures) == 4
+    assert all(picture.stat().st_size < MOST_BYTES for picture in pictures)
 
 
 def test_there_are_commands_and_a_program() -> None:
