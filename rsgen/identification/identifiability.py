@@ -21,7 +21,7 @@ _STRONG = 0.05
 """Higher harmonics beyond this share of the fundamental bias every first-order estimate."""
 
 _DRIFT = 0.02
-_SYSTEMATIC = 0.4
+_SYSTEMATIC = 0.3
 """Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
 
 _CHANCE = 4.0
