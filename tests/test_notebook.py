@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import json
+import subprocess
+import sys
 from ast import literal_eval
 from pathlib import Path
 
@@ -123,6 +125,21 @@ def test_every_case_makes_a_notebook(path: Path) -> None:
     (first, *_) = code_cells(notebook)
     assignment = next(node for node in ast.parse(first).body if isinstance(node, ast.Assign))
     assert literal_eval(assignment.value) == case.text
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
+    file = tmp_path / "lesson.ipynb"
+    nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
+    for words in (("check",), ("format", "--diff")):
+        # as it is out of the box, not as this project sets it
+        done = subprocess.run(
+            [sys.executable, "-m", "ruff", *words, "--isolated", str(file)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow

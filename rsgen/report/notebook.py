@@ -51,16 +51,18 @@ def literal(text: str) -> _Safe:
     Examples
     --------
     >>> print(literal('"; import os\n!ls'))
-    "\"; import os\n!ls"
+    '"; import os\n!ls'
     """
-    quoted = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t"}
+    # whichever quotation mark needs fewer escapes, as formatters of Python have it
+    mark = "'" if text.count('"') > text.count("'") else '"'
+    quoted = {mark: f"\\{mark}", "\\": "\\\\", "\n": "\\n", "\t": "\\t"}
     return _Safe(
-        '"'
+        mark
         + "".join(
             quoted.get(c) or (c if c.isprintable() else c.encode("unicode_escape").decode("ascii"))
             for c in text
         )
-        + '"'
+        + mark
     )
 
 
