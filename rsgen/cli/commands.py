@@ -113,6 +113,7 @@ def _plan(case: Case) -> dict[str, Any]:
             "sweeps": sorted({str(sweep) for sweep in surface.sweep}),
             "lowest_frequency": float(surface.frequency.min()),
             "highest_frequency": float(surface.frequency.max()),
+            "warnings": [*case.warnings, *surface.notes],
         }
         expected = expect(case, len(surface), surface.harmonics.shape[1] - 1)
     plan["seconds"] = {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()}

@@ -129,7 +129,7 @@ class AmplitudeBalance:
         omega = self._centre
         for _ in range(20):
             stiffness, _, _ = self._equivalent(np.array([size]), np.array([omega]), None)
-            new = float(np.sqrt(abs(stiffness[0]) / self._mass))
+            new = float(np.sqrt(abs(stiffness[0] / self._mass)))
             if not new > 0 or abs(new - omega) < 1e-3 * omega:
                 break
             omega = new

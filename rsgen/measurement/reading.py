@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.mapping import HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.power import energy_note
 from rsgen.measurement.sweep import group_levels, level_of_file, recognise_directions
 from rsgen.measurement.tables import Table, read_table
 from rsgen.surface import ResponseSurface
@@ -245,4 +246,9 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     MeasurementError
         A file cannot be read as the plan says; the message names file and line or row.
     """
-    return _amplitudes(test) if test.history is None else _from_histories(test, test.history)
+    if test.history is not None and test.history.excitation == "ring-down":
+        return _from_histories(test, test.history)
+    surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
+    lags = test.response.conjugate or test.response.phase_factor < 0
+    sense = None if test.history is not None else "lag" if lags else "lead"
+    return replace(surface, notes=(*surface.notes, *energy_note(surface, sense)))
