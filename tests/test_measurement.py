@@ -342,3 +342,12 @@ def test_signal_needs_a_pair_of_columns() -> None:
         Signal(amplitude=1, factor=0.0)
     with pytest.raises(MeasurementError, match="quantity"):
         MeasuredTest(Path("a"), 1, Signal(amplitude=2), Signal(amplitude=2), "jerk")
+
+
+def test_rows_in_no_order_are_no_sweeps() -> None:
+    rng = np.random.default_rng(1)
+    order = rng.permutation(200)
+    from rsgen.measurement.sweep import recognise_directions
+
+    frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
+    assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}

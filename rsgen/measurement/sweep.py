@@ -17,6 +17,10 @@ __all__ = ["group_levels", "level_of_file", "recognise_directions"]
 
 TURN = 0.02
 """A sweep has turned when the frequency moves back by this fraction of the block's range; less is jitter."""
+SHORTEST = 1 / 4
+"""More runs than this times the points are no sweeps: the rows are in no order of frequency."""
+MOST_RUNS = 8
+"""So many runs may be short all the same: few points at some levels."""
 _NUMBER = r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 
 
@@ -60,7 +64,8 @@ def recognise_directions(
 
     Returns
     -------
-    (n,) "up", "down", or "rest" where a run is a single frequency.
+    (n,) "up", "down", or "rest" where a run is a single frequency; "rest" everywhere if the rows are in no
+    order of frequency.
 
     Examples
     --------
@@ -72,9 +77,13 @@ def recognise_directions(
     directions = np.full(len(frequency), "rest", dtype="U4")
     changed = (np.diff(block) != 0) | (np.diff(level) != 0)
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(frequency)]
+    count = 0
     for left, right in pairwise(edges):
         for start, stop, direction in _runs(frequency[left:right]):
             directions[left + start : left + stop] = direction
+            count += 1
+    if count > max(MOST_RUNS, SHORTEST * len(frequency)):
+        directions[:] = "rest"
     return directions
 
 
