@@ -352,6 +352,7 @@ def init(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
     ] = None,
+    json: Json = False,
 ) -> None:
     """Write a commented case file to begin with; without a name, answer three questions.
 
@@ -365,7 +366,7 @@ def init(
     """
     from rsgen.cli.beginning import init_command
 
-    raise typer.Exit(init_command(name, force, measured, data, out))
+    raise typer.Exit(init_command(name, force, measured, data, out, json))
 
 
 @application.command(short_help="The library of force laws.")

@@ -10,7 +10,7 @@ import sympy
 from rsgen.case import DATA_VARIABLE
 from rsgen.case.measured import path_fault
 from rsgen.case.wording import name_fault
-from rsgen.cli.printing import print_line
+from rsgen.cli.printing import print_json, print_line
 from rsgen.element import make_element
 from rsgen.errors import RsgenError
 from rsgen.expression import write
@@ -193,7 +193,7 @@ def _guessed(data: Path, target: Path) -> tuple[str, str]:
 
 
 def init_command(
-    name: str | None, law: str | None, measured: str | None, data: Path | None, out: Path | None
+    name: str | None, law: str | None, measured: str | None, data: Path | None, out: Path | None, json: bool
 ) -> int:
     """Write the case; a file that is there is left alone."""
     if data is not None and measured is not None:
@@ -214,6 +214,9 @@ def init_command(
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)
+    if json:
+        print_json({"case": name, "file": str(target)})
+        return 0
     print_line(f"{target}: change what you need, then `rsgen check {target}`")
     if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
         print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
