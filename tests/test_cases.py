@@ -44,7 +44,7 @@ def test_a_case_keeps_its_tolerances(path: Path) -> None:
     assert comparison.passed
     assert judged
     # the promise itself, beside the verdict: nobody widens a case unseen
-    assert max(row.tolerance for row in judged) <= (5e-3 if path.stem == "joint" else 1e-4)
+    assert max(row.tolerance for row in judged) <= (5e-4 if path.stem == "joint" else 1e-6)
 
 
 def cells(table: str) -> list[list[str]]:

@@ -116,7 +116,9 @@ def fit_balance(
         Most Gauss-Newton steps.
     """
     slaved = slaved_harmonics(law, order)
-    samples = max(_SAMPLES, 1 << (6 * order - 1).bit_length())
+    # first order is what it says, not what a coarse sum makes of it
+    least = _SAMPLES_SWITCHED if law.switched and order == 1 else _SAMPLES
+    samples = max(least, 1 << (6 * order - 1).bit_length())
     compared = [h for h in points.measured if h in slaved]
     phase = np.angle(points.harmonics[:, 1])
     orders = np.arange(points.harmonics.shape[1])
