@@ -467,5 +467,5 @@ def _outcome(
     return (
         f"{told} of {len(estimates)} parameters identified from {int(used.sum())} of {len(surface)} points "
         f"at {levels} {'level' if levels == 1 else 'levels'}; force and response agree with the law within "
-        f"{noise:.1e} of their size"
+        f"{100 * noise:.2g} % of their size"
     )
