@@ -247,7 +247,7 @@ def test_what_is_no_sweep_is_refused(history: TimeHistory, options: dict[str, ob
         ({"quantity": "strain"}, "must be one of displacement"),
         ({"force": np.zeros(20)}, "20 samples of force, 30 of response"),
         ({"response": np.zeros(8), "force": None}, "at least 16"),
-        ({"response": np.full(30, np.nan)}, "sample 0 is not finite"),
+        ({"response": np.full(30, np.nan)}, "sample 1 is not finite"),
         ({"response": np.zeros(30, dtype=complex)}, "floating point"),
         ({"response": np.zeros((30, 2))}, "one row of samples"),
         ({"start": np.inf}, "start: inf s"),

@@ -18,45 +18,55 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
     return np.asarray(1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING))
 
 
-def notes(folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True) -> tuple[str, ...]:
+def notes(
+    folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0
+) -> tuple[str, ...]:
+    """Give the notes on a table of receptances, mobilities or accelerances: of that order."""
     path = folder / "a.csv"
-    rows = np.column_stack(
-        (FREQUENCY, np.ones_like(FREQUENCY), np.abs(response), np.degrees(np.angle(response)))
-    )
-    np.savetxt(path, rows, delimiter=",")
+    size, turn = np.abs(response) * (2 * np.pi * FREQUENCY) ** order, np.degrees(np.angle(response))
+    np.savetxt(path, np.column_stack((FREQUENCY, np.ones_like(FREQUENCY), size, turn)), delimiter=",")
     sign = -np.pi / 180 if lag else np.pi / 180
     signal = Signal(amplitude=3, phase=4 if known else None, phase_factor=sign)
+    quantity = ("displacement", "velocity", "acceleration")[order]
     return read_measurement(
-        MeasuredTest(path, 1, Signal(amplitude=2), signal, "displacement", phase_known=known)
+        MeasuredTest(path, 1, Signal(amplitude=2), signal, quantity, phase_known=known)
     ).notes
 
 
-def test_what_is_read_rightly_is_not_remarked(tmp_path: Path) -> None:
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_what_is_read_rightly_is_not_remarked(tmp_path: Path, order: int) -> None:
+    def told(response: np.ndarray, lag: bool = False, known: bool = True) -> tuple[str, ...]:
+        motion = response * 1j**order
+        return notes(tmp_path, motion.conj() if lag else motion, lag=lag, known=known, order=order)
+
     right = receptance(FREQUENCY)
-    assert notes(tmp_path, right) == ()
-    assert notes(tmp_path, right.conj(), lag=True) == ()
-    assert notes(tmp_path, right.conj(), known=False) == ()
+    assert told(right) == ()
+    assert told(right, lag=True) == ()
+    assert told(right.conj(), known=False) == ()
     # a phase that is off by the delay of an amplifier
-    assert notes(tmp_path, right * np.exp(0.2j)) == ()
+    assert told(right * np.exp(0.2j)) == ()
     # above the resonance alone, in noise, beside a neighbour
-    assert notes(tmp_path, np.where(FREQUENCY > 16.5, right, receptance(FREQUENCY + 5))) == ()
+    assert told(np.where(FREQUENCY > 16.5, right, receptance(FREQUENCY + 5))) == ()
     noise = np.random.default_rng(1).normal(size=(2, len(FREQUENCY)))
-    assert notes(tmp_path, right + 0.1 * np.abs(right).max() * (noise[0] + 1j * noise[1])) == ()
-    assert notes(tmp_path, right + 0.3 * receptance(FREQUENCY - 2.5)) == ()
+    assert told(right + 0.1 * np.abs(right).max() * (noise[0] + 1j * noise[1])) == ()
+    assert told(right + 0.3 * receptance(FREQUENCY - 2.5)) == ()
 
 
+@pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("lag", [False, True])
 @pytest.mark.parametrize(
     ("phase", "sign", "told"),
     [
-        (True, False, "feed energy into the shaker: the phase is probably reversed"),
-        (False, True, "the moving mass would be negative: a channel is probably reversed"),
-        (True, True, "the moving mass would be negative: a channel and its phase are probably reversed"),
+        (True, False, "the phase is probably reversed"),
+        (False, True, "a channel is probably reversed"),
+        (True, True, "a channel and its phase are probably reversed"),
     ],
 )
-def test_what_is_reversed_is_told(tmp_path: Path, lag: bool, phase: bool, sign: bool, told: str) -> None:
-    response = receptance(FREQUENCY) * (-1 if sign else 1)
-    (note,) = notes(tmp_path, response.conj() if phase != lag else response, lag=lag)
+def test_what_is_reversed_is_told(
+    tmp_path: Path, order: int, lag: bool, phase: bool, sign: bool, told: str
+) -> None:
+    response = receptance(FREQUENCY) * 1j**order * (-1 if sign else 1)
+    (note,) = notes(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)
     assert told in note
     assert ("factor" in note) == sign
     assert (f'phase_sense = "{"lead" if lag else "lag"}"' in note) == phase

@@ -5,7 +5,16 @@ from __future__ import annotations
 from rsgen.history.decay import RingDown, follow_decay
 from rsgen.history.law import SweepLaw
 from rsgen.history.record import TimeHistory
+from rsgen.history.soundness import soundness_notes
 from rsgen.history.steps import fit_steps
 from rsgen.history.sweep import demodulate_sweep
 
-__all__ = ["RingDown", "SweepLaw", "TimeHistory", "demodulate_sweep", "fit_steps", "follow_decay"]
+__all__ = [
+    "RingDown",
+    "SweepLaw",
+    "TimeHistory",
+    "demodulate_sweep",
+    "fit_steps",
+    "follow_decay",
+    "soundness_notes",
+]

@@ -32,9 +32,10 @@ def _watched(values: Any, name: str, label: str) -> NDArray[Any]:
     for start in range(0, len(array), BLOCK):
         finite = np.isfinite(array[start : start + BLOCK])
         if not finite.all():
-            place = start + int(np.argmin(finite))
+            place = start + int(np.argmin(finite)) + 1
             raise MeasurementError(
-                f"{label}: {name}: sample {place} is not finite; a finite number is needed"
+                f"{label}: {name}: sample {place} is not finite; fill the gap, or leave it out by start "
+                "and stop"
             )
     view = array.view()
     view.flags.writeable = False

@@ -46,7 +46,7 @@ def _slope(surface: ResponseSurface) -> float:
     return float(products[0]) / scale if scale > 0 else 0.0
 
 
-def energy_note(surface: ResponseSurface, sense: str | None) -> tuple[str, ...]:
+def energy_note(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[str, ...]:
     """Say what is reversed where force and response cannot be those of a passive structure.
 
     Parameters
@@ -55,6 +55,8 @@ def energy_note(surface: ResponseSurface, sense: str | None) -> tuple[str, ...]:
         With phase.
     sense
         How the case reads the phase of the response, "lag" or "lead"; None where it has none to read.
+    quantity
+        What was recorded: a velocity read in the wrong sense is a displacement mirrored and turned round.
 
     Returns
     -------
@@ -64,20 +66,18 @@ def energy_note(surface: ResponseSurface, sense: str | None) -> tuple[str, ...]:
     if not surface.phase_known or np.count_nonzero(good) < _FEWEST:
         return ()
     kept = surface.select(good)
-    power, rises = _power(kept), _slope(kept) > _RISES
-    if power >= _FED and not rises:
+    fed, rises = _power(kept) < _FED, _slope(kept) > _RISES
+    if not (fed or rises):
         return ()
-    told = (
-        "as the case reads force and response, the structure would feed energy into the shaker"
-        if power < _FED
-        else "as the case reads force and response, the moving mass would be negative"
-    )
+    odd = ["the structure would feed energy into the shaker"] if fed else []
+    odd += ["the moving mass would be negative"] if rises else []
+    told = f"as the case reads force and response, {' and '.join(odd)}"
     sign = "give test.response.factor the other sign"
-    sense_too = f'test.response.phase_sense = "{"lag" if sense == "lead" else "lead"}"'
-    if power < _FED and rises:
-        return (f"{told}, and the moving mass would be negative: a channel is probably reversed; {sign}",)
+    if fed and rises:
+        return (f"{told}: a channel is probably reversed; {sign}",)
     if sense is None:
         return (f"{told}: the channels are probably late against each other, or one is reversed",)
-    if rises:
-        return (f"{told}: a channel and its phase are probably reversed; {sign} and set {sense_too}",)
-    return (f"{told}: the phase is probably reversed; set {sense_too}",)
+    turn = f'set test.response.phase_sense = "{"lag" if sense == "lead" else "lead"}"'
+    if fed == (quantity != "velocity"):
+        return (f"{told}: the phase is probably reversed; {turn}",)
+    return (f"{told}: a channel and its phase are probably reversed; {turn} and {sign}",)

@@ -209,19 +209,22 @@ def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this room and must start quickly
-    from rsgen.history import demodulate_sweep, fit_steps, follow_decay
+    from rsgen.history import demodulate_sweep, fit_steps, follow_decay, soundness_notes
     from rsgen.measurement.histories import read_histories
 
     histories = read_histories(test)
     given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
     if rule.excitation == "swept-sine":
-        return demodulate_sweep(
+        surface = demodulate_sweep(
             histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
         )
-    if rule.excitation == "stepped-sine":
-        return fit_steps(histories, band=rule.band, **given)
-    decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
-    return _joined([decay.surface() for decay in decays])
+    elif rule.excitation == "stepped-sine":
+        surface = fit_steps(histories, band=rule.band, **given)
+    else:
+        decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
+        surface = _joined([decay.surface() for decay in decays])
+    sound = [note for history in histories for note in soundness_notes(history)]
+    return replace(surface, notes=(*sound, *surface.notes))
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface:
@@ -251,4 +254,4 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
     lags = test.response.conjugate or test.response.phase_factor < 0
     sense = None if test.history is not None else "lag" if lags else "lead"
-    return replace(surface, notes=(*surface.notes, *energy_note(surface, sense)))
+    return replace(surface, notes=(*surface.notes, *energy_note(surface, sense, test.quantity)))

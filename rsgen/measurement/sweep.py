@@ -21,7 +21,7 @@ SHORTEST = 1 / 4
 """More runs than this times the points are no sweeps: the rows are in no order of frequency."""
 MOST_RUNS = 8
 """So many runs may be short all the same: few points at some levels."""
-_NUMBER = r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
+_NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 
 
 def _runs(frequency: NDArray[np.float64]) -> list[tuple[int, int, str]]:
@@ -139,7 +139,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
         )
-    level = float(match[1]) * rule.factor
+    level = float(match[1].replace(",", ".")) * rule.factor
     if not level > 0:
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"

@@ -1,0 +1,91 @@
+"""What a record tells about its own making: samples cut off at the end of a range, standstill."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.history.record import BLOCK, TimeHistory
+
+__all__ = ["soundness_notes"]
+
+_FLAT = 3
+"""A top is flat from so many equal samples on; one of a sine may be so where the steps are coarse."""
+_FEWEST = 24
+"""So many samples on flat tops are no chance."""
+_CROWD = 8
+"""A cut meets its value more often than the next lower one by this; a sine in steps by 2.4 alone."""
+_STILL = 32
+"""A live response does not repeat a value so many times while the force moves ..."""
+_MOVES = 0.2
+"""... by this fraction of its largest."""
+
+
+def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find where True begins and how long it lasts."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
+    return edges[::2], edges[1::2] - edges[::2]
+
+
+def _clipped(values: NDArray[np.float32] | NDArray[np.float64], sign: int) -> int:
+    """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
+    blocks = [values[start : start + BLOCK] for start in range(0, len(values), BLOCK)]
+    top = max(float((sign * block).max()) for block in blocks)
+    next_top, count, on_flat = -np.inf, 0, 0
+    for block in blocks:
+        raised = sign * block.astype(np.float64)
+        _, lengths = _runs(raised == top)
+        on_flat += int(lengths[lengths >= _FLAT].sum())
+        below = raised[raised < top]
+        if not below.size or below.max() < next_top:
+            continue
+        count = (count if below.max() == next_top else 0) + int(np.count_nonzero(below == below.max()))
+        next_top = float(below.max())
+    return on_flat if np.isfinite(next_top) and on_flat >= max(_FEWEST, _CROWD * count) else 0
+
+
+def _stands(history: TimeHistory) -> list[tuple[float, float]]:
+    """Find stretches of equal response while the force moves: begin and length [s]."""
+    force, response = history.reference, history.response
+    least = _MOVES * max(
+        float(np.abs(force[start : start + BLOCK]).max()) for start in range(0, len(force), BLOCK)
+    )
+    found = []
+    for start in range(0, len(response), BLOCK):
+        first, lengths = _runs(np.diff(response[start : start + BLOCK]) == 0)
+        for begin, length in zip(first[lengths >= _STILL], lengths[lengths >= _STILL], strict=True):
+            moving = force[start + begin : start + begin + length]
+            if float(moving.max()) - float(moving.min()) > least:
+                found.append((history.start + (start + begin) / history.rate, length / history.rate))
+    return found
+
+
+def soundness_notes(history: TimeHistory) -> tuple[str, ...]:
+    """Say where samples are cut off or missing, which a fit to amplitudes alone does not show.
+
+    Parameters
+    ----------
+    history
+        Of a forced test, or a free decay.
+
+    Returns
+    -------
+    Sentences, none where nothing is seen.
+    """
+    notes = []
+    for name, values in (("force", history.force), ("response", history.response)):
+        cut = 0 if values is None else _clipped(values, 1) + _clipped(values, -1)
+        if cut:
+            notes.append(
+                f"{history.label}: the {name} is cut off at the end of its range in {cut} samples; "
+                "amplitudes are too small there: measure with a wider range, or leave it out by start and stop"
+            )
+    stands = [] if history.force is None else _stands(history)
+    if stands:
+        begin, length = max(stands, key=lambda stand: stand[1])
+        times = "once" if len(stands) == 1 else f"{len(stands)} times"
+        notes.append(
+            f"{history.label}: the response stands still {times} while the force moves, longest at "
+            f"{begin:.5g} s for {length:.3g} s: a drop-out; points around it are wrong"
+        )
+    return tuple(notes)
