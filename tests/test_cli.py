@@ -342,7 +342,7 @@ def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
     for _ in range(2):
         open_case = shell("run", path, "--out", tmp_path / "out")
         assert open_case.returncode == 0, open_case.stderr
-        assert "small: identified, nothing to accept" in open_case.stdout
+        assert "small: identified, nothing was judged" in open_case.stdout
     # no method is that good
     path.write_text(SMALL % "1e-300")
     missed = shell("run", path, "--out", tmp_path / "out")

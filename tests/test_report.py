@@ -44,7 +44,7 @@ from rsgen.report.environment import page_environment, plain_text, verbatim
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.index import read_results, table_of_results
 from rsgen.report.interpretation import describe_element, describe_mean
-from rsgen.report.page import render_page
+from rsgen.report.page import render_page, verdict_sentence
 from rsgen.report.printed import PrintedFormula, check_printed
 from rsgen.report.result import build_result, result_text
 from rsgen.surface import save_surface
@@ -372,6 +372,20 @@ def test_parameters_that_the_test_does_not_tell_are_named_beside_what_it_tells()
     words = describe_element(model.elements[0], partly)
     assert words.startswith("linear: stiffness stays at 5.92 kN/m")
     assert words.endswith("not told by this test: kn")
+
+
+def test_the_verdict_says_what_was_judged_and_whether_the_law_fits() -> None:
+    rows = COMPARISON.rows
+    judged = [row for row in rows if row.tolerance is not None]
+    assert verdict_sentence(COMPARISON).startswith(f"Accepted: all {len(judged)} values within tolerance")
+    one = Comparison((judged[0], *(replace(row, tolerance=None) for row in judged[1:])), True)
+    assert "the one judged value within tolerance" in verdict_sentence(one)
+    missed = Comparison((replace(judged[0], passed=False), *judged[1:]), False)
+    assert verdict_sentence(missed) == f"Not accepted: {judged[0].name} outside the tolerance"
+    open_rows = tuple(replace(row, tolerance=None, true=float("nan")) for row in rows)
+    measured = Comparison(open_rows, True)
+    assert verdict_sentence(measured).startswith("Identified: ")
+    assert verdict_sentence(measured, 0.165).startswith("The law misses the test by 16 %: ")
 
 
 def test_mean_is_put_into_words_where_there_is_one() -> None:

@@ -156,7 +156,7 @@ def _line(run: CaseRun) -> str:
         return f"{run.name}: failed"
     state = "accepted" if run.passed else "NOT accepted"
     if not run.judged:
-        state = "identified, nothing to accept ([accept] is empty)"
+        state = "identified, nothing was judged (no [accept])"
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
     return f"{run.name}: {state} ({how}) {run.folder}"
 

@@ -53,13 +53,14 @@ def _formula(expression: Any, display: bool = False) -> Markup:
     return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
 
 
-def verdict_sentence(comparison: Comparison, *, fits: bool = True) -> str:
+def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str:
     """Say in one line whether the case is accepted.
 
     Parameters
     ----------
-    fits
-        False where the law misses the test by more than noise: values without a truth are then no result.
+    misfit
+        By how much of their size the law misses force and response, where that is more than noise; None where
+        the law fits.
     """
     judged = [row for row in comparison.rows if row.tolerance is not None]
     if not judged:
@@ -68,8 +69,9 @@ def verdict_sentence(comparison: Comparison, *, fits: bool = True) -> str:
         known = any(math.isfinite(row.true) for row in parameters)
         why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
         counted = f"{told} of {count_text(len(parameters), 'parameter')}"
-        if not fits:
-            return f"The law does not fit the test: {counted} identified, none to be relied on"
+        if misfit is not None:
+            size = error_text(misfit)
+            return f"The law misses the test by {size}: {counted} identified, their intervals do not hold"
         return f"Identified: {counted}, {why}"
     missed = [row.name for row in judged if not row.passed]
     if missed:
@@ -172,7 +174,7 @@ def render_page(
         "source": case.source,
         "contents": _CONTENTS,
         "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
-        "verdict": verdict_sentence(comparison, fits=fits),
+        "verdict": verdict_sentence(comparison, None if fits else identification.noise),
         "outcome": set_sentence(identification.outcome, names),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
