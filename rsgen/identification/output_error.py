@@ -119,7 +119,7 @@ class _Simulator:
         self, points: Points, model: Model, law: ForceLaw, start: FittedModel, accuracy: float
     ) -> None:
         self._points, self._model, self._law = points, model, law
-        self._mass, self._accuracy = start.mass, accuracy
+        self._accuracy = accuracy
         self._compared = [
             h for h in points.measured if h != 1 and (h % 2 == 1 or not law.odd) and (h > 0 or law.springs)
         ]
