@@ -1,7 +1,7 @@
 """Structures that no force of displacement and velocity describes: a hysteretic one and two coupled masses.
 
-Steady states by the explicit Runge-Kutta method of order four, with nothing of rsgen but the table they are put
-into.
+Steady states by the explicit Runge-Kutta method of order four, with nothing of rsgen but the table that
+holds them.
 """
 
 from __future__ import annotations

@@ -208,10 +208,7 @@ def _next_round(
         return None
     noise = np.full(ORDER + 1, 1e-2) if before is None else before.noise
     kept = points.select(reference.kept)
-    values = dict(zip(reference.law.parameters, reference.values.tolist(), strict=True))
-    if mass is None:
-        values["m"] = reference.mass
-    guess = replace(fit.guess, values=values)
+    guess = replace(fit.guess, values=reference.named(mass))
     for _ in range(2):
         rows = reference.rows(noise)
         own = fit_rows(guess, rows, kept.level, mass)

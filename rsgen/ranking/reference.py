@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.output_error import fit_output
 from rsgen.identification.points import Points
-from rsgen.oscillator import Model, Oscillator
+from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
-from rsgen.ranking.fitting import Guess
-from rsgen.steady_state import solve_steady_states
+from rsgen.ranking.fitting import Guess, fit_rows
+from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = ["Reference", "first_rows", "follow", "neighbour_noise"]
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 ORDER = 9
 """Harmonics of the balance."""
@@ -31,9 +31,24 @@ SAMPLES = 128
 """A period; laws are compared along one waveform, so that coarse sampling cancels."""
 
 _STEPS = 12
-_ACCURACY = 1e-5
+_ACCURACY = 3e-5
+"""Of the simulated amplitude, far less than the least noise of a ranking."""
+
+_AGAIN = 2
+"""Times that a law is fitted along its simulated motion and simulated anew."""
+
+_NOISE = 1e-2
+_MOVE = 1e-3
+_FLAT = 1e-2
+_FARTHEST = 0.2
+_NEAR = 0.02
+"""The force that holds an amplitude is found by one secant step; a response farther from it is left out."""
+
 
 _CLEARLY = 0.7
+
+_HOPELESS = 0.02
+"""Where a law leaves more of the force than any truncated waveform does, it need not be simulated."""
 
 _FOLLOWED = 0.8
 """Share of the points that a law must be able to follow to serve as reference."""
@@ -58,6 +73,11 @@ class Reference:
     law: ForceLaw
     values: Array
     mass: float
+
+    def named(self, mass: float | None) -> dict[str, float]:
+        """Values by name; the mass is "m" where it is free."""
+        values = dict(zip(self.law.parameters, self.values.tolist(), strict=True))
+        return values if mass is not None else {**values, "m": self.mass}
 
     def rows(self, noise: Array) -> Rows:
         """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
@@ -123,13 +143,10 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     found = fit_balance(
         points, law, values, start, mass_free=mass is None, order=ORDER, reject=False, steps=_STEPS
     )
-    if law.rough:
-        model = Model(best.elements, mass)
-        simulated = fit_output(points, model, law, found, accuracy=_ACCURACY)
-        if simulated is not None:
-            exact = _simulated_motion(points, model, law, simulated)
-            if exact is not None:
-                return exact
+    if law.rough and _shared(points, found) < _HOPELESS:
+        exact = _simulated(points, best, found, mass)
+        if exact is not None:
+            return exact
     kept = np.flatnonzero(_followed(found))
     if len(kept) < _FOLLOWED * len(points):
         return None
@@ -139,35 +156,73 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     return Reference(kept, motion, law, found.values, found.mass)
 
 
+def _shared(points: Points, found: FittedModel) -> float:
+    """Root mean square of the relative misfit of the force that neighbours share."""
+    misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
+    first, second = misfit[points.neighbours].T
+    common = (first * np.conj(second)).real
+    return float(np.sqrt(max(float(np.nanmean(common)), 0.0))) if len(common) else 0.0
+
+
 def _followed(found: FittedModel) -> NDArray[np.bool_]:
     return np.asarray(
         found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
     )
 
 
-def _simulated_motion(points: Points, model: Model, law: ForceLaw, found: FittedModel) -> Reference | None:
-    """All harmonics of the simulated motion of a law with jumps or corners."""
+def _simulated(points: Points, best: Guess, found: FittedModel, mass: float | None) -> Reference | None:
+    """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
+    reference = _hold(points, best, found.values, found.mass, found)
+    for _ in range(_AGAIN):
+        if reference is None:
+            return None
+        rows = reference.rows(np.full(ORDER + 1, _NOISE))
+        own = fit_rows(replace(best, values=reference.named(mass)), rows, points.level[reference.kept], mass)
+        if own is None:
+            return reference
+        values = np.array([own.guess.values[name] for name in reference.law.parameters])
+        reference = _hold(points, best, values, own.guess.values.get("m", reference.mass), found) or reference
+    return reference
+
+
+def _hold(points: Points, best: Guess, values: Array, mass: float, found: FittedModel) -> Reference | None:
+    """Simulate the points with the force that holds the amplitude found; None where too few are held."""
+    law = best.law
     good = _followed(found)
-    drive = np.where(good, found.force, 1.0)
-    state = np.stack([found.harmonics.sum(axis=1).real, np.zeros(len(points))], axis=1)
+    wanted = np.where(good, np.abs(found.harmonics[:, 1]), 1.0)
+    drive: ComplexArray = np.where(good, found.force, 1.0 + 0j)
     orders = np.arange(found.harmonics.shape[1])
-    state[:, 1] = (1j * orders * points.omega[:, None] * found.harmonics).sum(axis=1).real
-    state[~good] = 0
-    oscillator = Oscillator(
-        found.mass, model.elements, dict(zip(law.parameters, found.values.tolist(), strict=True))
+    state = np.stack(
+        [
+            found.harmonics.sum(axis=1).real,
+            (1j * orders * points.omega[:, None] * found.harmonics).sum(axis=1).real,
+        ],
+        axis=1,
     )
-    try:
-        states = solve_steady_states(
+    state[~good] = 0
+    oscillator = Oscillator(mass, best.elements, dict(zip(law.parameters, values.tolist(), strict=True)))
+
+    def solve(force: ComplexArray, start: Array) -> SteadyStates:
+        return solve_steady_states(
             oscillator,
-            drive.astype(complex),
+            force,
             points.omega / (2 * np.pi),
             harmonics=WAVEFORM,
             accuracy=_ACCURACY,
-            start=state,
+            start=start,
         )
+
+    try:
+        states = solve(drive, state)
+        state = np.where(states.settled[:, None], states.state, state)
+        moved = solve((1 + _MOVE) * drive, state)
+        growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(_MOVE)
+        step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > _FLAT, growth, np.inf)
+        drive = drive * np.exp(np.clip(np.nan_to_num(step), -_FARTHEST, _FARTHEST)).astype(np.complex128)
+        states = solve(drive, state)
     except RsgenError:
         return None
-    near = np.abs(states.harmonics[:, 1] - found.harmonics[:, 1]) < 0.01 * np.abs(found.harmonics[:, 1])
+    near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < _NEAR
     kept = np.flatnonzero(good & states.settled & near)
     if len(kept) < _FOLLOWED * len(points):
         return None
@@ -177,7 +232,7 @@ def _simulated_motion(points: Points, model: Model, law: ForceLaw, found: Fitted
     motion = predicted_motion(
         points.select(kept), harmonics, drive[kept] * np.exp(-1j * lag), found.turn[kept] + lag, ORDER
     )
-    return Reference(kept, motion, law, found.values, found.mass)
+    return Reference(kept, motion, law, values, mass)
 
 
 def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """How often does a ranking find the law? Noisy tests of all cases, of laws in no case, of what no law fits.
 
 ``python tests/benchmarks/ranking.py [runs] [noise,...] [names ...]`` prints the rows of a table;
-``ranking_section(runs)`` gives the whole section for ``reports/accuracy.md``. Every run has its own noise; the
-ranking sees the surface and laws without values. Time is processor time of one core.
+``ranking_section(runs)`` gives the whole section for ``reports/accuracy.md``. Every run has noise of its own;
+the ranking sees the surface and laws without values. Time is processor time of one core.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from rsgen.ranking import rank
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
-
 
 CASES = Path(__file__).parent.parent.parent / "cases"
 RUNS = 20
@@ -71,10 +70,9 @@ NO_LAW = (HYSTERETIC, TWO_MODES)
 
 HEAD = """## Which law?
 
-Rankings of noisy virtual tests ({levels} levels x {frequencies} frequencies, all harmonics noisy): in how many of
-the runs the true law came first, or tied for first (BIC within 6), and in how many some law was said to fit.
-The true law is one of the candidates, under names of its own. Of structures that no law describes none should
-fit.
+Noisy virtual tests ({levels} levels x {frequencies} frequencies, all harmonics noisy): in how many of the
+runs the true law came first, or tied for first (BIC within 6), and in how many some law was said to fit. The
+true law is one of the candidates, under names of its own. Of structures that no law describes none should fit.
 
 | truth | noise | runs | first | tied | some law fits | seconds a ranking | first instead |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
