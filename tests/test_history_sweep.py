@@ -335,3 +335,18 @@ def test_a_narrower_bandwidth_leaves_less_noise() -> None:
 
     # white noise: by the root of the bandwidth, and what asks for differences by more
     assert scatter(1.0) < 0.7 * scatter(3.0)
+
+
+def test_what_lies_in_a_drop_out_is_set_aside() -> None:
+    """The rest identifies the oscillator all the same, and nothing is divided by zero."""
+    law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
+    o = linear()
+    x = np.array(sweep(o, 1.0, law, 12.5, rate).response)[:n]
+    force = np.cos(law.phase_at(np.arange(n) / rate))
+    # 6 s at 9.5 Hz, aside of the resonance
+    x[int(30 * rate) : int(36 * rate)] = 0.0
+    surface = demodulate_sweep(TimeHistory(rate, force, x), mass=MASS)
+    chosen = surface.select(surface.settled)
+    assert 0.9 * len(surface) < len(chosen) < len(surface)
+    dynamic = chosen.force / chosen.harmonics[:, 1]
+    assert np.abs((dynamic.real + MASS * chosen.omega**2) / STIFFNESS - 1).max() < AS_STEPPED

@@ -32,7 +32,9 @@ class Motion:
 
         omega^2 = -Re(A/X): in it the slow change of the amplitude has no part.
         """
-        ratio = np.real(self.acceleration / self.displacement)
+        # where nothing moved, as in a drop-out, the frequency is unknown
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.real(self.acceleration / self.displacement)
         return np.asarray(np.sqrt(np.maximum(-ratio, 0.0)))
 
 

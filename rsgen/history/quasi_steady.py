@@ -113,9 +113,11 @@ def steady_force(force: ComplexArray, motion: Motion, mass: float) -> tuple[Comp
         [kg]
     """
     x, omega = motion.displacement, motion.omega
-    stiffness = force / x
-    inertia = motion.acceleration / x
-    rate = motion.velocity / x
-    damping = (stiffness.imag - mass * inertia.imag) / rate.imag
+    # unknown where nothing moved, as in a drop-out
+    with np.errstate(invalid="ignore", divide="ignore"):
+        stiffness = force / x
+        inertia = motion.acceleration / x
+        rate = motion.velocity / x
+        damping = (stiffness.imag - mass * inertia.imag) / rate.imag
     steady = (stiffness.real - damping * rate.real + 1j * omega * damping) * x
     return np.asarray(steady), np.asarray(damping)

@@ -78,7 +78,7 @@ def soundness_notes(history: TimeHistory) -> tuple[str, ...]:
         if cut:
             notes.append(
                 f"{history.label}: the {name} is cut off at the end of its range in {cut} samples; "
-                "amplitudes are too small there: measure with a wider range, or leave it out by start and stop"
+                "amplitudes are too small there: measure with a wider range, or use start and stop"
             )
     stands = [] if history.force is None else _stands(history)
     if stands:
@@ -86,6 +86,6 @@ def soundness_notes(history: TimeHistory) -> tuple[str, ...]:
         times = "once" if len(stands) == 1 else f"{len(stands)} times"
         notes.append(
             f"{history.label}: the response stands still {times} while the force moves, longest at "
-            f"{begin:.5g} s for {length:.3g} s: a drop-out; points around it are wrong"
+            f"{begin:.5g} s for {length:.3g} s: a drop-out; look at the points around it"
         )
     return tuple(notes)

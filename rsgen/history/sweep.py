@@ -172,7 +172,11 @@ def _demodulate_one(
             table[:, 1] = fundamental.displacement
         else:
             table[:, order] = envelope[:, column, 0] / (2j * pi * order * law.frequency_at(t)) ** power
-    ratio = fundamental.acceleration / fundamental.displacement
+    # unknown where nothing moved, as in a drop-out
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = fundamental.acceleration / fundamental.displacement
+        flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
+        smoothed = np.abs(wider.displacement / fundamental.displacement - 1)
     return _Rows(
         history=history,
         direction=law.direction,
@@ -180,8 +184,8 @@ def _demodulate_one(
         motion=fundamental,
         harmonics=table,
         rate=np.abs(law.slope_at(t)),
-        flattened=np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio),
-        smoothed=np.abs(wider.displacement / fundamental.displacement - 1),
+        flattened=flattened,
+        smoothed=smoothed,
         distortion=float(np.median(np.linalg.norm(force[:, 1:], axis=1) / np.abs(force[:, 0]))),
     )
 

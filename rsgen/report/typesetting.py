@@ -11,6 +11,7 @@ __all__ = ["set_sentence"]
 
 _POWER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?e[+-]?\d+\b")
 _PER_CENT = re.compile(r"(?<=\d)%")
+_FILE = re.compile(r"[^:]*\.\w+: ")
 _FIRST = re.compile(r"\w+")
 
 
@@ -28,10 +29,12 @@ def set_sentence(text: str, names: Iterable[str] = ()) -> str:
     'Force and response agree within 1.6 × 10⁻⁸ of their size.'
     >>> set_sentence("kn: untold", ["kn"])
     'kn: untold.'
+    >>> set_sentence("run 7.csv: no phase")
+    'run 7.csv: no phase.'
     """
     text = _POWER.sub(lambda power: number_text(float(power[0]), 3), text.strip())
     text = _PER_CENT.sub(" %", text)
     first = _FIRST.match(text)
-    if first is not None and first[0] not in names and first[0].isalpha():
+    if first is not None and first[0] not in names and first[0].isalpha() and not _FILE.match(text):
         text = text[0].upper() + text[1:]
     return text if text.endswith((".", "!", "?")) or not text else f"{text}."
