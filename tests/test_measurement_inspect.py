@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from rsgen.case import load_case
 from rsgen.cli import main
@@ -338,3 +339,64 @@ def test_what_a_header_tells(
     case = tmp_path / "a.toml"
     assert call("init", "--from", path, case) == 0
     assert call("check", case) == (2 if "dB" in head else 0)
+
+
+def test_rounded_times_of_a_text_are_times(tmp_path: Path) -> None:
+    """At 2048 Hz times with six decimals are off by a thousandth of a step."""
+    path = tmp_path / "hammer_1.csv"
+    t = np.arange(400) / 2048
+    rows = [f"{a:.6f};{b:.3f};{c:.4f}" for a, b, c in zip(t, np.exp(-t), np.sin(500 * t), strict=True)]
+    text = "Time (s);Hammer (N);Accel (m/s^2)\n" + "\n".join(rows) + "\n"
+    path.write_text(text.replace(".", ","), encoding="utf-8")
+    table = proposed(path)
+    assert table["time"] == {"column": "Time (s)"}
+    assert table["excitation"] == "ring-down"
+
+
+def test_names_of_variables_tell_units(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    t = np.arange(400) / 1024
+    scipy.io.savemat(path, {"t": t, "force_lbf": np.sin(t), "acc_g": np.cos(t)})
+    table = proposed(path)
+    assert table["force"]["unit"] == "lbf"
+    assert table["response"]["unit"] == "g"
+
+
+def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(20.0)
+        file["r"] = file["x"].ref
+    assert [entry.path for entry in list_contents(path).entries] == ["r/1", "x"]
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "told"),
+    [
+        (
+            "a.xlsx",
+            b"PK\x03\x04" + bytes(26) + b"[Content_Types].xml",
+            "is an Excel workbook; save its sheet as CSV",
+        ),
+        ("a.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "is an Excel workbook"),
+        ("a.tdms", b"TDSm" + bytes(100), "is a TDMS file; export it"),
+        ("a.wav", b"RIFF\x24\x00\x00\x00WAVEfmt " + bytes(100), "is a sound file"),
+        ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
+    ],
+)
+def test_what_laboratories_send_besides_is_named(tmp_path: Path, name: str, begin: bytes, told: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(begin)
+    with pytest.raises(MeasurementError, match=told):
+        list_contents(path)
+
+
+def test_a_damaged_file_is_told_in_words_of_the_user(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"f": np.arange(9.0)})
+    data = bytearray(path.read_bytes())
+    # the class of the array: 18 is none
+    data[data.index((6).to_bytes(4, "little") + (8).to_bytes(4, "little"), 128) + 8] = 18
+    path.write_bytes(data)
+    with pytest.raises(MeasurementError, match="its parts do not fit together; it is damaged"):
+        list_contents(path)

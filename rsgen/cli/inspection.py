@@ -77,8 +77,9 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         print_line("  ".join([*cells, row[4]]).rstrip())
     # a fault of many arrays is told once, and in full
-    for fault in dict.fromkeys(entry.fault for entry in shown if len(entry.fault) > _UNITS_OF_DOUBT):
-        print_line(fault)
+    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
+    for fault, path in reversed(long.items()):
+        print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
     if len(contents.entries) > len(shown):
         print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
     print_line()

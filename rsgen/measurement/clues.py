@@ -48,6 +48,7 @@ __all__ = [
     "remarked",
     "tells",
     "unit_for",
+    "unit_in",
 ]
 
 FEW = 60
@@ -62,12 +63,21 @@ RESPONSE = re.compile(
 LOAD = re.compile(r"forc|kraft|load|^f(_|$|\d)", re.IGNORECASE)
 LEVEL = re.compile(r"level|drive|^amplitude", re.IGNORECASE)
 NOMINAL = re.compile(r"level|stufe|nominal|soll|set_?point", re.IGNORECASE)
+UNIT = re.compile(
+    r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z"
+    r"|_((?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)(?:_per_N)?)\Z"
+    r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
+)
+"""A unit in a name: "Kraft [N]", "force_N", "Kraft in N (rms)"."""
 DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
 RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
 LEAD = re.compile(r"lead", re.IGNORECASE)
 LAG = re.compile(r"lag", re.IGNORECASE)
 QUOTIENT = re.compile(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)", re.IGNORECASE)
-EXCITATIONS = {"step": "stepped-sine", "decay": "ring-down", "ring": "ring-down", "release": "ring-down"}
+EXCITATIONS = {
+    "step": "stepped-sine",
+    **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
+}
 RATE = re.compile(r"^f_?s$|rate|sampling|fsamp", re.IGNORECASE)
 REAL = re.compile(r"(^|_)re(al)?(_|$)|in_?phase|cos|(^|_)x\d*(_|$)", re.IGNORECASE)
 IMAGINARY = re.compile(r"(^|_)im(ag)?|quad|sin|(^|_)y\d*(_|$)", re.IGNORECASE)
@@ -83,6 +93,12 @@ NAMES = {
     " a ": "acceleration",
     " v ": "velocity",
 }
+
+
+def unit_in(name: str) -> str:
+    """Give the unit that a name tells, or "": "accelerance_g_per_N" has g/N."""
+    found = UNIT.search(name)
+    return next(filter(None, found.groups())).replace("_per_", "/") if found else ""
 
 
 def last_name(entry: Entry) -> str:

@@ -202,7 +202,9 @@ def main() -> None:
         except MeasurementError:
             raise
         except Exception as fault:
-            reason = " ".join(str(fault).split())[:160]
+            # what a reader says of its own variables tells nobody anything
+            own = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
+            reason = "its parts do not fit together" if own else " ".join(str(fault).split())[:160]
             raise MeasurementError(
                 f"cannot be read as {order['format']}: {reason or type(fault).__name__}; it is damaged"
             ) from None

@@ -24,8 +24,8 @@ _EXPANSION = 20
 _KINDS = "fiubc"
 FIRST = 4
 """Values shown of each array."""
-EVEN = 1e-3
-"""Numbers whose distances differ by less than this fraction are evenly spaced; texts are rounded."""
+EVEN = 0.1
+"""Numbers off their even places by less than this fraction of a step are evenly spaced; texts are rounded."""
 MANY = 100_000
 
 
@@ -193,9 +193,12 @@ def facts(values: NDArray[Any]) -> dict[str, Any]:
             known["order"] = "constant"
         else:
             known["order"] = "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
-        scale = max(abs(low), abs(high))
-        if 0 < scale < np.inf and high - low <= EVEN * scale:
-            known["step"] = float(steps.mean())
+        step = float(steps.mean())
+        del steps
+        off = np.linspace(flat[0], flat[-1], len(flat))
+        np.subtract(flat, off, out=off)
+        if 0 < max(-off.min(), off.max()) <= EVEN * abs(step) or not (off.any() or step == 0):
+            known["step"] = step
     return known
 
 

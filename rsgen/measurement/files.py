@@ -17,6 +17,17 @@ _SUFFIXES = {
 }  # fmt: skip
 
 
+_OTHERS = (
+    (0, b"\xd0\xcf\x11\xe0", "an Excel workbook; save its sheet as CSV"),
+    (0, b"TDSm", "a TDMS file; export it as MATLAB, HDF5 or text"),
+    (8, b"WAVE", "a sound file; export it as MATLAB, HDF5 or text"),
+    (0, b"\x1f\x8b", "a packed file; unpack it"),
+    (0, b"7z\xbc\xaf", "a packed file; unpack it"),
+    (0, b"%PDF", "a PDF; text, MATLAB, HDF5, NumPy and universal files are read"),
+)
+"""What laboratories send besides: place of the sign, sign, what it is."""
+
+
 def file_label(path: Path) -> str:
     """Name a file in messages."""
     return path.name if path.name.isprintable() else repr(path.name)
@@ -66,7 +77,12 @@ def recognise_format(path: Path) -> str:
         return "mat"
     if head.startswith(b"\x93NUMPY"):
         return "npy"
+    for place, sign, kind in _OTHERS:
+        if head[place:].startswith(sign):
+            raise MeasurementError(f"{file_label(path)}: is {kind}")
     if head.startswith(b"PK\x03\x04"):
+        if b"[Content_Types].xml" in head:
+            raise MeasurementError(f"{file_label(path)}: is an Excel workbook; save its sheet as CSV")
         return "npz"
     first = head.lstrip().split(b"\n", 1)
     if len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit():

@@ -130,7 +130,9 @@ class _Walk:
         if len(above) >= MAX_DEPTH:
             yield _refused(path, f"is nested more than {MAX_DEPTH} deep")
             return
-        for number, reference in enumerate(data[()].ravel(), start=1):
+        found = data[()]
+        # a single one comes alone, without an array about it
+        for number, reference in enumerate(found.flat if shape else [found], start=1):
             self.count += 1
             if self.count > MAX_NODES:
                 raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.clues import unit_for
+from rsgen.measurement.clues import unit_for, unit_in
 from rsgen.measurement.columns import MAX_BYTES, read_columns, text_lines
 from rsgen.measurement.contents import Contents, Entry, facts, make_entry
 from rsgen.measurement.files import file_label, open_regular, recognise_format
@@ -33,10 +33,6 @@ _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 _GAP = re.compile(r"(?:[+-]?(?:nan|inf|infinity)|n/?a|)\Z", re.IGNORECASE)
 """What stands in place of a number that is missing: the row is one of numbers all the same."""
-_SUFFIX = "Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV"
-_UNIT = re.compile(
-    rf"[\[(]\s*([^\])]{{1,20}}?)\s*[\])]\s*\Z|_((?:{_SUFFIX})(?:_per_N)?)\Z|\s(?:in|/)\s+([^\s()\[\]]{{1,12}})(?:\s|\Z)"
-)
 
 
 def _cells(text: str, layout: Layout) -> list[str]:
@@ -193,13 +189,12 @@ def _entries(
     for number, kind in enumerate(kinds, start=1):
         name = names[number - 1] if names else ""
         alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
-        unit = _UNIT.search(name)
         values = numbers.get(number)
         item = {
             "path": alone,
             "shape": [] if values is None else [values.size],
             "dtype": "float64" if kind else "",
-            "unit": next(filter(None, unit.groups())).replace("_per_", "/") if unit else "",
+            "unit": unit_in(name),
             "remark": "",
             "fault": faults.get(number, "") if kind else "is no column of numbers",
         }

@@ -74,6 +74,9 @@ def _check_sizes(
     others = []
     opened: Any = file
     for name, shape, kind in scipy.io.whosmat(opened):
+        if name.startswith("__"):
+            # of MATLAB's own
+            continue
         if heads is not None and name not in heads and "*" not in "".join(heads):
             others.append((name, tuple(map(int, shape))))
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsgen.measurement.clues import (
@@ -44,6 +44,7 @@ from rsgen.measurement.clues import (
     remarked,
     tells,
     unit_for,
+    unit_in,
 )
 from rsgen.measurement.contents import Contents, Entry
 
@@ -71,7 +72,8 @@ class _Guess:
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
-        usable = [e for e in contents.entries if e.dtype and not e.fault and e.size]
+        readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
+        usable = [e if e.unit else replace(e, unit=unit_in(last_name(e))) for e in readable]
         self.free = [e for e in usable if not SPREAD.search(last_name(e)) and (e.size == 1 or tells(e))]
         self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
         self.run: tuple[str, str] | None = None
