@@ -73,9 +73,12 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - {"origin", "phase_known", "control", "notes"} | {
-        "settled"
-    }
+    assert set(units) == {f.name for f in fields(ResponseSurface)} - {
+        "origin",
+        "phase_known",
+        "control",
+        "notes",
+    } | {"settled"}
 
 
 def test_amplitude_and_phase_follow_from_force_and_fundamental():

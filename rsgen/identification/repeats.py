@@ -208,8 +208,8 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     alone = ~good | (largest > _BRANCH * smallest)[group]
     # one of two wells, or of two broken symmetries: as large, but a mirror image
     clock = np.exp(-1j * np.angle(surface.force))
-    for order in range(0, min(3, surface.harmonics.shape[1]), 2):
-        own = np.nan_to_num(surface.harmonics[:, order] * clock**order)
+    for even in range(0, min(3, surface.harmonics.shape[1]), 2):
+        own = np.nan_to_num(surface.harmonics[:, even] * clock**even)
         for part in (own.real, own.imag):
             low, high = np.full(group.max() + 1, np.inf), np.full(group.max() + 1, -np.inf)
             np.minimum.at(low, group[good], part[good])

@@ -1,0 +1,73 @@
+"""From values with their covariance to estimates: intervals, units, and why a value is not told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from rsgen.errors import RsgenError
+from rsgen.identification.balance_fit import FittedModel
+from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.result import Estimate
+from rsgen.oscillator import Model
+from rsgen.units import parameter_units
+
+__all__ = ["Values", "make_estimates", "names_of", "of_fit"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Values:
+    """Values with covariance: the parameters of the law in order, then the mass where it is free."""
+
+    values: Array
+    mass: float
+    covariance: Array
+    freedom: int
+
+
+def of_fit(found: FittedModel) -> Values:
+    """Take the values of a fit."""
+    return Values(found.values, found.mass, found.regression.covariance, found.regression.freedom)
+
+
+def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
+    """Name what is identified: the parameters in their order, then "m" where the mass is free."""
+    return (*law.parameters, "m") if model.mass is None else law.parameters
+
+
+def make_estimates(
+    found: Values, law: ForceLaw, model: Model, reasons: dict[str, str]
+) -> tuple[Estimate, ...]:
+    """State each value with its standard error, 95 % interval and unit; ``reasons`` say why one is not told."""
+    values = np.append(found.values, found.mass) if model.mass is None else found.values
+    names = names_of(law, model)
+    variance = np.diag(found.covariance)
+    wide = float(stdtrit(found.freedom, 0.975))
+    units = _units(model)
+    estimates = []
+    for name, value, var in zip(names, values, variance, strict=True):
+        told = bool(np.isfinite(var) and np.isfinite(value))
+        # round-off is the least error a value can have
+        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if told else float("inf")
+        centre = float(value) if told else float("nan")
+        interval = (centre - wide * error, centre + wide * error) if told else (float("-inf"), float("inf"))
+        remark = reasons.get(name, "")
+        if not told and not remark:
+            remark = f"{name}: not told by the points that this method uses"
+        estimates.append(Estimate(name, centre, error, interval, units[name], remark))
+    return tuple(estimates)
+
+
+def _units(model: Model) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say."""
+    try:
+        units = parameter_units(model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be fitted all the same
+        units = dict.fromkeys(model.parameters, "")
+    return {"m": "kg", **units}
