@@ -43,7 +43,7 @@ def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
 def make_estimates(
     found: Values, law: ForceLaw, model: Model, reasons: dict[str, str]
 ) -> tuple[Estimate, ...]:
-    """State each value with its standard error, 95 % interval and unit; ``reasons`` say why one is not told."""
+    """State each value with standard error, 95 % interval and unit; ``reasons`` say why one is not told."""
     values = np.append(found.values, found.mass) if model.mass is None else found.values
     names = names_of(law, model)
     variance = np.diag(found.covariance)
