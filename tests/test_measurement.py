@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.measurement.columns import read_columns
 from rsgen.surface import ResponseSurface
 
 # numbers are written with 17 digits; what remains is the round-off of the conversions
@@ -351,3 +352,23 @@ def test_rows_in_no_order_are_no_sweeps() -> None:
 
     frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
     assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        ("1,5;2,25;-3e-3", (1.5, 2.25, -3e-3)),
+        ("1.000,5;2;3", None),
+        ("1,000,5;2;3", None),
+        ("1_0;2;3", None),
+        ("1;;3", None),
+    ],
+)
+def test_decimal_commas(tmp_path: Path, row: str, told: tuple[float, ...] | None) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"a;b;c\n{row}\n", encoding="utf-8")
+    if told is None:
+        with pytest.raises(MeasurementError, match=r"line 2: column \d"):
+            read_columns(path, Layout(decimal=","), ["a", "b", "c"])
+    else:
+        assert read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values.tolist() == [list(told)]

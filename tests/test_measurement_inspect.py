@@ -346,11 +346,19 @@ def test_rounded_times_of_a_text_are_times(tmp_path: Path) -> None:
     path = tmp_path / "hammer_1.csv"
     t = np.arange(400) / 2048
     rows = [f"{a:.6f};{b:.3f};{c:.4f}" for a, b, c in zip(t, np.exp(-t), np.sin(500 * t), strict=True)]
-    text = "Time (s);Hammer (N);Accel (m/s^2)\n" + "\n".join(rows) + "\n"
+    text = "Time (s);Hammer (N);Accel [m/s²]\n" + "\n".join(rows) + "\n"
     path.write_text(text.replace(".", ","), encoding="utf-8")
     table = proposed(path)
     assert table["time"] == {"column": "Time (s)"}
     assert table["excitation"] == "ring-down"
+    # a unit in brackets is no channel
+    assert not any("channels" in doubt for doubt in doubts(path).values())
+
+
+def doubts(path: Path) -> dict[str, str]:
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    return proposal.doubts
 
 
 def test_names_of_variables_tell_units(tmp_path: Path) -> None:

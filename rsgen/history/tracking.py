@@ -84,7 +84,7 @@ def find_sweeps(
     if not sweeps:
         raise MeasurementError(
             f"{history.label}: no sweep found in the force: its frequency must rise or fall over at least "
-            f"{_FEWEST / _LOOKS:.0%} of the history"
+            f"{_FEWEST / _LOOKS:.0%} of the history; a stepped sine or a ring-down is told by test.excitation"
         )
     return tuple(sweeps)
 

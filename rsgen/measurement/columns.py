@@ -141,8 +141,12 @@ class _Table:
 
     def quick(self, text: str) -> list[float] | None:
         """Read a line that holds nothing but plain numbers, three times as fast; None for any other line."""
-        if self.layout.decimal != "." or not _PLAIN.match(text):
+        if not _PLAIN.match(text):
             return None
+        if self.layout.decimal == ",":
+            if "." in text:
+                return None
+            text = text.replace(",", ".")
         cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
         if len(cells) != self.width:
             return None

@@ -191,7 +191,7 @@ def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
     if response is not None:
         _quantity_of(guess, response, told)
         told["samples"] = guess.address(response)
-        if "[" in str(told["samples"]):
+        if told["samples"] != response.path and str(told["samples"]).endswith("[1]"):
             sides = [length for length in response.shape if length > 1]
             guess.doubts["test.response.samples"] = f"channels 1 to {min(sides)}"
     guess.tables["test.response"] = told
