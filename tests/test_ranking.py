@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from memory import bouc_wen, two_masses
 from test_cli import call
+from test_history_measured import CASES, DATA, needs
 from virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
 
 import rsgen
@@ -19,6 +20,7 @@ from rsgen.identification import Ranking, identify
 from rsgen.identification.force_law import compile_law
 from rsgen.identification.points import Points, select_points
 from rsgen.laws import LAWS as LIBRARY
+from rsgen.measurement import read_measurement
 from rsgen.oscillator import Model
 from rsgen.ranking import identify_best, rank
 from rsgen.ranking.balance import Rows
@@ -310,3 +312,21 @@ def test_the_command_ranks_a_surface(tmp_path: Path, capsys: pytest.CaptureFixtu
     text = capsys.readouterr().out
     assert text.splitlines()[1].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text
+
+
+# ---------------------------------------------------------------- real files
+
+
+@pytest.mark.slow
+@needs("bouc_wen")
+def test_no_memoryless_law_fits_the_hysteretic_benchmark(tmp_path: Path) -> None:
+    text = (CASES / "bouc_wen.toml").read_text(encoding="utf-8")
+    before, after = text.split("[[element]]", 1)[0], text[text.index("[test]") :]
+    path = tmp_path / "ranked.toml"
+    path.write_text(before.replace("schema = 1", 'schema = 1\nmodel = "rank"') + after, encoding="utf-8")
+    case = load_case(path, data=DATA)
+    # without elements the base of all candidates stands in
+    assert [element.name for element in case.model.elements] == ["linear-spring", "linear-damper"]
+    ranking = rank(read_measurement(case.test), case.model)
+    assert not ranking.fits
+    assert ranking.unexplained > 0.01
