@@ -272,7 +272,8 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.Captu
     assert [entry.shape for entry in contents.entries] == [(30,), (30,), (), (30,), ()]
     assert call("inspect", path) == 0
     assert (
-        "a.csv: line 9: column 3: 'NaN' is not finite; a finite number is needed\n" in capsys.readouterr().out
+        "a.csv: line 9: column 3: 'NaN' is not finite; give a number, or take the row out\n"
+        in capsys.readouterr().out
     )
 
 
@@ -408,3 +409,14 @@ def test_a_damaged_file_is_told_in_words_of_the_user(tmp_path: Path) -> None:
     path.write_bytes(data)
     with pytest.raises(MeasurementError, match="its parts do not fit together; it is damaged"):
         list_contents(path)
+
+
+def test_a_mil_is_a_length(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,2\n" for f in range(1, 9)), encoding="utf-8")
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert read_measurement(test).amplitude == pytest.approx(50.8e-6)

@@ -106,6 +106,8 @@ def _scaled(
     """
     # in a list of accelerations g is the standard gravity, never the gram
     name = re.sub(r"^\s*(g|g_n|gn)(?=/|\s*$)", "standard_gravity", unit) if "s^2" in target else unit
+    # a vibration engineer's mil is no angle
+    name = re.sub(r"^\s*mils?(?=/|\s*$)", "thou", name)
     try:
         if isinstance(factor, str):
             # column x unit x factor must come out as the target, so this is the unit the factor must have

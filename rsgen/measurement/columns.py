@@ -171,9 +171,9 @@ class _Table:
 
     def reason(self, cell: str) -> str:
         if not cell:
-            return "is empty; a number is needed"
+            return "is empty; give a number, or take the row out"
         if _NONFINITE.match(cell):
-            return f"{_show(cell)} is not finite; a finite number is needed"
+            return f"{_show(cell)} is not finite; give a number, or take the row out"
         if self.layout.decimal == "." and "," in cell:
             return f"{_show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
         return f"{_show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
