@@ -41,14 +41,14 @@ class Guess:
     limits
         Of those that have some.
     dissipates
-        Parameters that must not be negative.
+        Parameters whose sum must not be negative.
     """
 
     name: str
     elements: tuple[Element, ...]
     values: Mapping[str, float]
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    dissipates: tuple[str, ...] = ()
+    dissipates: tuple[tuple[str, ...], ...] = ()
 
     @property
     def force(self) -> sympy.Expr:
@@ -122,6 +122,19 @@ class _Balance:
                 matrix[:, :, j] += slopes[:, :, i]
         return residual, matrix
 
+    def settle(self, values: Array) -> tuple[Array, Array, Array]:
+        """Give linear parameters their best values while the others stay; then as ``evaluate``."""
+        residual, matrix = self.evaluate(values)
+        free = [i for i in range(len(values)) if i not in self.nonlinear]
+        if not np.isfinite(residual).all() or not np.isfinite(matrix).all():
+            return values, residual, matrix
+        change = _solve(*_normal(residual, matrix[:, :, free], self.rows))
+        settled = np.array(values)
+        settled[free] += change
+        if not self.nonlinear:
+            return settled, residual - matrix @ change, matrix
+        return settled, *self.evaluate(settled)
+
 
 def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
     """Fit a candidate along the motion and predict each level from the others.
@@ -146,15 +159,14 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     names = balance.names
     place = np.array([guess.values[each] for each in names])
     limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names])
-    residual, matrix = balance.evaluate(place)
+    place, residual, matrix = balance.settle(place)
     cost = _cost(residual, rows)
-    for _ in range(_STEPS if balance.nonlinear else 1):
+    for _ in range(_STEPS if balance.nonlinear else 0):
         if not np.isfinite(cost):
             return None
         change = _solve(*_normal(residual, matrix, rows))
         for part in 0.5 ** np.arange(_HALVINGS):
-            trial = _moved(place, part * change, limits, balance.nonlinear)
-            after, slopes = balance.evaluate(trial)
+            trial, after, slopes = balance.settle(_moved(place, part * change, limits, balance.nonlinear))
             if _cost(after, rows) < cost:
                 break
         else:
@@ -163,8 +175,10 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
         place, residual, matrix, cost = trial, after, slopes, cost - gain
         if gain < _GAIN:
             break
+    if not np.isfinite(cost):
+        return None
     values = dict(zip(names, place.tolist(), strict=True))
-    if any(values[name] < 0 for name in guess.dissipates):
+    if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
     fitted = Guess(guess.name, guess.elements, values, guess.limits, guess.dissipates)
     return Fitted(fitted, residual, _unseen(residual, matrix, rows, level), rows.told)

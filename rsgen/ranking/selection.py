@@ -27,9 +27,6 @@ _RIDGE = 1e-10
 _BEAM = 24
 """So many sums of the best are tried with one term more."""
 
-_ROOM = 0.1
-"""Relative change of a value that its slope is trusted for."""
-
 _BASE = compile_law(parse("c*v + k*x"))
 
 
@@ -57,10 +54,22 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class _Variant:
-    """A term at one value of each parameter it is not linear in: columns of coefficients, then of slopes."""
+    """A term at one value of each parameter it is not linear in.
+
+    Parameters
+    ----------
+    values
+        Of these parameters.
+    room
+        How far from each of them its slope is trusted: to half way to the next value.
+    columns, slopes
+        Where the columns of coefficients and of slopes stand; slopes are those of a last coefficient of one.
+    """
 
     values: tuple[float, ...]
+    room: tuple[float, ...]
     columns: tuple[int, ...]
+    slopes: tuple[int, ...]
 
 
 class _Columns:
@@ -84,13 +93,16 @@ class _Columns:
             self.variants[term.name] = []
             for trial in product(*ranges):
                 point = np.zeros(len(names))
-                point[names.index(term.linear[0])] = 1.0
+                point[names.index(term.linear[-1])] = 1.0
                 for name, value in zip(term.search, trial, strict=True):
                     point[names.index(name)] = value
                 sample = term.law.sample(x, v, a, step, point)
                 blocks.append(rows.of(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
-                self.variants[term.name].append(_Variant(trial, tuple(range(count, count + len(order)))))
-                count += len(order)
+                room = tuple(_room(values, value) for values, value in zip(ranges, trial, strict=True))
+                middle, end = count + len(term.linear), count + len(order)
+                variant = _Variant(trial, room, tuple(range(count, middle)), tuple(range(middle, end)))
+                self.variants[term.name].append(variant)
+                count = end
         told = rows.told
         matrix = np.concatenate(blocks, axis=2)[:, told].reshape(-1, count)
         right = rows.right - (0.0 if mass is None else mass) * rows.inertia
@@ -148,6 +160,12 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
     return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
 
 
+def _room(values: Sequence[float], value: float) -> float:
+    """Half the distance to the farther of the next values, and a little more."""
+    apart = sorted(abs(other - value) for other in values if other != value)[:2]
+    return 0.6 * apart[-1] if apart else 0.1 * abs(value)
+
+
 def _best(
     columns: _Columns, law: Sum, variants: Iterable[Sequence[_Variant]]
 ) -> tuple[Trial, tuple[_Variant, ...]] | None:
@@ -159,39 +177,70 @@ def _best(
     if columns.mass is None:
         base["m"] = 2
     choices = list(product(*variants))
-    index = np.array([[*base.values(), *(i for v in choice for i in v.columns)] for choice in choices])
+    best: tuple[float, dict[str, float], tuple[_Variant, ...]] | None = None
+    # between its values a term is linearised; where that leads too far, it stays at the value
+    for between in (True, False) if any(term.search for term in law.terms) else (False,):
+        index = np.array(
+            [
+                [*base.values(), *(i for v in choice for i in v.columns + (v.slopes if between else ()))]
+                for choice in choices
+            ]
+        )
+        misfit, coefficients = _solve(columns, index)
+        named = _named(law, base, coefficients, choices, between)
+        for group in law.dissipates:
+            misfit[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
+        if between:
+            misfit[~_near(law, named, choices)] = np.inf
+        i = int(np.argmin(misfit))
+        if np.isfinite(misfit[i]) and (best is None or misfit[i] < best[0]):
+            best = float(misfit[i]), {name: float(value[i]) for name, value in named.items()}, choices[i]
+    if best is None:
+        return None
+    left = max(best[0], 0.0)
+    return Trial(law, best[1], left, left + len(best[1]) * float(np.log(columns.rows))), best[2]
+
+
+def _solve(columns: _Columns, index: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Misfit (trials,) and coefficients (trials, width) of the columns (trials, width)."""
     matrix = columns.products[index[:, :, None], index[:, None, :]]
-    width = index.shape[1]
-    matrix[:, np.arange(width), np.arange(width)] += _RIDGE
+    width = np.arange(index.shape[1])
+    matrix[:, width, width] += _RIDGE
     right = columns.against[index]
     solution = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    misfit = columns.power - np.sum(solution * right, axis=1)
-    misfit[~_allowed(law, solution[:, len(base) :])] = np.inf
-    i = int(np.argmin(misfit))
-    if not np.isfinite(misfit[i]):
-        return None
-    coefficients = (solution[i] / columns.norm[index[i]]).tolist()
-    values = dict(zip(base, coefficients, strict=False))
-    rest = coefficients[len(base) :]
-    for term, names, variant in zip(law.terms, law.names, choices[i], strict=True):
-        first = rest[0]
-        for name in term.linear:
-            values[names[name]] = rest.pop(0)
-        for name, value in zip(term.search, variant.values, strict=True):
-            # a slope of the unit term, so relative to its coefficient
-            move = rest.pop(0) / first if first else 0.0
-            values[names[name]] = value + float(np.clip(move, -_ROOM * abs(value), _ROOM * abs(value)))
-    left = max(float(misfit[i]), 0.0)
-    return Trial(law, values, left, left + len(values) * float(np.log(columns.rows))), choices[i]
+    return columns.power - np.sum(solution * right, axis=1), solution / columns.norm[index]
 
 
-def _allowed(law: Sum, coefficients: Array) -> NDArray[np.bool_]:
-    """(trials,) False where friction would feed energy."""
-    allowed = np.ones(len(coefficients), dtype=bool)
-    place = 0
-    for term in law.terms:
+def _named(
+    law: Sum,
+    base: dict[str, int],
+    coefficients: Array,
+    choices: Sequence[tuple[_Variant, ...]],
+    between: bool,
+) -> dict[str, Array]:
+    """Values (trials,) of every parameter by its name in the sum."""
+    values = dict(zip(base, coefficients.T, strict=False))
+    place = len(base)
+    for t, (term, names) in enumerate(zip(law.terms, law.names, strict=True)):
         for i, name in enumerate(term.linear):
-            if name in term.dissipates:
-                allowed &= coefficients[:, place + i] >= 0
-        place += len(term.linear) + len(term.search)
-    return allowed
+            values[names[name]] = coefficients[:, place + i]
+        place += len(term.linear)
+        last = coefficients[:, place - 1]
+        for i, name in enumerate(term.search):
+            values[names[name]] = np.array([choice[t].values[i] for choice in choices])
+            if between:
+                values[names[name]] = values[names[name]] + coefficients[:, place + i] / np.where(
+                    last == 0, np.inf, last
+                )
+        place += len(term.search) if between else 0
+    return values
+
+
+def _near(law: Sum, named: dict[str, Array], choices: Sequence[tuple[_Variant, ...]]) -> NDArray[np.bool_]:
+    """(trials,) True where every linearised parameter stays near the value it was linearised at."""
+    near = np.ones(len(choices), dtype=bool)
+    for t, (term, names) in enumerate(zip(law.terms, law.names, strict=True)):
+        for i, name in enumerate(term.search):
+            at, room = np.array([(choice[t].values[i], choice[t].room[i]) for choice in choices]).T
+            near &= np.abs(named[names[name]] - at) <= room
+    return near

@@ -63,7 +63,7 @@ class Term:
     own_spring
         True where the law has a stiffness at rest of its own: the linear spring is then left out.
     dissipates
-        Parameters that must not be negative: friction that feeds energy is no candidate.
+        Parameters whose sum must not be negative: friction that feeds energy is no candidate.
     also
         Other laws of the library that are the same beside a linear spring.
     """
@@ -72,7 +72,7 @@ class Term:
     force: sympy.Expr
     search: Mapping[str, Range]
     own_spring: bool = False
-    dissipates: tuple[str, ...] = ()
+    dissipates: tuple[tuple[str, ...], ...] = ()
     also: tuple[str, ...] = ()
 
     @cached_property
@@ -82,7 +82,7 @@ class Term:
 
     @property
     def linear(self) -> tuple[str, ...]:
-        """Parameters in which the term is linear."""
+        """Parameters in which the term is linear; the others move the part of the last one only."""
         return tuple(name for name in self.law.parameters if name not in self.search)
 
 
@@ -115,18 +115,18 @@ _ROWS: tuple[tuple[str, str | None, dict[str, Range]], ...] = (
     ("power-damper", None, {"p": Range("1", (0.2, 0.4, 0.6, 1.4, 1.7, 2.4, 3.0, 4.0), (0.05, 6.0))}),
     ("coulomb", None, {}),
     ("tanh-friction", None, {"vs": _SPEED}),
-    ("stribeck", None, {"vs": _SPEED}),
-    ("stribeck-gauss", None, {"vs": _SPEED}),
+    ("stribeck", "(Fc + Fd*exp(-abs(v)/vs))*sign(v)", {"vs": _SPEED}),
+    ("stribeck-gauss", "(Fc + Fd*exp(-(v/vs)**2))*sign(v)", {"vs": _SPEED}),
     ("van-der-pol", "cx*x**2*v", {}),
     ("displacement-friction", None, {}),
 )
 
 _OWN_SPRING = ("pendulum", "sinh-spring")
 _DISSIPATES = {
-    "coulomb": ("Ff",),
-    "tanh-friction": ("Ff",),
-    "stribeck": ("Fc", "Fs"),
-    "stribeck-gauss": ("Fc", "Fs"),
+    "coulomb": (("Ff",),),
+    "tanh-friction": (("Ff",),),
+    "stribeck": (("Fc",), ("Fc", "Fd")),
+    "stribeck-gauss": (("Fc",), ("Fc", "Fd")),
 }
 _ALSO = {"dead-zone": ("piecewise-spring", "saturation")}
 
@@ -214,10 +214,10 @@ class Sum:
         return limits
 
     @property
-    def dissipates(self) -> tuple[str, ...]:
-        """Parameters that must not be negative."""
+    def dissipates(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters whose sum must not be negative."""
         return tuple(
-            names[name]
+            tuple(names[name] for name in group)
             for term, names in zip(self.terms, self.names, strict=True)
-            for name in term.dissipates
+            for group in term.dissipates
         )
