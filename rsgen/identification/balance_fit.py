@@ -116,9 +116,7 @@ def fit_balance(
         Most Gauss-Newton steps.
     """
     slaved = slaved_harmonics(law, order)
-    # first order is what it says, not what a coarse sum makes of it
-    least = _SAMPLES_SWITCHED if law.switched and order == 1 else _SAMPLES
-    samples = max(least, 1 << (6 * order - 1).bit_length())
+    samples = max(_SAMPLES, 1 << (6 * order - 1).bit_length())
     compared = [h for h in points.measured if h in slaved]
     phase = np.angle(points.harmonics[:, 1])
     orders = np.arange(points.harmonics.shape[1])
@@ -213,10 +211,16 @@ def fit_balance(
     pairs = points.neighbours
     scale: Array | None = None
     regression = fit(linearise, first, own, reject=reject, steps=steps, neighbours=pairs)
-    if law.switched and steps > 1 and samples < _SAMPLES_SWITCHED and regression.noise < _EXACT:
+    # first order is what it says, not what a coarse sum makes of it
+    if (
+        law.switched
+        and steps > 1
+        and samples < _SAMPLES_SWITCHED
+        and (order == 1 or regression.noise < _EXACT)
+    ):
         samples = _SAMPLES_SWITCHED
-        found, own = regression.parameters, regression.own
-        regression = fit(linearise, found, own, reject=reject, steps=steps, neighbours=pairs)
+        found, own, more = regression.parameters, regression.own, 1 if order == 1 else steps
+        regression = fit(linearise, found, own, reject=reject, steps=more, neighbours=pairs)
     if regression.noise > _NOISY and not law.rough:
         scale = np.exp(regression.own[:, 0])
         regression = fit(
