@@ -71,5 +71,8 @@ def test_elements_need_names_of_their_own():
 
 
 def test_a_model_has_no_place_for_values():
-    assert {f.name for f in fields(Model)} == {"elements", "mass", "hold_out"}
+    # laws, what is known of the scale, and which part of the test is meant: nothing that truth could hide in
+    assert {f.name for f in fields(Model)} == {
+        "elements", "mass", "hold_out", "background", "band", "calibrated"
+    }  # fmt: skip
     assert Model((SPRING, DAMPER)).parameters == ("c", "k")
