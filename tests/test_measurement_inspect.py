@@ -413,7 +413,9 @@ def test_a_damaged_file_is_told_in_words_of_the_user(tmp_path: Path) -> None:
 
 def test_a_mil_is_a_length(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,{1 + f}\n" for f in range(1, 9)), encoding="utf-8")
+    path.write_text(
+        "f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,{1 + f}\n" for f in range(1, 9)), encoding="utf-8"
+    )
     case = tmp_path / "a.toml"
     assert call("init", "--from", path, case) == 0
     case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
