@@ -144,7 +144,9 @@ class Rows:
 
     def of(self, signals: Array) -> Array:
         """(n, 2H+1, j) rows of j forces (n, samples, j) along the motion."""
-        return np.asarray(self._project @ signals)
+        # a trial may overflow; whoever asked looks at what comes out
+        with np.errstate(all="ignore"):
+            return np.asarray(self._project @ signals)
 
     def select(self, chosen: NDArray[np.intp]) -> Rows:
         """Keep some points."""

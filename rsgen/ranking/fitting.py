@@ -159,7 +159,7 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     names = balance.names
     place = np.array([guess.values[each] for each in names])
     limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names])
-    place, residual, matrix = balance.settle(place)
+    place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
     cost = _cost(residual, rows)
     for _ in range(_STEPS if balance.nonlinear else 0):
         if not np.isfinite(cost):
