@@ -215,7 +215,8 @@ def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool) -> 
     assert process.wait(60) == 0
     text = seen.decode("utf-8")
     assert "Traceback" not in text
-    for words in ("cases", "0 of 2", "a: ", "b: ", "identifying", "writing the report", "left", "accepted"):
+    # a bar is drawn a few times a second: the quick stages of a small case may pass between two pictures
+    for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "left", "accepted"):
         assert words in text
     assert bool(re.search(r"\x1b\[(?:3[0-9]|38;)", text)) is colours
 

@@ -4,6 +4,7 @@ import pytest
 import sympy
 
 from rsgen.describing import derive
+from rsgen.describing.limits import grows_slowly, limit_at_rest
 from rsgen.expression import parse, symbol
 
 
@@ -43,3 +44,10 @@ def test_leading_powers_decide():
     assert ends("k*x + k3*x**3") == [k, sympy.oo * sympy.sign(k3)]
     assert ends("c*v + Ff*sign(v)") == [sympy.oo * sympy.sign(Ff), c]
     assert ends("k*sin(a*x) + c*x") == [a * k + c, c]
+
+
+def test_a_law_that_is_not_real_on_one_side_has_no_limit_at_rest() -> None:
+    # found by random laws: sympy compares no complex numbers
+    law = parse("Piecewise((x, x < log(x)), (x/b, True))")
+    assert limit_at_rest(law, symbol("x")) is None
+    assert not grows_slowly(law, symbol("x"))

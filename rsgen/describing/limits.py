@@ -64,6 +64,14 @@ def _finite(value: sympy.Expr) -> sympy.Expr | None:
     return None if unknown or value.has(sympy.nan, sympy.zoo, sympy.oo) else value
 
 
+def _sides(alone: sympy.Expr, state: sympy.Symbol, t: sympy.Symbol) -> list[sympy.Expr]:
+    """Give a law on either side of rest; none where it is not real there, as log(-t)."""
+    try:
+        return [alone.xreplace({state: side}) for side in (t, -t)]
+    except TypeError:
+        return []
+
+
 def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
     """Give the limit of stiffness (``state`` x) or damping (v) for X -> 0 by the slope of the law at rest.
 
@@ -75,8 +83,10 @@ def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
         return None
     # the distance from rest is positive on either side
     t = sympy.Symbol("t", positive=True)
-    sides = [alone.xreplace({state: side}) for side in (t, -t)]
+    sides = _sides(alone, state, t)
     if any(atom.has(t) for side in sides for atom in side.atoms(*_KINKED)):
+        return None
+    if not sides:
         return None
     right, left = (_finite(side.subs(t, 0)) for side in sides)
     if right is None or left is None:
@@ -94,8 +104,8 @@ def grows_slowly(law: sympy.Expr, state: sympy.Symbol) -> bool:
     if alone is None:
         return False
     t = sympy.Symbol("t", positive=True)
-    growths = [_growth(alone.xreplace({state: side}), t) for side in (t, -t)]
-    return all(growth is not None and growth < 1 for growth in growths)
+    growths = [_growth(side, t) for side in _sides(alone, state, t)]
+    return bool(growths) and all(growth is not None and growth < 1 for growth in growths)
 
 
 def _terms_alone(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
