@@ -19,7 +19,7 @@ from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, so
 from rsgen.identification.force_law import ForceLaw, compile_law
 from rsgen.identification.points import Points
 from rsgen.identification.regression import Linearisation, Regression, fit
-from rsgen.identification.waveform import Balance, hold_amplitude
+from rsgen.identification.waveform import Balance, HeldAmplitude
 
 __all__ = ["begin_background", "fit_with_background", "split_off"]
 
@@ -155,19 +155,11 @@ def fit_with_background(
     count = len(values) + mass_free
     # the mean has no imaginary part
     real = [h == 0 for h in (1, 1, *compared)]
-    last: list[Balance] = []
+    held = HeldAmplitude(law, points.omega, start, slaved)
 
     def hold(parameters: Array, own: Array) -> Balance:
         m = float(parameters[len(values)]) if mass_free else mass
-        guess = start
-        if last:
-            good = last[0].converged & np.isfinite(last[0].harmonics).all(axis=1)
-            guess = np.where(good[:, None], last[0].harmonics, start)
-        balance = hold_amplitude(
-            law, parameters[: len(values)], m, points.omega, np.exp(own[:, 0]), guess, slaved, samples
-        )
-        last[:] = [balance]
-        return balance
+        return held(parameters[: len(values)], m, np.exp(own[:, 0]), samples)
 
     def linearise(parameters: Array, own: Array) -> Linearisation:
         balance = hold(parameters, own)

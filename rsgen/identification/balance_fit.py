@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.points import Points
 from rsgen.identification.regression import Linearisation, Regression, fit
-from rsgen.identification.waveform import Balance, hold_amplitude
+from rsgen.identification.waveform import Balance, HeldAmplitude
 
 __all__ = ["FittedModel", "fit_balance", "slaved_harmonics", "split_rows"]
 
@@ -125,21 +125,11 @@ def fit_balance(
     # the measured waveform leads to the branch that was measured
     known = [h for h in slaved if h < len(orders)]
     start[:, known] = (points.harmonics * np.exp(-1j * phase[:, None] * orders))[:, known]
-    seen: dict[str, Balance] = {}
+    held = HeldAmplitude(law, points.omega, start, slaved)
 
     def predict(parameters: Array, own: Array) -> Balance:
-        guess = seen["last"].harmonics if "last" in seen else start
         m = float(parameters[-1]) if mass_free else mass
-        balance = hold_amplitude(
-            law, parameters[: len(values)], m, points.omega, np.exp(own[:, 0]), guess, slaved, samples
-        )
-        good = balance.converged & np.isfinite(balance.harmonics).all(axis=1)
-        keep = np.where(good[:, None], balance.harmonics, start)
-        seen["last"] = Balance(
-            **{n: getattr(balance, n) for n in Balance.__dataclass_fields__ if n != "harmonics"},
-            harmonics=keep,
-        )
-        return balance
+        return held(parameters[: len(values)], m, np.exp(own[:, 0]), samples)
 
     # the mean has no imaginary part
     real = [h == 0 for h in (1, 1, *compared)]

@@ -64,6 +64,7 @@ class _Term:
     value: int
     derivatives: tuple[int | None, ...]  # by x, v, then each parameter; None where zero
     switches: tuple[int, ...]
+    everywhere: bool  # finite also where its switches are off
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,18 +150,23 @@ class ForceLaw:
         factor = shares[term.switches[0]][0]
         for switch in term.switches[1:]:
             factor = factor * shares[switch][0]
-        active = factor > 0
-        value = np.where(active, outputs[term.value], 0.0)
+        active = None if term.everywhere else factor > 0
+
+        def inside(output: Any) -> Any:
+            return output if active is None else np.where(active, output, 0.0)
+
+        value = inside(outputs[term.value])
         sums[0] += factor * value
         for total, index in zip(sums[1:], term.derivatives, strict=True):
             if index is not None:
-                total += factor * np.where(active, outputs[index], 0.0)
+                total += factor * inside(outputs[index])
         for switch in term.switches:
-            rest = shares[switch][1]
+            rest = shares[switch][1] * value
             for other in term.switches:
                 if other != switch:
                     rest = rest * shares[other][0]
-            rest = np.where(rest > 0, rest * value, 0.0)
+            if not term.everywhere:
+                rest = np.where(shares[switch][1] > 0, rest, 0.0)
             for total, index in zip(sums[1:], self._steps[switch].derivatives, strict=True):
                 if index is not None:
                     total += rest * outputs[index]
@@ -179,10 +185,13 @@ def _share(outputs: Sequence[Any], switch: _Step, v: Array, a: Array, step: Arra
         if index is not None:
             speed = speed + outputs[index] * rate
     width = np.abs(speed) * step
-    inside = 2 * np.abs(value) < width
-    safe = np.where(inside, width, 1.0)
-    share = np.where(inside, 0.5 + value / safe, np.where(value > 0, 1.0, np.where(value < 0, 0.0, 0.5)))
-    return share, np.where(inside, 1 / safe, 0.0)
+    share = value / width
+    still = (value == 0) & (width == 0)
+    share[still] = 0.0
+    share += 0.5
+    slope = np.where((share > 0) & (share < 1), 1 / width, 0.0)
+    slope[still] = 0.0
+    return np.clip(share, 0.0, 1.0, out=share), slope
 
 
 @lru_cache(maxsize=256)
@@ -218,7 +227,12 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
     for piece in pieces:
         value, slopes = emit_with_slopes(piece.term.subs(renamed))
         if value is not None:
-            terms.append(_Term(value, slopes, tuple(switches.index(s.function) for s in piece.switches)))
+            everywhere = all(
+                term.is_polynomial(x, v)
+                for term in (piece.term, *(piece.term.diff(f) for f in by_name.values()))
+            )
+            places = tuple(switches.index(s.function) for s in piece.switches)
+            terms.append(_Term(value, slopes, places, everywhere))
 
     plain_terms = [piece.term.subs(renamed) for piece in pieces]
     thresholds = {free for function in switches for free in function.subs(renamed).free_symbols}

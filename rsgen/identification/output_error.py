@@ -7,6 +7,8 @@ to step, because near the estimate they change less than the estimate itself has
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +89,13 @@ def fit_output(
     parameters, own, last = start.regression.parameters, simulator.begin, start.regression.noise
     for _ in range(_ROUNDS):
         regression = fit(
-            simulator.linearise, parameters, own, steps=_STEPS, neighbours=points.neighbours, bend=bend
+            simulator.linearise,
+            parameters,
+            own,
+            steps=_STEPS,
+            neighbours=points.neighbours,
+            bend=bend,
+            floor=_FLOOR * accuracy,
         )
         parameters, own = regression.parameters, regression.own
         exact = regression.noise < _FLOOR * accuracy
@@ -136,6 +144,8 @@ class _Simulator:
         self._by_parameter: ComplexArray | None = None
         self.begin = np.stack([np.log(np.abs(points.force)), np.zeros(len(points))], axis=1)
         self._state = _states(points.harmonics, self._phase, points.omega)
+        # a step is tried, refused perhaps, and the place before it asked for again
+        self._lately: deque[tuple[tuple[bytes, bytes, float], ComplexArray]] = deque(maxlen=2)
         if noise > _NOISY:
             self._quieten(start)
 
@@ -154,8 +164,15 @@ class _Simulator:
 
     def solve(self, parameters: Array, drive: Array, accuracy: float | None = None) -> ComplexArray:
         """(n, H+1) harmonics [m] under the forces [N] of phase zero; NaN off the measured branch."""
-        states = self._states_of(parameters, drive, accuracy or self._accuracy)
-        return np.full_like(self._by_force, np.nan) if states is None else self._near(states)
+        accuracy = accuracy or self._accuracy
+        asked = (parameters.tobytes(), drive.tobytes(), accuracy)
+        for known, predicted in self._lately:
+            if asked == known:
+                return predicted
+        states = self._states_of(parameters, drive, accuracy)
+        predicted = np.full_like(self._by_force, np.nan) if states is None else self._near(states)
+        self._lately.append((asked, predicted))
+        return predicted
 
     def _near(self, states: SteadyStates) -> ComplexArray:
         size = np.abs(states.harmonics[:, 1])

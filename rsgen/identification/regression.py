@@ -24,6 +24,9 @@ _NULL = 1e-9
 _GAIN = 1e-4
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 error."""
 
+_UNCHANGED = 1e-3
+"""A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
+
 _HALVINGS = 6
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
@@ -117,6 +120,7 @@ def fit(
     neighbours: NDArray[np.intp] | None = None,
     used: NDArray[np.bool_] | None = None,
     bend: Callable[[Array, Array, Array], Array] | None = None,
+    floor: float = 0.0,
 ) -> Regression:
     """Gauss-Newton with step halving on parameters and on the unknowns of every point together.
 
@@ -142,12 +146,14 @@ def fit(
         derivative of the prediction by the own unknowns times that covariance, (n, M). It is what the noise
         in the own unknowns adds to the prediction on average; the bias that follows is removed from the
         parameters (Box, Bias in nonlinear estimation, 1971: -1/2 (J'J)^-1 J' tr(C H)).
+    floor
+        Misfit that the prediction's own error explains: below it steps are not halved, and end sooner.
     """
     used = np.ones(len(own), dtype=bool) if used is None else used
     rounds = 4 if reject else 1
     converged = False
     for _ in range(rounds):
-        parameters, own, line, converged = _descend(linearise, parameters, own, used, steps, small)
+        parameters, own, line, converged = _descend(linearise, parameters, own, used, steps, small, floor)
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
         same = np.array_equal(kept, used)
@@ -233,6 +239,7 @@ def _descend(
     used: NDArray[np.bool_],
     steps: int,
     small: float,
+    floor: float,
 ) -> tuple[Array, Array, Linearisation, bool]:
     line = linearise(parameters, own)
     for _ in range(steps):
@@ -255,7 +262,8 @@ def _descend(
             return parameters, own, line, True
         own_change = np.clip(own_change, -1, 1)
         realised = -1.0
-        for part in 0.5 ** np.arange(_HALVINGS):
+        reached = float(np.sqrt(np.mean(residual[good] ** 2))) < floor
+        for part in 0.5 ** np.arange(1 if reached else _HALVINGS):
             trial = linearise(parameters + part * change, own + part * own_change)
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
@@ -265,7 +273,8 @@ def _descend(
                 parameters, own, line = parameters + part * change, own + part * own_change, trial
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
-        if realised < _GAIN or relative < small:
+        least = max(_GAIN, _UNCHANGED * residual[good].size) if reached else _GAIN
+        if realised < least or relative < small:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, own, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
     return parameters, own, line, False

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw, ForceSample
+from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.fourier import FourierSeries, fourier_series
 
-__all__ = ["Balance", "hold_amplitude"]
+__all__ = ["Balance", "HeldAmplitude", "hold_amplitude"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -24,10 +25,16 @@ _BLOCK = 384
 """Points a block: its sample arrays stay in the processor's cache."""
 
 _STEPS = 12
-"""Newton steps for the slaved harmonics; from a near start two or three suffice."""
+"""Newton steps for the slaved harmonics; from a near start one or two suffice."""
 
-_SETTLED = 1e-13
-"""Relative step at which the slaved harmonics have converged."""
+_SETTLED = 1e-10
+"""Relative step at which the slaved harmonics have converged: the next one would be its square."""
+
+_CONVERGED = 1e-6
+"""Relative last step that is still called convergence."""
+
+_FAR = 0.5
+"""Relative change beyond which slopes no longer lead from one trial to the next."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +46,7 @@ class Balance:
     force
         (n,) complex [N], relative to a fundamental X_1 = X of phase zero.
     harmonics
-        (n, H+1) complex [m]; column 1 is X.
+        (n, H+1) complex [m]; column 1 is X, those that are not slaved are zero.
     force_slope, harmonics_slope
         (n,), (n, H+1): derivatives by X.
     force_by, harmonics_by
@@ -76,24 +83,18 @@ def hold_amplitude(
     omega, amplitude
         (n,) [rad/s] and X [m].
     start
-        (n, H+1) first guess of the harmonics [m]; those neither slaved nor 1 are kept as they are.
+        (n, H+1) first guess of the slaved harmonics [m].
     slaved
         Harmonics that follow from the balance: a subset of 0, 2, ..., H.
     samples
         Samples a period, at least four times H.
     """
+    # odd harmonics under an odd law repeat with the other sign after half a period
+    half = law.odd and all(h % 2 for h in slaved)
+    series = fourier_series((1, *slaved), samples, half)
     parts = [
-        _block(
-            law,
-            values,
-            mass,
-            omega[i : i + _BLOCK],
-            amplitude[i : i + _BLOCK],
-            start[i : i + _BLOCK],
-            slaved,
-            samples,
-        )
-        for i in range(0, len(omega), _BLOCK)
+        _block(law, values, mass, omega[part], amplitude[part], start[part], series)
+        for part in (slice(i, i + _BLOCK) for i in range(0, len(omega), _BLOCK))
     ]
     names = Balance.__dataclass_fields__
     return Balance(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
@@ -106,121 +107,53 @@ def _block(
     omega: Array,
     amplitude: Array,
     start: ComplexArray,
-    slaved: tuple[int, ...],
-    samples: int,
+    series: FourierSeries,
 ) -> Balance:
-    harmonics = np.array(start)
-    harmonics[:, 1] = amplitude
-    orders = np.arange(harmonics.shape[1])
-    inertia = -mass * (orders * omega[:, None]) ** 2
-    rows = list(slaved)
-    step = np.full(len(omega), np.inf)
-    sample = _sample(law, values, omega, harmonics, samples)
-    for _ in range(_STEPS if rows else 0):
-        residual = inertia * harmonics + _projected(sample.force, orders)
-        matrix = _tangent(sample, omega, inertia, orders)
-        change = _solve(_real_block(matrix, rows, rows), _real(residual[:, rows], rows)[..., None])[..., 0]
-        update = _complex(change, rows)
-        limit = np.minimum(1.0, 0.5 * amplitude / np.maximum(np.abs(update).max(axis=1), 1e-300))
-        harmonics[:, rows] -= limit[:, None] * update
-        step = np.abs(update).max(axis=1) / amplitude
-        sample = _sample(law, values, omega, harmonics, samples)
-        if np.all(step < _SETTLED) or (law.switched and np.all(step < 1e-10)):
+    orders = list(series.orders)
+    at = series.real(start[:, orders])
+    at[:, 0], at[:, 1] = amplitude, 0.0
+    accelerated = -((series.order_of * omega[:, None]) ** 2)
+    diagonal = np.arange(at.shape[1])
+    update, step = np.zeros_like(at[:, 2:]), np.zeros(len(at))
+    for _ in range(_STEPS):
+        x, v = at @ series.shape, (omega[:, None] * at) @ series.rate
+        # only switches ask for the acceleration
+        a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v
+        sample = law.sample(x, v, a, (series.step / omega)[:, None], values)
+        residual = mass * accelerated * at + sample.force @ series.project
+        tangent = series.tangent(sample.by_x, omega[:, None] * sample.by_v)
+        tangent[:, diagonal, diagonal] += mass * accelerated
+        if at.shape[1] == 2:
+            break
+        update = _solve(tangent[:, 2:, 2:], residual[:, 2:, None])[..., 0]
+        size = np.abs(update).max(axis=1)
+        update *= np.minimum(1.0, 0.5 * amplitude / np.maximum(size, 1e-300))[:, None]
+        at[:, 2:] -= update
+        step = size / amplitude
+        if np.all(step < _SETTLED):
             break
 
-    matrix = _tangent(sample, omega, inertia, orders)
-    count = len(law.parameters)
-    by = np.stack([_projected(part, orders) for part in sample.by_parameter], axis=-1) if count else None
-    by_mass = (-((orders * omega[:, None]) ** 2) * harmonics)[..., None]
-    residual_by = by_mass if by is None else np.concatenate([by, by_mass], axis=-1)
-    fundamental = (inertia * harmonics + _projected(sample.force, orders))[:, 1]
-    slope = np.zeros_like(harmonics)
-    harmonics_by = np.zeros((*harmonics.shape, count + 1), dtype=complex)
-    slope[:, 1] = 1.0
-    force_slope = _complex(_real_block(matrix, [1], [1])[:, :, 0], [1])[:, 0]
-    force_by = residual_by[:, 1]
-    if rows:
-        right = np.concatenate(
-            [_real_block(matrix, rows, [1])[:, :, :1], _real(residual_by[:, rows], rows)], axis=-1
-        )
-        follow = -_solve(_real_block(matrix, rows, rows), right)
-        slope[:, rows] = _complex(follow[..., 0], rows)
-        harmonics_by[:, rows] = _complex(follow[..., 1:], rows)
-        through = _complex(_real_block(matrix, [1], rows) @ follow, [1])[:, 0]
-        force_slope = force_slope + through[:, 0]
-        force_by = force_by + through[:, 1:]
+    # slopes, and what the last step changed, are those of the place before it
+    force = residual[:, :2] - (tangent[:, :2, 2:] @ update[..., None])[..., 0]
+    columns = [part @ series.project for part in sample.by_parameter]
+    by = np.stack([tangent[:, :, 0], *columns, accelerated * at], axis=-1)
+    follow = -_solve(tangent[:, 2:, 2:], by[:, 2:]) if len(orders) > 1 else by[:, 2:]
+    through = by[:, :2] + tangent[:, :2, 2:] @ follow
+    fundamental = through[:, 0] + 1j * through[:, 1]
+    harmonics = np.zeros(start.shape, dtype=complex)
+    harmonics[:, orders] = series.complex(at)
+    moved = np.zeros((*start.shape, by.shape[2]), dtype=complex)
+    moved[:, orders[1:]] = series.complex(np.concatenate([by[:, :2], follow], axis=1))[:, 1:]
+    moved[:, 1, 0] = 1.0
     return Balance(
-        fundamental, harmonics, force_slope, slope, force_by, harmonics_by, ~(step > 1e-6) | (not rows)
+        force[:, 0] + 1j * force[:, 1],
+        harmonics,
+        fundamental[:, 0],
+        moved[:, :, 0],
+        fundamental[:, 1:],
+        moved[:, :, 1:],
+        step <= _CONVERGED,
     )
-
-
-def _sample(law: ForceLaw, values: Array, omega: Array, harmonics: ComplexArray, samples: int) -> ForceSample:
-    spectrum = np.zeros((len(omega), samples // 2 + 1), dtype=complex)
-    spectrum[:, : harmonics.shape[1]] = harmonics * (samples / 2)
-    spectrum[:, 0] = harmonics[:, 0].real * samples
-    rate = 1j * omega[:, None] * np.arange(samples // 2 + 1)
-    x = np.fft.irfft(spectrum, samples)
-    v = np.fft.irfft(spectrum * rate, samples)
-    a = np.fft.irfft(spectrum * rate**2, samples)
-    return law.sample(x, v, a, (2 * np.pi / samples / omega)[:, None], values)
-
-
-def _projected(signal: Array, orders: NDArray[np.intp]) -> ComplexArray:
-    """Complex amplitudes of a sampled signal: signal = Re sum_h S_h exp(i h theta)."""
-    spectrum = np.fft.rfft(signal)[:, orders] * (2 / signal.shape[1])
-    spectrum[:, 0] /= 2
-    return np.asarray(spectrum, dtype=np.complex128)
-
-
-def _tangent(
-    sample: ForceSample, omega: Array, inertia: Array, orders: NDArray[np.intp]
-) -> tuple[ComplexArray, ComplexArray]:
-    """Complex matrices A, B of  d residual_h = sum_k A_hk dX_k + B_hk conj(dX_k)."""
-    length = sample.by_x.shape[1]
-    by_x = np.fft.fft(sample.by_x) / length
-    by_v = np.fft.fft(sample.by_v) / length
-    rate = 1j * orders * omega[:, None]
-    minus, plus = orders[:, None] - orders, orders[:, None] + orders
-    direct = by_x[:, minus] + rate[:, None, :] * by_v[:, minus]
-    mirror = by_x[:, plus] - rate[:, None, :] * by_v[:, plus]
-    # the mean counts once where the other harmonics appear with their mirror image
-    direct[:, 0, :] /= 2
-    mirror[:, 0, :] /= 2
-    direct[:, orders, orders] += inertia
-    return direct, mirror
-
-
-def _real_block(matrix: tuple[ComplexArray, ComplexArray], rows: list[int], columns: list[int]) -> Array:
-    """Real form of a part of the tangent: real and imaginary rows and columns, of the mean the real ones."""
-    direct, mirror = (part[:, rows][:, :, columns] for part in matrix)
-    real = np.empty((len(direct), 2 * len(rows), 2 * len(columns)))
-    real[:, 0::2, 0::2] = direct.real + mirror.real
-    real[:, 0::2, 1::2] = mirror.imag - direct.imag
-    real[:, 1::2, 0::2] = direct.imag + mirror.imag
-    real[:, 1::2, 1::2] = direct.real - mirror.real
-    keep_row = [i for i, h in enumerate(np.repeat(rows, 2)) if h > 0 or i % 2 == 0]
-    keep_column = [i for i, h in enumerate(np.repeat(columns, 2)) if h > 0 or i % 2 == 0]
-    return real[:, keep_row][:, :, keep_column]
-
-
-def _real(values: ComplexArray, rows: list[int]) -> Array:
-    """(n, rows, ...) complex to (n, real rows, ...)."""
-    real = np.empty((len(values), 2 * len(rows), *values.shape[2:]))
-    real[:, 0::2], real[:, 1::2] = values.real, values.imag
-    return real[:, [i for i, h in enumerate(np.repeat(rows, 2)) if h > 0 or i % 2 == 0]]
-
-
-def _complex(values: Array, rows: list[int]) -> ComplexArray:
-    """Undo ``_real``."""
-    result = np.zeros((len(values), len(rows), *values.shape[2:]), dtype=complex)
-    position = 0
-    for i, h in enumerate(rows):
-        result[:, i] = values[:, position]
-        position += 1
-        if h > 0:
-            result[:, i] += 1j * values[:, position]
-            position += 1
-    return result
 
 
 def _solve(matrix: Array, right: Array) -> Array:
@@ -229,3 +162,43 @@ def _solve(matrix: Array, right: Array) -> Array:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.pinv(matrix) @ right)
+
+
+class HeldAmplitude:
+    """``hold_amplitude`` from trial to trial: each begins where slopes lead from the one before.
+
+    Parameters
+    ----------
+    law, omega, start, slaved
+        As for ``hold_amplitude``; ``start`` serves the first trial, and points that did not converge.
+    """
+
+    def __init__(self, law: ForceLaw, omega: Array, start: ComplexArray, slaved: tuple[int, ...]) -> None:
+        self._law, self._omega, self._start, self._slaved = law, omega, start, slaved
+        self._last: tuple[Array, Array, int, Balance] | None = None
+
+    def __call__(self, values: Array, mass: float, amplitude: Array, samples: int) -> Balance:
+        """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
+        parameters = np.append(values, mass)
+        guess = self._start
+        if self._last is not None:
+            before, size, sampled, balance = self._last
+            same = np.array_equal(before, parameters) and np.array_equal(size, amplitude)
+            if same and sampled == samples:
+                return balance
+            guess = self._next(balance, parameters - before, amplitude - size)
+        balance = hold_amplitude(
+            self._law, values, mass, self._omega, amplitude, guess, self._slaved, samples
+        )
+        self._last = (parameters, np.array(amplitude), samples, balance)
+        return balance
+
+    def _next(self, balance: Balance, change: Array, growth: Array) -> ComplexArray:
+        along = balance.harmonics_slope * growth[:, None] + balance.harmonics_by @ change
+        size = np.abs(balance.harmonics[:, 1:2])
+        # what did not converge is not finite at times, and no guide
+        with np.errstate(invalid="ignore"):
+            near = np.abs(along).max(axis=1, keepdims=True) < _FAR * size
+            guess = balance.harmonics + np.where(near, along, 0)
+        good = balance.converged & np.isfinite(guess).all(axis=1)
+        return np.where(good[:, None], guess, self._start)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.fourier import fourier_series
 from rsgen.identification.points import Points
 
 __all__ = ["Motion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
@@ -186,8 +187,8 @@ def make_rows(
     right, columns = np.empty((count, width)), np.empty((count, width))
     project = np.empty((count, width, samples))
     trajectory = motion.trajectory(samples)
-    synthesis, rate = _synthesis(samples, motion.order)
-    projection = _projection(samples, motion.order)
+    series = fourier_series(tuple(range(motion.order + 1)), samples, half=False)
+    projection = series.project.T
     known = np.repeat(motion.measured, 2)[1:]
     spread = np.where(known, np.repeat(noise, 2)[1:], _UNKNOWN * float(noise[1])) / np.sqrt(2)
     diagonal = np.arange(width)
@@ -197,10 +198,9 @@ def make_rows(
         part = slice(low, low + _BLOCK)
         x, v, a, step = (column[part] for column in trajectory)
         sample = law.sample(x, v, a, step, values)
-        slope = sample.by_v[:, :, None] * (motion.omega[part, None, None] * rate)
-        slope += sample.by_x[:, :, None] * synthesis
-        jacobian = projection @ slope
-        inertia = _inertia(motion.omega[part], motion.order)
+        omega = motion.omega[part, None]
+        jacobian = series.tangent(sample.by_x, omega * sample.by_v)
+        inertia = -((series.order_of * omega) ** 2)
         jacobian[:, diagonal, diagonal] += mass * inertia
         noisy = jacobian * (np.abs(motion.harmonics[part, 1])[:, None] * spread)[:, None, :]
         covariance = noisy @ np.swapaxes(noisy, 1, 2)
@@ -211,47 +211,17 @@ def make_rows(
         root[:, order[:, None], order] = np.linalg.inv(
             np.linalg.cholesky(covariance[:, order[:, None], order])
         )
-        accelerated = inertia * _real(motion.harmonics[part, : motion.order + 1])
+        accelerated = inertia * series.real(motion.harmonics[part, : motion.order + 1])
         if balanced:
-            rest = (projection @ sample.force[:, :, None])[:, :, 0] + mass * accelerated
+            rest = sample.force @ series.project + mass * accelerated
         else:
             rest = np.zeros((len(x), width))
             rest[:, 1], rest[:, 2] = motion.force[part].real, motion.force[part].imag
         # the balance wanted is  n + m a = f - J (z - z0)
-        rest -= (jacobian @ _real(motion.harmonics_off[part])[:, :, None])[:, :, 0]
+        rest -= (jacobian @ series.real(motion.harmonics_off[part])[:, :, None])[:, :, 0]
         rest[:, 1] += motion.force_off[part].real
         rest[:, 2] += motion.force_off[part].imag
         right[part] = (root @ rest[:, :, None])[:, :, 0]
         columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
         project[part] = root @ projection
     return Rows(trajectory, columns, right, known, project)
-
-
-def _real(harmonics: ComplexArray) -> Array:
-    """(n, 2H+1): mean, then real and imaginary part of every harmonic."""
-    real = np.empty((len(harmonics), 2 * harmonics.shape[1]))
-    real[:, 0::2], real[:, 1::2] = harmonics.real, harmonics.imag
-    return np.delete(real, 1, axis=1)
-
-
-def _inertia(omega: Array, order: int) -> Array:
-    orders = np.repeat(np.arange(order + 1), 2)[1:]
-    return np.asarray(-((orders * omega[:, None]) ** 2))
-
-
-def _synthesis(samples: int, order: int) -> tuple[Array, Array]:
-    """(samples, 2H+1) displacement, and its derivative by the phase, of a unit of each coordinate."""
-    phase = 2 * np.pi * np.arange(samples)[:, None] / samples
-    h = np.arange(1, order + 1)
-    shape, rate = np.ones((samples, 2 * order + 1)), np.zeros((samples, 2 * order + 1))
-    shape[:, 1::2], shape[:, 2::2] = np.cos(h * phase), -np.sin(h * phase)
-    rate[:, 1::2], rate[:, 2::2] = -h * np.sin(h * phase), -h * np.cos(h * phase)
-    return shape, rate
-
-
-def _projection(samples: int, order: int) -> Array:
-    """(2H+1, samples) real coordinates of a sampled signal."""
-    shape, _ = _synthesis(samples, order)
-    project = shape.T * (2 / samples)
-    project[0] /= 2
-    return project

@@ -1,0 +1,121 @@
+"""Truncated Fourier series as real coordinates, and the tangent of a force along them, as matrix products."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FourierSeries", "fourier_series"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FourierSeries:
+    """Signals Re sum_h X_h exp(i h theta) at s samples, d real coordinates: re X_h, im X_h; of the mean X_0.
+
+    Parameters
+    ----------
+    orders
+        The harmonics h, in the order of the coordinates.
+    order_of
+        (d,) the harmonic of each coordinate.
+    step
+        Phase from sample to sample [rad].
+    shape, rate, bend
+        (d, s) the signal of a unit of each coordinate, its first and second derivative by the phase.
+    project
+        (s, d) sampled signal to coordinates.
+    """
+
+    orders: tuple[int, ...]
+    order_of: NDArray[np.intp]
+    step: float
+    shape: Array
+    rate: Array
+    bend: Array
+    project: Array
+    _real_parts: NDArray[np.intp]
+    _imaginary_parts: NDArray[np.intp]
+    _oscillates: NDArray[np.bool_]
+    _spread: Array
+    _by_x: Array
+    _by_v: Array
+
+    def real(self, values: ComplexArray) -> Array:
+        """(n, orders) complex to (n, d) real."""
+        coordinates = np.empty((len(values), len(self.order_of)))
+        coordinates[:, self._real_parts] = values.real
+        coordinates[:, self._imaginary_parts] = values.imag[:, self._oscillates]
+        return coordinates
+
+    def complex(self, coordinates: Array) -> NDArray[Any]:
+        """(n, d, ...) real to (n, orders, ...) complex."""
+        values = coordinates[:, self._real_parts].astype(complex)
+        values[:, self._oscillates] += 1j * coordinates[:, self._imaginary_parts]
+        return values
+
+    def tangent(self, by_x: Array, by_rate: Array) -> Array:
+        """(n, d, d) derivative of the coordinates of a force by those of the motion, from slopes (n, s).
+
+        ``by_x`` is dn/dx, ``by_rate`` the derivative by dx/dtheta. A product of two harmonics is a harmonic
+        of at most twice their order, so that of the slopes only these matter.
+        """
+        flat = (by_x @ self._spread) @ self._by_x
+        flat += (by_rate @ self._spread) @ self._by_v
+        count = len(self.order_of)
+        return np.asarray(flat.reshape(len(flat), count, count))
+
+
+@lru_cache(maxsize=16)
+def fourier_series(orders: tuple[int, ...], samples: int, half: bool) -> FourierSeries:
+    """Prepare a series.
+
+    Parameters
+    ----------
+    orders
+        Different harmonics, none negative.
+    samples
+        A period; more than four times the highest harmonic.
+    half
+        Take the first half of the period only: for odd harmonics, whose other half is the same with the
+        other sign.
+    """
+    highest = max(orders)
+    phase = 2 * np.pi * np.arange(samples // 2 if half else samples) / samples
+    order_of = np.array([h for h in orders for _ in range(2 if h else 1)], dtype=np.intp)
+    multiple = order_of[:, None].astype(float)
+    is_imaginary = np.array([part for h in orders for part in ((False, True) if h else (False,))])
+    angle = multiple * phase
+    cosine, sine = np.cos(angle), np.sin(angle)
+    shape = np.where(is_imaginary[:, None], -sine, cosine)
+    rate = np.where(is_imaginary[:, None], -cosine, -sine) * multiple
+    weight = np.where(multiple > 0, 2.0, 1.0) / len(phase)
+    project = (weight * shape).T
+    # the products of two odd harmonics are even ones
+    products = np.arange(0, 2 * highest + 1, 2 if half else 1)
+    waves = np.exp(1j * products[:, None] * phase)
+    basis = np.concatenate([waves.real, waves.imag[1:]])
+    dual = basis / np.sum(basis**2, axis=1, keepdims=True)
+    maps = [
+        dual @ (project[:, :, None] * part.T[:, None, :]).reshape(len(phase), -1) for part in (shape, rate)
+    ]
+    return FourierSeries(
+        orders,
+        order_of,
+        2 * np.pi / samples,
+        shape,
+        rate,
+        -(multiple**2) * shape,
+        project,
+        np.flatnonzero(~is_imaginary),
+        np.flatnonzero(is_imaginary),
+        np.array([h > 0 for h in orders]),
+        np.ascontiguousarray(basis.T),
+        *maps,
+    )

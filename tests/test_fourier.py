@@ -1,0 +1,60 @@
+"""Fourier series as matrices: against direct sums and against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.identification.fourier import fourier_series
+
+SERIES = [((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True)]
+
+
+def _random(count: int, orders: tuple[int, ...], seed: int) -> np.ndarray:
+    values = np.random.default_rng(seed).normal(size=(2, count, len(orders)))
+    harmonics = values[0] + 1j * values[1]
+    harmonics[:, np.array(orders) == 0] = harmonics.real[:, np.array(orders) == 0]
+    return harmonics
+
+
+@pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
+def test_a_series_is_its_sum_and_comes_back(orders: tuple[int, ...], samples: int, half: bool) -> None:
+    series = fourier_series(orders, samples, half)
+    harmonics = _random(5, orders, 1)
+    phase = series.step * np.arange(series.shape.shape[1])
+    assert phase[-1] + series.step == pytest.approx(np.pi if half else 2 * np.pi)
+    turns = [(1j * np.array(orders)) ** n for n in range(3)]
+    for turn, matrix in zip(turns, (series.shape, series.rate, series.bend), strict=True):
+        direct = (harmonics[:, :, None] * turn[:, None] * np.exp(1j * np.outer(orders, phase))).real.sum(1)
+        assert series.real(harmonics) @ matrix == pytest.approx(direct, abs=1e-12)
+    signal = series.real(harmonics) @ series.shape
+    assert series.complex(signal @ series.project) == pytest.approx(harmonics, abs=1e-13)
+
+
+@pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
+def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(
+    orders: tuple[int, ...], samples: int, half: bool
+) -> None:
+    series = fourier_series(orders, samples, half)
+    at = series.real(_random(4, orders, 2))
+
+    def force(coordinates: np.ndarray) -> np.ndarray:
+        x, rate = coordinates @ series.shape, coordinates @ series.rate
+        return (x**3 + 0.3 * x**2 * rate + np.sinh(0.2 * rate)) @ series.project
+
+    x, rate = at @ series.shape, at @ series.rate
+    tangent = series.tangent(3 * x**2 + 0.6 * x * rate, 0.3 * x**2 + 0.2 * np.cosh(0.2 * rate))
+    step = 1e-5
+    for j in range(at.shape[1]):
+        move = np.zeros(at.shape[1])
+        move[j] = step
+        difference = (force(at + move) - force(at - move)) / (2 * step)
+        assert tangent[:, :, j] == pytest.approx(difference, rel=1e-7, abs=1e-7)
+
+
+def test_half_a_period_tells_as_much_of_odd_harmonics_as_a_whole_one() -> None:
+    orders = (1, 3, 5)
+    half, whole = (fourier_series(orders, 64, part) for part in (True, False))
+    x = half.real(_random(3, orders, 3))
+    cubes = [((x @ series.shape) ** 3) @ series.project for series in (half, whole)]
+    assert cubes[0] == pytest.approx(cubes[1], abs=1e-12)
