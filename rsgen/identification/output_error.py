@@ -46,6 +46,9 @@ _NOISY = 1e-4
 _BENT = (1e-3, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 
+_FOLLOWED = 0.5
+"""Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
+
 _STEPS = 6
 _ROUNDS = 4
 _FLOOR = 5.0
@@ -85,6 +88,8 @@ def fit_output(
         None where the simulator cannot follow enough of the points.
     """
     simulator = _Simulator(points, model, law, start, accuracy)
+    if simulator.followed(start.regression.parameters) < _FOLLOWED * len(points):
+        return None
     bend = simulator.bend if start.regression.noise > _NOISY else None
     parameters, own, last = start.regression.parameters, simulator.begin, start.regression.noise
     for _ in range(_ROUNDS):
@@ -104,7 +109,7 @@ def fit_output(
         # near a fold derivatives change quickly
         last = regression.noise
         simulator.renew()
-    if np.count_nonzero(regression.used) < 0.5 * len(points):
+    if np.count_nonzero(regression.used) < _FOLLOWED * len(points):
         return None
     found, own = regression.parameters, regression.own
     predicted = simulator.solve(found, np.exp(own[:, 0]))
@@ -145,7 +150,7 @@ class _Simulator:
         self.begin = np.stack([np.log(np.abs(points.force)), np.zeros(len(points))], axis=1)
         self._state = _states(points.harmonics, self._phase, points.omega)
         # a step is tried, refused perhaps, and the place before it asked for again
-        self._lately: deque[tuple[tuple[bytes, bytes, float], ComplexArray]] = deque(maxlen=2)
+        self._lately: deque[tuple[tuple[bytes, bytes, float], SteadyStates | None]] = deque(maxlen=2)
         if noise > _NOISY:
             self._quieten(start)
 
@@ -158,21 +163,19 @@ class _Simulator:
         self.begin = np.where(told[:, None], begin, self.begin)
         self._state = np.where(told[:, None], state, self._state)
 
+    def followed(self, parameters: Array) -> int:
+        """Count the points that are predicted on the measured branch."""
+        predicted = self.solve(parameters, np.exp(self.begin[:, 0]))
+        return int(np.count_nonzero(np.isfinite(predicted[:, 1])))
+
     def renew(self) -> None:
         """Take the derivatives anew at the next call."""
         self._by_parameter = None
 
     def solve(self, parameters: Array, drive: Array, accuracy: float | None = None) -> ComplexArray:
         """(n, H+1) harmonics [m] under the forces [N] of phase zero; NaN off the measured branch."""
-        accuracy = accuracy or self._accuracy
-        asked = (parameters.tobytes(), drive.tobytes(), accuracy)
-        for known, predicted in self._lately:
-            if asked == known:
-                return predicted
-        states = self._states_of(parameters, drive, accuracy)
-        predicted = np.full_like(self._by_force, np.nan) if states is None else self._near(states)
-        self._lately.append((asked, predicted))
-        return predicted
+        states = self._states_of(parameters, drive, accuracy or self._accuracy)
+        return np.full_like(self._by_force, np.nan) if states is None else self._near(states)
 
     def _near(self, states: SteadyStates) -> ComplexArray:
         size = np.abs(states.harmonics[:, 1])
@@ -180,6 +183,15 @@ class _Simulator:
         return np.where(good[:, None], states.harmonics, np.nan)
 
     def _states_of(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
+        asked = (parameters.tobytes(), drive.tobytes(), accuracy)
+        for known, states in self._lately:
+            if asked == known:
+                return states
+        states = self._integrate(parameters, drive, accuracy)
+        self._lately.append((asked, states))
+        return states
+
+    def _integrate(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
         mass = float(parameters[-1]) if self._model.mass is None else self._model.mass
         values = dict(zip(self._law.parameters, map(float, parameters), strict=False))
         try:

@@ -1,0 +1,161 @@
+"""Equations of the fundamental: dynamic stiffness  F/X = k(X) - m omega^2 + i omega c(X, omega).
+
+They are linear in all but a few parameters, and in the common factor of some of these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.force_law import ForceLaw
+
+__all__ = ["Equations", "equation_rows"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SAMPLES = 64
+_FINER = 4
+"""Times as many samples where the law has switches."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equations:
+    """Complex equations  sum_j p_j N_j(q) - m omega^2 X = F  of the fundamental, and of the mean.
+
+    Parameters
+    ----------
+    omega
+        (n,) [rad/s].
+    force
+        (n,) complex [N].
+    harmonics
+        (n, H+1) complex displacement [m] along which the law is evaluated.
+    mean
+        Whether the mean of the force must vanish too.
+    weight
+        (n,) [1/N]
+    turning
+        (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
+        equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
+    """
+
+    omega: Array
+    force: ComplexArray
+    harmonics: ComplexArray
+    mean: bool
+    weight: Array
+    turning: Array
+
+    def select(self, chosen: NDArray[np.intp]) -> Equations:
+        """Keep some points."""
+        turning = self.turning[chosen] if len(self.turning) == len(self.omega) else self.turning
+        return Equations(
+            self.omega[chosen],
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.mean,
+            self.weight[chosen],
+            turning,
+        )
+
+
+@lru_cache(maxsize=2)
+def _motion(equations: Equations, finer: int) -> tuple[Array, Array, Array]:
+    """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
+    count = equations.harmonics.shape[1]
+    samples = max(_SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
+    spectrum = np.zeros((len(equations.omega), samples // 2 + 1), dtype=complex)
+    spectrum[:, :count] = equations.harmonics * (samples / 2)
+    spectrum[:, 0] *= 2
+    rate = 1j * equations.omega[:, None] * np.arange(samples // 2 + 1)
+    x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+    return x, v, a
+
+
+def equation_rows(
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    nonlinear: Array,
+    *,
+    scaled: bool = False,
+    coarse: bool = False,
+) -> tuple[Array, Array]:
+    """Give real, weighted rows  matrix @ unknowns = right.
+
+    Parameters
+    ----------
+    equations, law, mass
+        What is solved.
+    nonlinear
+        Values of the parameters in which the law is not linear.
+    scaled
+        Whether a common factor of every group of ``law.scaled`` is an unknown too.
+    coarse
+        Fewer samples.
+
+    Returns
+    -------
+    matrix, right
+        Columns are the linear parameters, the factors where they are asked for, the mass where it is free.
+    """
+    values = np.zeros(len(law.parameters))
+    values[list(law.nonlinear)] = nonlinear
+    omega = equations.omega[:, None]
+    x, v, a = _motion(equations, _FINER if law.switched and not coarse else 1)
+    samples = x.shape[1]
+    sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
+    signals = [sample.by_parameter[i] for i in law.linear]
+    still = sample.force
+    for group in law.scaled if scaled else ():
+        # Euler: what is of degree one is the sum of its slopes times its parameters
+        share = sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(still))
+        signals.append(share)
+        still = still - share
+    turn = np.exp(-2j * np.pi * np.arange(samples) / samples) * (2 / samples)
+    columns = [signal @ turn for signal in signals]
+    inertia = equations.omega**2 * equations.harmonics[:, 1]
+    right = equations.force - still @ turn
+    if mass is None:
+        columns.append(-inertia)
+    else:
+        right = right + mass * inertia
+    weight = equations.weight
+    matrix = np.stack(columns, axis=1) * weight[:, None] if columns else np.zeros((len(right), 0))
+    blocks = [matrix.real, matrix.imag]
+    rights = [(right * weight).real, (right * weight).imag]
+    free = [np.zeros(len(omega))] if mass is None else []
+    if equations.mean:
+        blocks.append(np.stack([s.mean(axis=1) for s in signals] + free, axis=1) * weight[:, None])
+        rights.append(-still.mean(axis=1) * weight)
+    if len(equations.turning):
+        block, balance = _turning_rows(equations, law, values, scaled)
+        blocks.append(np.column_stack([block, *[column[: len(block)] for column in free]]))
+        rights.append(balance)
+    stacked, flat = np.concatenate(blocks), np.concatenate(rights)
+    return stacked, flat
+
+
+def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bool) -> tuple[Array, Array]:
+    """Work of the spring between the turning points: zero for light damping."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    high, low = equations.turning[:, 0], equations.turning[:, 1]
+    parts, works = [], []
+    for end in (high, low):
+        x = end[:, None] * (nodes + 1) / 2
+        still = np.zeros_like(x)
+        sample = law.sample(x, still, still, still, values)
+        share = end[:, None] * weights / 2
+        signals, force = [sample.by_parameter[i] for i in law.linear], sample.force
+        for group in law.scaled if scaled else ():
+            signals.append(sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(force)))
+            force = force - signals[-1]
+        parts.append(np.stack([np.sum(signal * share, axis=1) for signal in signals], axis=1))
+        works.append(np.sum(force * share, axis=1))
+    scale = (equations.weight / np.abs(equations.harmonics[:, 1]))[:, None]
+    return (parts[0] - parts[1]) * scale, -(works[0] - works[1]) * scale[:, 0]
