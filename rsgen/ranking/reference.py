@@ -186,11 +186,14 @@ def _simulated(points: Points, best: Guess, found: FittedModel, mass: float | No
 
 
 def _hold(points: Points, best: Guess, values: Array, mass: float, found: FittedModel) -> Reference | None:
-    """Simulate the points with the force that holds the amplitude found; None where too few are held."""
+    """Simulate the points with the force that holds the measured amplitude; None where too few are held.
+
+    The truncated balance only gives the state to start from: near sticking its amplitude is far off.
+    """
     law = best.law
     good = _followed(found)
-    wanted = np.where(good, np.abs(found.harmonics[:, 1]), 1.0)
-    drive: ComplexArray = np.where(good, found.force, 1.0 + 0j)
+    wanted = points.amplitude
+    drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
     orders = np.arange(found.harmonics.shape[1])
     state = np.stack(
         [
