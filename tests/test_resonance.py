@@ -35,6 +35,14 @@ def test_jumps_across_the_resonance_are_marked() -> None:
     assert [resonance.jump for resonance in found] == [False, True]
 
 
+def test_a_coarse_grid_is_no_jump() -> None:
+    # two points on either side of the resonance, farther apart than it is wide
+    table = surface("cubic", values=LINEAR, frequencies=np.linspace(6, 14, 13))
+    found, _ = find_resonances(select_points(table, model("cubic")), 1.5)
+    assert len(found) == 6
+    assert not any(resonance.jump for resonance in found)
+
+
 def test_levels_that_miss_the_resonance_have_none() -> None:
     table = surface("cubic", values=LINEAR, frequencies=np.linspace(6, 9, 31))
     assert find_resonances(select_points(table, model("cubic")), 1.5)[0] == ()

@@ -25,6 +25,9 @@ _JUMP = 1.5
 _STEEP = np.cos(np.pi / 5)
 """Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
 
+_BENT = 2.0
+"""Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
+
 
 def _runs(points: Points) -> list[NDArray[np.intp]]:
     """Rows of every level and sweep, ascending in frequency."""
@@ -130,7 +133,7 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 amplitude=blend(points.amplitude),
                 stiffness=mass * omega**2,
                 damping=damping,
-                jump=near == other,
+                jump=near == other and not _reached(stiffness[run].real, points.omega[run], near, mass),
             )
         )
         turning.append(np.array([blend(peaks[:, 0]), blend(peaks[:, 1])]))
@@ -152,6 +155,18 @@ def _crossing(real: Array, size: Array, smooth: NDArray[np.bool_]) -> tuple[int,
     # the largest response of a run that does not reach the resonance tells it only from nearby
     interior = 0 < top < len(size) - 1
     return (top, top, 0.0) if interior else None
+
+
+def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
+    """Tell whether Re F/X passes zero beside a point and falls as the inertia alone would, or slower.
+
+    Then the points lie far apart, but no jump is between them: that takes the stiffness with it.
+    """
+    for first in (near - 1, near):
+        if first >= 0 and first + 1 < len(real) and real[first] > 0 >= real[first + 1]:
+            inertia = mass * (omega[first + 1] ** 2 - omega[first] ** 2)
+            return bool(real[first] - real[first + 1] < _BENT * inertia)
+    return False
 
 
 def _turning_points(points: Points) -> Array:
