@@ -145,7 +145,8 @@ def refine(
         enough = last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
         if law.switched or sharp or enough:
             break
-    sharp = sharp or (law.switched and refined.regression.noise < _EXACT)
+    noise = refined.regression.noise
+    sharp = (sharp or (law.switched and noise < _EXACT)) and noise > _ACCURACIES[-1]
     if few is points:
         return refined, sharp
     # what the simulator takes up needs no more than one step

@@ -50,6 +50,9 @@ _CLEARLY = 0.7
 _HOPELESS = 0.02
 """Where a law leaves more of the force than any truncated waveform does, it need not be simulated."""
 
+_OUTER = 0.2
+"""Share of the points on either side that do not decide whether a law is hopeless."""
+
 _FOLLOWED = 0.8
 """Share of the points that a law must be able to follow to serve as reference."""
 
@@ -143,7 +146,7 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     found = fit_balance(
         points, law, values, start, mass_free=mass is None, order=ORDER, reject=False, steps=_STEPS
     )
-    if law.rough and _shared(points, found) < _HOPELESS:
+    if law.rough and found.mass > 0 and _shared(points, found) < _HOPELESS:
         exact = _simulated(points, best, found, mass)
         if exact is not None:
             return exact
@@ -157,11 +160,15 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
 
 
 def _shared(points: Points, found: FittedModel) -> float:
-    """Root mean square of the relative misfit of the force that neighbours share."""
+    """Root mean square of the relative misfit of the force that neighbours share, beside a few points."""
     misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
     first, second = misfit[points.neighbours].T
-    common = (first * np.conj(second)).real
-    return float(np.sqrt(max(float(np.nanmean(common)), 0.0))) if len(common) else 0.0
+    common = np.sort((first * np.conj(second)).real)
+    common = common[np.isfinite(common)]
+    # near sticking the balance of some points is far off for any law
+    outer = int(_OUTER * len(common))
+    common = common[outer : len(common) - outer]
+    return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
 
 def _followed(found: FittedModel) -> NDArray[np.bool_]:
@@ -219,8 +226,10 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fitted
         states = solve(drive, state)
         state = np.where(states.settled[:, None], states.state, state)
         moved = solve((1 + _MOVE) * drive, state)
-        growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(_MOVE)
-        step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > _FLAT, growth, np.inf)
+        # a point that does not settle, or sticks, has no amplitude: it keeps its force
+        with np.errstate(divide="ignore", invalid="ignore"):
+            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(_MOVE)
+            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > _FLAT, growth, np.inf)
         drive = drive * np.exp(np.clip(np.nan_to_num(step), -_FARTHEST, _FARTHEST)).astype(np.complex128)
         states = solve(drive, state)
     except RsgenError:

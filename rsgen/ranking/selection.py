@@ -131,6 +131,7 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
         Terms in a sum.
     """
     columns = _Columns(rows, terms, mass)
+    place = {term.name: i for i, term in enumerate(terms)}
 
     def sensible(chosen: Sequence[Term]) -> bool:
         return sum(term.own_spring for term in chosen) <= 1
@@ -155,8 +156,11 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
             inside = {term.name for term in trial.law.terms}
             for term in terms:
                 if term.name not in inside and sensible((*trial.law.terms, term)):
-                    fixed = [[variant] for variant in variants]
-                    consider((*trial.law.terms, term), [*fixed, columns.variants[term.name]])
+                    among = [*zip(trial.law.terms, ([each] for each in variants), strict=True)]
+                    among.append((term, columns.variants[term.name]))
+                    # one order, that of the library: a sum stands once
+                    among.sort(key=lambda entry: place[entry[0].name])
+                    consider(tuple(part for part, _ in among), [each for _, each in among])
     return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
 
 
