@@ -59,6 +59,17 @@ class Motion:
         """H, the highest harmonic of the balance."""
         return len(self.measured) - 1
 
+    def select(self, chosen: NDArray[np.intp]) -> Motion:
+        """Keep some points."""
+        return Motion(
+            self.omega[chosen],
+            self.harmonics[chosen],
+            self.force[chosen],
+            self.harmonics_off[chosen],
+            self.force_off[chosen],
+            self.measured,
+        )
+
     def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
         """x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
         spectrum = np.zeros((len(self.omega), samples // 2 + 1), dtype=complex)

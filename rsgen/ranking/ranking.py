@@ -21,7 +21,7 @@ from rsgen.identification.points import Points, select_points
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.ranking.reference import ORDER, Reference, first_rows, follow, neighbour_noise
+from rsgen.ranking.reference import LEAST, ORDER, Reference, first_rows, follow, neighbour_noise, standing_out
 from rsgen.ranking.selection import Trial, search_sums
 from rsgen.ranking.terms import library_terms
 from rsgen.ranking.verdict import judge
@@ -42,12 +42,12 @@ _ALONE = 6
 _TERMS = 3
 """Laws of the library in a sum."""
 
+_ONE = 1e-9
+"""Frequencies that differ by less, relatively, are one."""
+
 _ROUNDS = 5
 _CLOSE = 3
 """References tried where the best candidate cannot follow the measured motion."""
-
-_LEAST = 1e-3
-"""Relative noise below which laws are not told apart: what is left of corners and of the simulation."""
 
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
@@ -64,6 +64,18 @@ class _Round:
     noise: Array
     rows: Rows
     own: Fitted
+
+    def without(self, out: NDArray[np.bool_]) -> _Round:
+        """Leave some points aside."""
+        inside = np.flatnonzero(~out)
+        own = replace(self.own, residual=self.own.residual[inside], unseen=self.own.unseen[inside])
+        return _Round(self.reference.select(inside), self.noise, self.rows.select(inside), own)
+
+    def left(self, points: Points) -> float:
+        """What its own law leaves beyond noise, relative to force and response."""
+        pairs = _trusted(self.own, self.noise, points.select(self.reference.kept))
+        total, apart = neighbour_noise(self.own.residual, pairs, self.own.told)
+        return float(np.sqrt(np.nansum(self.noise**2 * np.maximum(total**2 - apart**2, 0.0))))
 
 
 def rank(surface: ResponseSurface, model: Model) -> Ranking:
@@ -87,25 +99,31 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
         Too few points, no phase recorded, or no law follows the test.
     """
     points = _points(surface, model)
+    if model.mass is None and np.ptp(points.omega) <= _ONE * points.omega[0]:
+        raise RsgenError(
+            "ranking: one frequency does not tell the mass: give it, or test at more frequencies"
+        )
     own = _own_guess(points, model)
     rows = first_rows(points, compile_law(parse("c*v + k*x")), model.mass)
     candidates = _candidates(rows, points, model.mass, own, first=True)
-    current: _Round | None = None
+    rounds: list[tuple[_Round, list[Fitted]]] = []
     tried: list[str] = []
     for _ in range(_ROUNDS):
-        found = _next_round(points, candidates, model.mass, current)
+        found = _next_round(points, candidates, model.mass, rounds[-1][0].noise if rounds else None)
         if found is None:
             break
-        current = found
-        kept = points.select(current.reference.kept)
-        candidates = _candidates(current.rows, kept, model.mass, own, first=False, known=candidates)
-        name = current.own.guess.name
+        found, candidates = _compared(points, found, model.mass, own, candidates)
+        rounds.append((found, candidates))
+        name = found.own.guess.name
         if candidates[0].guess.name in (name, *tried):
             break
         tried.append(name)
-    if current is None:
+    if not rounds:
         raise RsgenError("ranking: no law of the library has steady states near the measured ones")
-    return _ranking(points, current, candidates, model)
+    # rounds may go in a circle: that counts whose own law leaves least, of equals the last
+    left = [each.left(points) for each, _ in rounds]
+    best = max(i for i, value in enumerate(left) if value <= min(left) + LEAST)
+    return _ranking(points, *rounds[best], model)
 
 
 def identify_best(surface: ResponseSurface, model: Model) -> Identification:
@@ -160,6 +178,11 @@ def _own_guess(points: Points, model: Model) -> Guess:
 _OWN = "the model's own law"
 
 
+def _parts(name: str) -> frozenset[str]:
+    """Laws in a sum, in whatever order."""
+    return frozenset(name.split(" + "))
+
+
 def _guess(trial: Trial, rows: Rows) -> Guess:
     x, v, *_ = rows.trajectory
     size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
@@ -183,8 +206,8 @@ def _candidates(
     alone = [trial for trial in trials if len(trial.law.terms) <= 1][:_ALONE]
     near = [trial for trial in trials if trial not in alone][: _FITTED - len(alone)]
     guesses = [_guess(trial, rows) for trial in (*near, *alone)]
-    names = {guess.name for guess in guesses}
-    guesses += [fit.guess for fit in (known or [])[:_CLOSE] if fit.guess.name not in (*names, _OWN)]
+    names = {_parts(guess.name) for guess in guesses} | {_parts(_OWN)}
+    guesses += [fit.guess for fit in (known or [])[:_CLOSE] if _parts(fit.guess.name) not in names]
     fitted = [
         fit for guess in [own, *guesses] if (fit := fit_rows(guess, rows, points.level, mass)) is not None
     ]
@@ -197,28 +220,58 @@ def _candidates(
 
 
 def _next_round(
-    points: Points, candidates: list[Fitted], mass: float | None, before: _Round | None
+    points: Points, candidates: list[Fitted], mass: float | None, before: Array | None
 ) -> _Round | None:
-    """Take the motion of the best candidate that can follow the measured one."""
+    """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
     for fit in candidates[:_CLOSE]:
         reference = follow(points, fit.guess, mass)
-        if reference is not None:
-            break
-    else:
-        return None
-    noise = np.full(ORDER + 1, 1e-2) if before is None else before.noise
+        found = None if reference is None else _round(points, fit.guess, reference, mass, before)
+        if found is not None:
+            return found
+    return None
+
+
+def _round(
+    points: Points, guess: Guess, reference: Reference, mass: float | None, before: Array | None
+) -> _Round | None:
+    """Fit the law whose motion it is, and estimate the noise."""
+    noise = np.full(ORDER + 1, 1e-2) if before is None else before
     kept = points.select(reference.kept)
-    guess = replace(fit.guess, values=reference.named(mass))
+    guess = replace(guess, values=reference.named(mass))
     for _ in range(2):
         rows = reference.rows(noise)
         own = fit_rows(guess, rows, kept.level, mass)
         if own is None:
             return None
-        _, apart = neighbour_noise(own.residual, kept.neighbours, rows.told)
-        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), _LEAST)
+        _, apart = neighbour_noise(own.residual, _trusted(own, noise, kept), rows.told)
+        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), LEAST)
     rows = reference.rows(noise)
     own = fit_rows(guess, rows, kept.level, mass)
     return None if own is None else _Round(reference, noise, rows, own)
+
+
+def _trusted(fitted: Fitted, noise: Array, points: Points) -> NDArray[np.intp]:
+    """Pairs of neighbours without those few points that stand out."""
+    pairs = points.neighbours
+    return pairs[~standing_out(fitted, noise)[pairs].any(axis=1)]
+
+
+def _compared(
+    points: Points, found: _Round, mass: float | None, own: Guess, known: list[Fitted]
+) -> tuple[_Round, list[Fitted]]:
+    """Fit the candidates; a few points that even the best cannot explain are left aside."""
+    for _ in range(2):
+        kept = points.select(found.reference.kept)
+        known = _candidates(found.rows, kept, mass, own, first=False, known=known)
+        out = standing_out(known[0], found.noise)
+        if not out.any():
+            break
+        found = found.without(out)
+    else:
+        known = _candidates(
+            found.rows, points.select(found.reference.kept), mass, own, first=False, known=known
+        )
+    return found, known
 
 
 def _ranking(points: Points, current: _Round, candidates: list[Fitted], model: Model) -> Ranking:
@@ -243,7 +296,7 @@ def _ranking(points: Points, current: _Round, candidates: list[Fitted], model: M
         for fit in ordered
     ]
     kept = points.select(current.reference.kept)
-    judgement = judge(current.own, kept, current.noise, rows)
+    judgement = judge(ordered[0], kept, current.noise, rows, len(points) - len(kept), current.reference.feeds)
     return Ranking(
         tuple(rows),
         replace(model, elements=ordered[0].guess.elements),

@@ -13,10 +13,10 @@ from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.points import Points
 from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
-from rsgen.ranking.fitting import Guess, fit_rows
+from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
-__all__ = ["Reference", "first_rows", "follow", "neighbour_noise"]
+__all__ = ["LEAST", "Reference", "first_rows", "follow", "neighbour_noise", "standing_out"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -49,6 +49,13 @@ _CLEARLY = 0.7
 
 _HOPELESS = 0.02
 """Where a law leaves more of the force than any truncated waveform does, it need not be simulated."""
+
+LEAST = 1e-3
+"""Relative noise below which laws are not told apart: what is left of corners and of the simulation."""
+
+_FAR = 8.0
+_FEW = 0.05
+"""Points so many standard deviations off decide nothing as long as they are so few."""
 
 _OUTER = 0.2
 """Share of the points on either side that do not decide whether a law is hopeless."""
@@ -85,6 +92,16 @@ class Reference:
     def rows(self, noise: Array) -> Rows:
         """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
         return make_rows(self.motion, self.law, self.values, self.mass, noise, samples=SAMPLES, balanced=True)
+
+    def select(self, chosen: NDArray[np.intp]) -> Reference:
+        """Keep some of the points kept."""
+        return replace(self, kept=self.kept[chosen], motion=self.motion.select(chosen))
+
+    @property
+    def feeds(self) -> bool:
+        """Whether the structure works on the exciter at most points: Im(F conj X1) is the work of a cycle."""
+        work = (self.motion.force * np.conj(self.motion.harmonics[:, 1])).imag
+        return bool(np.mean(work <= 0) > 0.5)
 
 
 def first_rows(points: Points, law: ForceLaw, mass: float | None) -> Rows:
@@ -183,8 +200,14 @@ def _simulated(points: Points, best: Guess, found: FittedModel, mass: float | No
     for _ in range(_AGAIN):
         if reference is None:
             return None
-        rows = reference.rows(np.full(ORDER + 1, _NOISE))
-        own = fit_rows(replace(best, values=reference.named(mass)), rows, points.level[reference.kept], mass)
+        noise = np.full(ORDER + 1, _NOISE)
+        rows, level = reference.rows(noise), points.level[reference.kept]
+        guess = replace(best, values=reference.named(mass))
+        own = fit_rows(guess, rows, level, mass)
+        out = None if own is None else standing_out(own, noise)
+        if out is not None and out.any():
+            inside = np.flatnonzero(~out)
+            own = fit_rows(guess, rows.select(inside), level[inside], mass)
         if own is None:
             return reference
         values = np.array([own.guess.values[name] for name in reference.law.parameters])
@@ -247,12 +270,28 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fitted
     return Reference(kept, motion, law, values, mass)
 
 
+def standing_out(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
+    """(n,) True for a few points that a law leaves far more of than of the others; none where they are many.
+
+    Such a point tells of itself, a spike or a motion that the simulation misses, not of the law.
+    """
+    size = np.abs(fitted.residual[:, fitted.told])
+    least = (LEAST / np.repeat(noise, 2)[1:])[fitted.told]
+    # the median of a normal deviate's size is 0.6745
+    out = np.asarray((size > _FAR * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
+    return out if np.mean(out) <= _FEW else np.zeros_like(out)
+
+
 def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Root mean square of mean, fundamental and harmonics (H+1,), and the part that neighbours do not share.
 
     Neighbours in frequency of one run share what a law leaves; noise they do not share. Where second
     differences are clearly smaller than first ones, the grid is coarse for the misfit: they tell the noise.
+    Without neighbours nothing is told: NaN.
     """
+    if not len(pairs):
+        unknown = np.full((residual.shape[1] + 1) // 2, np.nan)
+        return unknown, unknown
     one, other = residual[pairs[:, 0]], residual[pairs[:, 1]]
     total = np.mean(one**2 + other**2, axis=0) / 2
     apart = np.mean((one - other) ** 2, axis=0) / 2

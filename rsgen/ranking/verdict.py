@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.identification import Candidate
 from rsgen.identification.points import Points
 from rsgen.ranking.fitting import Fitted
-from rsgen.ranking.reference import neighbour_noise
+from rsgen.ranking.reference import neighbour_noise, standing_out
 from rsgen.ranking.terms import library_terms
 
 __all__ = ["Judgement", "judge"]
@@ -34,6 +34,12 @@ _TOLD = 1e-3
 _MOST = 0.6
 """The range is told in which so much of what is unexplained lies."""
 
+_NAMED = 5
+"""Laws in a list."""
+
+_POINTS_EACH = 6
+"""Fewer points a parameter are few."""
+
 _WHOLE = 0.75
 """A range as wide as this share of the tested one tells nothing."""
 
@@ -47,24 +53,32 @@ class Judgement:
     sentences: tuple[str, ...]
 
 
-def judge(best: Fitted, points: Points, noise: Array, candidates: Sequence[Candidate]) -> Judgement:
+def judge(
+    best: Fitted, points: Points, noise: Array, candidates: Sequence[Candidate], aside: int, feeds: bool
+) -> Judgement:
     """Put a ranking into words.
 
     Parameters
     ----------
     best
-        The best law along its own motion.
+        The first of the candidates.
     points
         Those that took part.
     noise
         (H+1,) relative, of mean, fundamental and harmonics.
     candidates
         Best first.
+    aside
+        Points that no law follows and that took no part.
+    feeds
+        True where the structure would work on the exciter over most cycles.
     """
+    out = standing_out(best, noise)
     pairs = points.neighbours
+    pairs = pairs[~out[pairs].any(axis=1)]
     total, apart = neighbour_noise(best.residual, pairs, best.told)
-    shared = np.maximum(total**2 - apart**2, 0.0)
-    left = np.nan_to_num(noise * np.sqrt(shared))
+    shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
+    left = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
     sure = correlation * np.sqrt(2 * max(len(pairs), 1)) > _SURE
     count = min(len(left), points.harmonics.shape[1])
@@ -75,24 +89,63 @@ def judge(best: Fitted, points: Points, noise: Array, candidates: Sequence[Candi
     limit = np.maximum(_HARMONIC, _SHARE * size)
     limit[:2] = _FUNDAMENTAL
     missing = sure & (left > limit)
-    tied = [candidate.name for candidate in candidates if candidate.tied]
-    if not missing.any():
-        return Judgement(True, 0.0, tuple(_fitting(tied, float(noise[1]), len(points))))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
-    sentences = [
-        f"none of these fits: even the best, {candidates[0].name}, leaves {unexplained:.1%} of force and "
-        f"response unexplained (noise: {noise[1]:.1%})",
-        _where(best, points, missing, left),
-        "all of them assume one mode and a force of displacement and velocity alone: hysteresis, a second "
-        "mode, a background or a drift would leave this",
-    ]
-    return Judgement(False, unexplained, tuple(sentences))
+    absurd = _absurd(candidates[0], feeds)
+    sentences = list(absurd)
+    if missing.any():
+        sentences += [
+            f"none of these fits: even the best, {candidates[0].name}, leaves {_percent(unexplained)} of "
+            "force and response unexplained (what neighbours do not share, noise or too fine for the grid: "
+            f"{_percent(float(noise[1]))})",
+            _where(best, points, pairs, missing, left),
+            "all of them assume one mode and a force of displacement and velocity alone: hysteresis, a "
+            "second mode, a background or a drift would leave this",
+        ]
+    else:
+        sentences += _fitting(
+            candidates, float(noise[1]), len(points), told=len(pairs) > 0, absurd=bool(absurd)
+        )
+    sentences += _warned(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
+    return Judgement(not absurd and not missing.any(), unexplained, tuple(sentences))
 
 
-def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
-    best, rest = tied[0], list(tied[1:])
+def _absurd(best: Candidate, feeds: bool) -> list[str]:
+    """Say what no passive structure does."""
+    wrong = []
+    if best.values.get("m", 1.0) <= 0:
+        wrong.append(f"the mass comes out negative ({best.values['m']:.3g} kg)")
+    if feeds:
+        wrong.append("the structure would feed energy into the exciter")
+    if not wrong:
+        return []
+    return [f"{' and '.join(wrong)}: is the sense of the phase right, and the sign of the sensor?"]
+
+
+def _warned(points: Points, parameters: int, out: int, aside: int) -> list[str]:
+    """Say what makes a ranking less certain than it looks."""
+    sentences = []
+    if out:
+        sentences.append(f"{out} of {len(points) + aside} points are left aside: no law follows them")
+    if len(points) < _POINTS_EACH * parameters:
+        sentences.append(
+            f"{len(points)} points are few for {parameters} parameters: more would tell more laws apart"
+        )
+    if len(np.unique(points.level)) < 2:
+        sentences.append("one level only: other levels would tell more laws apart")
+    return sentences
+
+
+def _fitting(
+    candidates: Sequence[Candidate], noise: float, count: int, *, told: bool, absurd: bool
+) -> list[str]:
+    tied = [candidate.name for candidate in candidates if candidate.tied]
+    best, rest = tied[0], tied[1:]
     size = f"looks like noise of {noise:.2g}" if noise > _TOLD else f"is less than {_TOLD:g}"
-    sentences = [f"{best} fits best: what it leaves of {count} points {size}"]
+    sentences = [
+        f"{best} {'comes nearest' if absurd else 'fits best'}: what it leaves of {count} points {size}"
+    ]
+    if not told:
+        sentences = [f"{best} comes nearest: points without neighbours do not tell whether it fits"]
     inside = set(best.split(" + "))
     sentences += [
         f"{term.name} beside a linear spring is also {' and '.join(term.also)}"
@@ -101,29 +154,47 @@ def _fitting(tied: Sequence[str], noise: float, count: int) -> list[str]:
     ]
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]
+    # what contains another tied law says nothing new
+    other = [
+        name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
+    ]
     if other:
-        sentences.append(f"cannot be told from it by this test: {', '.join(other)}")
+        sentences.append(f"cannot be told from it by this test: {_listed(other)}")
     if more:
-        sentences.append(f"adds nothing that the test shows: {', '.join(more)}")
+        sentences.append(f"adds nothing that the test shows: {_listed(more)}")
     return sentences
 
 
-def _where(best: Fitted, points: Points, missing: NDArray[np.bool_], left: Array) -> str:
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _percent(share: float) -> str:
+    return f"{share:.1%}" if share < 1 else "all"
+
+
+def _where(
+    best: Fitted, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], left: Array
+) -> str:
     """Say in which harmonic, at which frequencies and amplitudes what is unexplained lies."""
-    names = [f"{_order(h)} ({left[h]:.1%})" for h in np.flatnonzero(missing).tolist()]
+    names = [f"{_order(h)} ({_percent(left[h])})" for h in np.flatnonzero(missing).tolist()]
     orders = np.repeat(np.arange(len(missing)), 2)[1:]
     rows = best.told & missing[orders]
-    pairs = points.neighbours
     # noise is not shared by neighbours: their product is what the law leaves
     power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
     frequency = points.omega / (2 * np.pi)
     parts = [f"it is unexplained in the {_joined(names)}"]
     span = _range(frequency[pairs].mean(axis=1), power)
     if span is not None:
-        parts.append(f"mostly between {span[0]:.4g} and {span[1]:.4g} Hz")
+        low, high = (f"{end:.4g}" for end in span)
+        parts.append(f"mostly near {low} Hz" if low == high else f"mostly between {low} and {high} Hz")
     span = _range(points.amplitude[pairs].mean(axis=1), power)
     if span is not None:
-        parts.append(f"at amplitudes from {span[0]:.3g} to {span[1]:.3g} m")
+        low, high = (f"{end:.3g}" for end in span)
+        parts.append(
+            f"at amplitudes near {low} m" if low == high else f"at amplitudes from {low} to {high} m"
+        )
     return ", ".join(parts)
 
 
