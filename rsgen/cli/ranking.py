@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rsgen.cli.printing import number, print_json, print_line, print_table
 
 if TYPE_CHECKING:
+    from rsgen.identification import Ranking
     from rsgen.oscillator import Model
     from rsgen.surface import ResponseSurface
 
@@ -73,4 +74,22 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
     for sentence in ranking.verdict:
         print_line(sentence)
     print_line(f"best: {ranking.candidates[0].force}")
+    print_line(f"with {_values(ranking)}")
     return 0
+
+
+def _values(ranking: Ranking) -> str:
+    """Values of the best law with their units, so that absurd ones are seen."""
+    from rsgen.errors import RsgenError
+    from rsgen.units import parameter_units
+
+    try:
+        units = parameter_units(ranking.model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be ranked all the same
+        units = {}
+    units = {**units, "m": "kg"}
+    return ", ".join(
+        f"{name} = {number(value)} {units.get(name, '')}".rstrip()
+        for name, value in ranking.candidates[0].values.items()
+    )
