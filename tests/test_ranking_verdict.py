@@ -19,6 +19,7 @@ from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.terms import library_terms
 from rsgen.ranking.verdict import Judgement, judge
 from rsgen.simulation import SimulatedTest
+from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
@@ -114,9 +115,8 @@ def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("rsgen.ranking.ranking.judge", spy)
     # of those that tie the one with fewest parameters is named: not the law whose motion it is
-    for seed in (1, 2):
-        rank(noisy(two_masses(), NOISE, seed), BASE)
-    assert len(seen) == 2
+    rank(add_noise(two_masses(), NOISE, 1), BASE)
+    assert len(seen) == 1
     assert all(judged == named for judged, named in seen)
 
 
@@ -129,3 +129,14 @@ def test_a_sum_stands_once_whatever_its_order() -> None:
         for candidate in ranking.candidates:
             places = [order.index(name) for name in candidate.name.split(" + ") if name in order]
             assert places == sorted(places)
+
+
+def test_levels_that_are_predicted_badly_are_told() -> None:
+    # a stop that the highest level alone reaches: the others cannot predict it
+    law = "kk*Max(0, x - b)"
+    table = simulated(law, np.linspace(9, 14, 40), kk=2 * STIFFNESS, b=1.08 * AMPLITUDE)
+    ranking = rank(noisy(table, NOISE, 1), BASE)
+    assert ranking.candidates[0].name == "one-sided-stop"
+    assert any("predicted from the others" in sentence for sentence in ranking.verdict)
+    well = rank(measured("cubic"), BASE)
+    assert not any("predict" in sentence for sentence in well.verdict)

@@ -34,6 +34,9 @@ _TOLD = 1e-3
 _MOST = 0.6
 """The range is told in which so much of what is unexplained lies."""
 
+_WORSE = 1.5
+"""Levels predicted so many times worse than fitted are told."""
+
 _NAMED = 5
 """Laws in a list."""
 
@@ -105,6 +108,7 @@ def judge(
         sentences += _fitting(
             candidates, float(noise[1]), len(points), told=len(pairs) > 0, absurd=bool(absurd)
         )
+    sentences += _flexible(best, noise, candidates)
     sentences += _warned(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
     return Judgement(not absurd and not missing.any(), unexplained, tuple(sentences))
 
@@ -119,6 +123,29 @@ def _absurd(best: Candidate, feeds: bool) -> list[str]:
     if not wrong:
         return []
     return [f"{' and '.join(wrong)}: is the sense of the phase right, and the sign of the sensor?"]
+
+
+def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[str]:
+    """Say where the first predicts levels clearly worse than it fits them, or than others predict them."""
+    scale = np.repeat(noise, 2)[1:]
+    fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.told] ** 2)))
+    first = candidates[0]
+    if not first.held_out_error > _WORSE * max(fitted, _TOLD):
+        return []
+    sentences = [
+        f"a level predicted from the others is off by {_percent(first.held_out_error)}, fitted with them by "
+        f"{_percent(fitted)}: some values rest on a single level, or the law is too flexible"
+    ]
+    better = [
+        candidate
+        for candidate in candidates
+        if (candidate.tied or candidate.parameters < first.parameters)
+        and _WORSE * candidate.held_out_error < first.held_out_error
+    ]
+    if better:
+        least = min(better, key=lambda candidate: candidate.held_out_error)
+        sentences.append(f"{least.name} predicts levels better: off by {_percent(least.held_out_error)}")
+    return sentences
 
 
 def _warned(points: Points, parameters: int, out: int, aside: int) -> list[str]:
@@ -171,7 +198,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{share:.1%}" if share < 1 else "all"
+    return f"{share:.1%}" if share < 1 else "more than 100%"
 
 
 def _where(
