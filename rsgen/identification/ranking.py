@@ -52,11 +52,14 @@ class Ranking:
     model
         The best law as a model for ``identify``.
     fits
-        False where even the best leaves more than noise.
+        False where even the best leaves more than noise, beside a few points that the verdict counts, or
+        where its mass is negative or the structure would feed energy into the exciter.
     verdict
-        Sentences: the best, what cannot be told from it, or that none fits and where.
+        Sentences: what no passive structure does; the best, what cannot be told from it, or that none fits
+        and where; what makes the ranking less certain.
     noise
-        Relative noise of force and response on which the comparison rests [1].
+        Relative noise of force and response on which the comparison rests [1]: what neighbours in frequency
+        do not share.
     unexplained
         What even the best leaves beyond noise, relative to force and response [1]; 0 where it fits.
     """

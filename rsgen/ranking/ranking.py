@@ -96,7 +96,7 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     Raises
     ------
     RsgenError
-        Too few points, no phase recorded, or no law follows the test.
+        Too few points, one frequency without a mass, no phase recorded, or no law follows the test.
     """
     points = _points(surface, model)
     if model.mass is None and np.ptp(points.omega) <= _ONE * points.omega[0]:
