@@ -53,11 +53,26 @@ def test_one_well_of_two_is_drawn_where_the_mass_moves() -> None:
     assert np.abs(found.stiffness_force - exact).max() < WANTED * np.abs(exact).max()
 
 
-def test_a_little_noise_does_little() -> None:
-    table = noisy(surface("bilinear"), 3e-4, 1)
+@pytest.mark.parametrize("relative", [3e-4, 1e-2])
+def test_a_little_noise_does_little(relative: float) -> None:
+    table = noisy(surface("bilinear"), relative, 1)
     found = identify(table, model("bilinear")).restoring
     spring, _ = forces("bilinear", found.displacement, found.velocity)
     assert np.abs(found.stiffness_force - spring).max() < 2 * WANTED * np.abs(spring).max()
+
+
+@pytest.mark.slow
+def test_bands_of_forces_without_a_law_are_as_wide_as_their_errors() -> None:
+    table = surface("bilinear")
+    scores = []
+    for seed in range(8):
+        found = invert_motion(select_points(noisy(table, 1e-2, seed), model("bilinear")), MASS, 1e-2)
+        spring, damper = forces("bilinear", found.displacement, found.velocity)
+        # in the middle of both ranges; at zero a band has no width
+        scores.append((found.stiffness_force - spring)[10:51:10] / found.stiffness_band[10:51:10])
+        scores.append((found.damping_force - damper)[10:51:10] / found.damping_band[10:51:10])
+    # 95 % bands: errors of half their width on average, in either direction by chance
+    assert 0.25 < np.sqrt(np.nanmean(np.square(scores))) < 0.9
 
 
 def test_too_few_points_draw_nothing() -> None:

@@ -51,10 +51,6 @@ _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
 
 
-_QUIET = 5e-4
-"""Noise beyond which the measured harmonics are too rough for a force along an uneven motion."""
-
-
 def identify(surface: ResponseSurface, model: Model) -> Identification:
     """Identify every parameter of the model's laws, and the mass where it is not given.
 
@@ -178,10 +174,10 @@ def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Re
 
 
 def _without_law(points: Points, curve: EquivalentCurve, mass: float, noise: float) -> RestoringForce | None:
-    """Draw the forces from k(X) and c(X), or along the motion where an uneven one is known well enough."""
+    """Draw the forces from k(X) and c(X), or along the motion where that leaves the middle."""
     if _is_centred(points):
         return invert_curve(curve, mass)
-    return invert_motion(points, mass, noise) if noise < _QUIET else None
+    return invert_motion(points, mass, noise)
 
 
 def _is_centred(points: Points) -> bool:
