@@ -34,6 +34,7 @@ bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accu
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python tests/benchmarks/speed.py
 	$(BIN)/python tests/benchmarks/accuracy.py
+	$(BIN)/python tests/benchmarks/ranking.py
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,8 +1,8 @@
 """How often does a ranking find the law? Noisy tests of all cases, of laws in no case, of what no law fits.
 
-``python tests/benchmarks/ranking.py [runs] [noise,...] [names ...]`` prints the rows of a table;
-``ranking_section(runs)`` gives the whole section for ``reports/accuracy.md``. Every run has noise of its own;
-the ranking sees the surface and laws without values. Time is processor time of one core.
+Run by ``make bench``: the table becomes a section of ``reports/accuracy.md``. With ``[runs] [noise,...]
+[names ...]`` the rows are only printed. Every run has noise of its own; the ranking sees the surface and laws
+without values. Time is processor time of one core.
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ import numpy as np
 import rsgen
 from rsgen.element import make_element
 from rsgen.oscillator import Model, Oscillator
+from rsgen.output import write_atomic
 from rsgen.ranking import rank
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 
-CASES = Path(__file__).parent.parent.parent / "cases"
-RUNS = 20
+ROOT = Path(__file__).parent.parent.parent
+CASES = ROOT / "cases"
+REPORT = ROOT / "reports" / "accuracy.md"
+RUNS = 100
 NOISE = 0.01
 LEVELS, FREQUENCIES = 8, 40
 BASE = "k*x + c*v"
@@ -155,30 +158,34 @@ def no_law(name: str) -> tuple[ResponseSurface, Model]:
     return surface, Model((make_element("spring", "k*x"), make_element("damper", "c*v")))
 
 
-def rows(runs: int, noises: Sequence[float] = (NOISE,), wanted: Sequence[str] = ()) -> Iterator[str]:
-    """Give the rows of the table one by one."""
+def rows(runs: int, noises: Sequence[float], wanted: Sequence[str] = ()) -> Iterator[str]:
+    """Give the rows of the table one by one: the names wanted, or all."""
     cases = sorted(path.stem for path in CASES.glob("*.toml"))
     for noise in noises:
         for name in (*cases, *OTHERS, *NO_LAW):
-            if wanted and not any(word in name for word in wanted):
+            if wanted and name not in wanted:
                 continue
             make = of_law if name in OTHERS else no_law if name in NO_LAW else of_case
             yield row(tally(name, *make(name), noise, runs if noise else 1), noise)
 
 
-def ranking_section(runs: int = RUNS, noises: Sequence[float] = (0.0, NOISE, 0.05)) -> str:
-    """Write the section of reports/accuracy.md."""
-    return "\n".join(
-        [HEAD.format(runs=runs, levels=LEVELS, frequencies=FREQUENCIES), *rows(runs, noises), ""]
-    )
+def write_section(lines: Sequence[str]) -> None:
+    """Replace the section of reports/accuracy.md, or append it."""
+    before, _, _ = REPORT.read_text(encoding="utf-8").partition(HEAD.splitlines()[0])
+    section = HEAD.format(levels=LEVELS, frequencies=FREQUENCIES)
+    write_atomic(REPORT, "\n".join([before.rstrip() + "\n", section, *lines, ""]))
 
 
 def main() -> None:
-    """Print rows as they come."""
+    """Print rows as they come; keep those of a whole run."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    noises = [float(text) for text in sys.argv[2].split(",")] if len(sys.argv) > 2 else [NOISE]
+    noises = [float(text) for text in sys.argv[2].split(",")] if len(sys.argv) > 2 else [0.0, NOISE]
+    lines = []
     for line in rows(runs, noises, sys.argv[3:]):
         print(line, flush=True)
+        lines.append(line)
+    if len(sys.argv) == 1:
+        write_section(lines)
 
 
 if __name__ == "__main__":
