@@ -16,9 +16,9 @@ STAGES = ("surface", "identification", "report")
 # Measured on one core of 2020; a law that is met for the first time is derived and compiled
 _COMPILE_SECONDS = 8.0
 _SURFACE_POINTS_A_SECOND = 5_000
-_SMOOTH_POINTS_A_SECOND = 2_000
-_SWITCHED_POINTS_A_SECOND = 400
-_IDENTIFY_SECONDS = 2.0
+_SMOOTH_POINTS_A_SECOND = 4_000
+_SWITCHED_POINTS_A_SECOND = 1_500
+_IDENTIFY_SECONDS = 1.5
 _REPORT_SECONDS = 8.0
 _PROGRAM_MEGABYTES = 250
 _BYTES_A_HARMONIC = 500
