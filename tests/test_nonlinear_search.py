@@ -28,6 +28,11 @@ SATURATION = "Max(-Fm, Min(ks*x, Fm))"
         ("k*x + Max(0, ks*(x - b))", [{"ks"}]),
         ("k*x + ks*Max(0, x - b)", []),
         ("k*x + A*tanh(v/w)", []),
+        # numbers in a law hide what a parameter does
+        ("k*x + 4e8*x**5 + A*tanh(v/w)", []),
+        ("k*x + A*tanh(1e6*v/w)", []),
+        ("k*x + Max(0, ks*x - 500)", []),
+        ("k*x + kg*Max(-Fm, Min(ks*x, Fm))", []),
         ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", [{"Fm", "ks"}]),
     ],
 )
@@ -55,6 +60,9 @@ def identified(text: str, own: dict[str, float], level: tuple[float, float], noi
         ("Ff*tanh(v/w)", {"Ff": 1.0, "w": 0.2}),
         # the same law with both signs turned and a stiffer k
         ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
+        # no other unknown multiplies what they switch
+        ("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}),
+        ("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}),
     ],
 )
 def test_values_come_back_with_their_signs(text: str, own: dict[str, float], noise: float) -> None:
@@ -75,6 +83,16 @@ def test_a_saturation_that_is_never_reached_is_no_number(besides: str) -> None:
     assert "combination" in by_name["k"].remark
     for name in set(true) - {"k", "ks", "Fm"}:
         assert abs(by_name[name].value - true[name]) < 4.5 * by_name[name].standard_error
+
+
+@pytest.mark.parametrize("law", ["2000*Max(0, x - b)", "Max(0, ks*x - F0)", "2e5*x**3"])
+def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
+    elements = (make_element("base", "5000*x + 4*v"), make_element("own", law))
+    own = {"b": 0.006, "ks": 3000.0, "F0": 20.0}
+    true = {name: own[name] for element in elements for name in map(str, element.parameters)}
+    test = SimulatedTest(np.linspace(2.0, 12.0, 5), np.linspace(7.0, 12.0, 31), harmonics=3, accuracy=1e-7)
+    found = rsgen.identify(rsgen.simulate(Oscillator(MASS, elements, true), test), Model(elements, MASS))
+    assert {e.name: e.value for e in found.refined} == pytest.approx(true, rel=1e-6)
 
 
 @pytest.mark.slow

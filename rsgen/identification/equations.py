@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,12 +127,13 @@ def equation_rows(
     else:
         right = right + mass * inertia
     weight = equations.weight
-    matrix = np.stack(columns, axis=1) * weight[:, None] if columns else np.zeros((len(right), 0))
+    matrix = _columns(columns, len(right)) * weight[:, None]
     blocks = [matrix.real, matrix.imag]
     rights = [(right * weight).real, (right * weight).imag]
     free = [np.zeros(len(omega))] if mass is None else []
     if equations.mean:
-        blocks.append(np.stack([s.mean(axis=1) for s in signals] + free, axis=1) * weight[:, None])
+        means = [s.mean(axis=1) for s in signals] + free
+        blocks.append(_columns(means, len(weight)) * weight[:, None])
         rights.append(-still.mean(axis=1) * weight)
     if len(equations.turning):
         block, balance = _turning_rows(equations, law, values, scaled)
@@ -139,6 +141,11 @@ def equation_rows(
         rights.append(balance)
     stacked, flat = np.concatenate(blocks), np.concatenate(rights)
     return stacked, flat
+
+
+def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
+    """(count, columns), of none too."""
+    return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bool) -> tuple[Array, Array]:
@@ -155,7 +162,7 @@ def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bo
         for group in law.scaled if scaled else ():
             signals.append(sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(force)))
             force = force - signals[-1]
-        parts.append(np.stack([np.sum(signal * share, axis=1) for signal in signals], axis=1))
+        parts.append(_columns([np.sum(signal * share, axis=1) for signal in signals], len(high)))
         works.append(np.sum(force * share, axis=1))
     scale = (equations.weight / np.abs(equations.harmonics[:, 1]))[:, None]
     return (parts[0] - parts[1]) * scale, -(works[0] - works[1]) * scale[:, 0]

@@ -20,16 +20,13 @@ from sympy.printing.numpy import SciPyPrinter
 
 from rsgen.element import Piece, normal_form
 from rsgen.expression import symbol
+from rsgen.identification.homogeneity import scaled_groups
 
 __all__ = ["ForceLaw", "ForceSample", "compile_law"]
 
 Array = NDArray[np.float64]
 
 _WHOLE_POWERS = 8
-
-_LARGEST_GROUP = 3
-_LINES = 12
-"""Lines in the space of parameters along which a law is tried for a common factor."""
 
 _MOST_LINEAR_SETS = 12
 """Above so many parameters the linear ones are chosen greedily instead of by trying every set."""
@@ -252,7 +249,11 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
         parameters=names,
         linear=linear,
         nonlinear=tuple(i for i in range(len(names)) if i not in linear),
-        scaled=(),
+        scaled=scaled_groups(
+            [(piece.term, [switch.function for switch in piece.switches]) for piece in pieces],
+            [by_name[name] for name in names],
+            linear,
+        ),
         odd=False,
         switched=bool(steps),
         rough=any(any(_onset(piece)) for piece in pieces),
@@ -262,7 +263,7 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
         _terms=tuple(terms),
         _steps=tuple(steps),
     )
-    return _with_scales(_with_symmetry(law))
+    return _with_symmetry(law)
 
 
 def _onset(piece: Piece) -> tuple[bool, bool]:
@@ -328,31 +329,3 @@ def _with_symmetry(law: ForceLaw) -> ForceLaw:
             largest = np.max(np.abs(one[told]), initial=0.0)
             odd &= bool(np.all(np.abs(one[told] + other[told]) <= 1e-9 * largest))
     return replace(law, odd=odd)
-
-
-def _with_scales(law: ForceLaw) -> ForceLaw:
-    groups: list[tuple[int, ...]] = []
-    for size in range(1, _LARGEST_GROUP + 1):
-        for chosen in combinations(law.nonlinear, size):
-            if not set(chosen) & {i for group in groups for i in group} and _is_affine(
-                law, [*groups, chosen]
-            ):
-                groups.append(chosen)
-    return replace(law, scaled=tuple(groups))
-
-
-def _is_affine(law: ForceLaw, groups: list[tuple[int, ...]]) -> bool:
-    """Tell whether the law is affine in the linear parameters and in a factor of each group, all at once."""
-    generator = np.random.default_rng(1)
-    for _ in range(_LINES):
-        x, v = generator.normal(size=(2, 64))
-        values = np.exp(generator.normal(size=len(law.parameters)))
-        direction = np.zeros(len(values))
-        for group in (*((i,) for i in law.linear), *groups):
-            direction[list(group)] = generator.uniform(0.2, 2.0)
-        forces = [law.force(x, v, values * (1 + step * direction)) for step in range(3)]
-        told = np.all(np.isfinite(forces), axis=0)
-        bent = (forces[2] - 2 * forces[1] + forces[0])[told]
-        if np.any(np.abs(bent) > 1e-9 * np.max(np.abs(forces)[:, told], initial=0.0)):
-            return False
-    return True

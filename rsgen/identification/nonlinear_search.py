@@ -49,7 +49,9 @@ _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
 
 
-def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None) -> Array:
+def search_nonlinear(
+    equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None, share: float = 1.0
+) -> Array:
     """Search all nonlinear parameters of a law.
 
     Parameters
@@ -58,6 +60,8 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
         What is solved.
     begin
         Values that lead to the solution; None searches the whole range.
+    share
+        Of all points of the test, so many are searched: what they hardly show, all may.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
         *trials[costs <= _as_good(float(rest @ rest), len(rest))],
         *_idle(best, windows, search.pins),
     ]
-    missing, equal = search.missing(best), _as_good(lowest, len(search.residual(best)))
+    missing, equal = search.missing(best), _as_good(lowest, len(search.residual(best)), share)
     for trial in sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max())):
         # as good without the switch ever acting: then the test does not tell it, and no number is to be found
         if search.missing(trial) > missing and search.cost(trial) <= equal:
@@ -117,8 +121,8 @@ def _idle(best: Array, windows: list[Array], pins: list[int]) -> list[Array]:
     return trials
 
 
-def _as_good(cost: float, count: int) -> float:
-    return cost * (1 + _SIGNIFICANT / count) + count * _SOLVER**2
+def _as_good(cost: float, count: int, share: float = 1.0) -> float:
+    return cost * (1 + _SIGNIFICANT * share / count) + count * _SOLVER**2
 
 
 class _Search:
@@ -164,8 +168,10 @@ class _Search:
         if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
             return np.zeros(matrix.shape[1]), np.full(len(right), 1e100)
         solution = solve_scaled(matrix, right)[0]
-        negative = np.flatnonzero(self._factors(solution) < 0) + len(self._law.linear)
-        if len(negative):
+        for _ in self._groups:
+            negative = np.flatnonzero(self._factors(solution) < 0) + len(self._law.linear)
+            if not len(negative):
+                break
             # of degree one for positive factors only
             matrix[:, negative] = 0.0
             solution = solve_scaled(matrix, right)[0]
@@ -197,10 +203,11 @@ class _Search:
             return 0
         return int(solve_scaled(matrix, right)[2].shape[1])
 
-    def _shape(self, some: Equations, trial: Array) -> Array | None:
+    def _shape(self, some: Equations, trial: Array, whole: bool) -> Array | None:
         """Columns of unit size; None where they are not finite, or soon will not be."""
         with np.errstate(all="ignore"):
-            columns = equation_rows(some, self._law, None, trial, scaled=True, coarse=True)[0]
+            matrix, right = equation_rows(some, self._law, None, trial, scaled=True, coarse=True)
+            columns = np.column_stack([matrix, right]) if whole else matrix
             norm = np.abs(columns).max(axis=0)
             shape = columns / np.where(norm > 0, norm, 1.0)
         return shape if np.all(np.isfinite(norm)) and norm.max() < _HUGE else None
@@ -209,29 +216,16 @@ class _Search:
         """Values of one parameter between which the law changes its shape; both signs."""
         if which in self.pins:
             return np.array([1.0, -1.0])
-        equations, count = self._equations, len(self._law.nonlinear)
-        some = equations.select(np.linspace(0, len(equations.omega) - 1, 8).round().astype(np.intp))
-        generator = np.random.default_rng(which)
-        size = np.logspace(-_DECADES, _DECADES, 2 * _DECADES * _PER_DECADE + 1)
-        largest = float(np.abs(equations.harmonics).max())
-        typical = [largest, 1.0, 1 / largest, largest * float(np.median(equations.omega))]
-        active = np.zeros(2 * len(size), dtype=bool)
-        values = np.concatenate([size, -size])
-        for attempt in range(1 if len(self.free) == 1 else 4):
-            others = np.full(count, typical[attempt] * generator.uniform(0.3, 0.7))
-            others[self.pins] = 1.0
-            last: Array | None = None
-            for i, value in enumerate(values):
-                others[which] = value
-                shape = self._shape(some, others)
-                if last is not None and shape is not None and i != len(size) and _apart(shape, last):
-                    others[which] = value * (1 + _TINY)
-                    again = self._shape(some, others)
-                    # what a tiny change changes as well is round-off
-                    active[i] |= again is not None and not _apart(shape, again)
-                last = shape
-        active |= np.concatenate([active[1:], [False]])  # both ends of an active interval
-        chosen = values[active]
+        some = self._equations
+        some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
+        largest = float(np.abs(self._equations.harmonics).max())
+        speed = largest * float(np.median(self._equations.omega))
+        stiffness = float(np.max(np.abs(self._equations.force / self._equations.harmonics[:, 1])))
+        typical = [largest, 1.0, stiffness, 1 / largest, speed]
+        chosen = self._changing(some, which, typical, whole=False)
+        if not len(chosen):
+            # what no linear parameter multiplies shows on the right alone
+            chosen = self._changing(some, which, typical, whole=True)
         if not len(chosen):
             return np.array(typical[:1])
         dense = []
@@ -240,6 +234,28 @@ class _Search:
             if len(part):
                 dense.append(sign * np.geomspace(part.min(), part.max(), 6 * len(part) + 1))
         return np.concatenate(dense)
+
+    def _changing(self, some: Equations, which: int, typical: list[float], *, whole: bool) -> Array:
+        """Values at which the shape differs from that at the value before, whatever the others are."""
+        generator = np.random.default_rng(which)
+        size = np.logspace(-_DECADES, _DECADES, 2 * _DECADES * _PER_DECADE + 1)
+        values = np.concatenate([size, -size])
+        active = np.zeros(len(values), dtype=bool)
+        for attempt in typical[:1] if len(self.free) == 1 else typical:
+            others = np.full(len(self._law.nonlinear), attempt * generator.uniform(0.3, 0.7))
+            others[self.pins] = 1.0
+            last: Array | None = None
+            for i, value in enumerate(values):
+                others[which] = value
+                shape = self._shape(some, others, whole)
+                if last is not None and shape is not None and i != len(size) and _apart(shape, last):
+                    others[which] = value * (1 + _TINY)
+                    again = self._shape(some, others, whole)
+                    # what a tiny change changes as well is round-off
+                    active[i] |= again is not None and not _apart(shape, again)
+                last = shape
+        active |= np.concatenate([active[1:], [False]])  # both ends of an active interval
+        return values[active]
 
     def polish(self, start: Array) -> tuple[Array, float]:
         """Descend from one trial in the logarithms of the parameters; signs stay."""

@@ -217,7 +217,7 @@ class _Simulator:
             moved = self.solve(trial, drive, accuracy) if move else base
             columns.append((moved - base) / (move or 1.0))
         self._steep = ~(np.abs(self._by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
-        return np.stack(columns, axis=-1)
+        return np.stack(columns, axis=-1) if columns else np.zeros((*base.shape, 0), dtype=complex)
 
     def linearise(self, parameters: Array, own: Array) -> Linearisation:
         """Around the present parameters; derivatives are taken once, at the first call."""

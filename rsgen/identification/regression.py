@@ -177,7 +177,9 @@ def _unbent(
     residual, matrix = _reduced(replace(line, residual=bent))
     count = matrix.shape[2]
     change, _, _ = solve_scaled(
-        matrix[regular].reshape(-1, count), residual[regular].reshape(-1), found.parameters
+        matrix[regular].reshape(residual[regular].size, count),
+        residual[regular].reshape(-1),
+        found.parameters,
     )
     return replace(found, parameters=found.parameters + change)
 
@@ -248,7 +250,7 @@ def _descend(
             return parameters, own, line, False
         residual, matrix = _reduced(line)
         change, _, _ = solve_scaled(
-            matrix[good].reshape(-1, matrix.shape[2]), residual[good].reshape(-1), parameters
+            matrix[good].reshape(residual[good].size, matrix.shape[2]), residual[good].reshape(-1), parameters
         )
         rest = line.residual - line.by_parameter @ change
         own_change = np.zeros_like(own)
@@ -323,7 +325,7 @@ def _summary(
     residual, matrix = _reduced(line)
     each = residual.shape[1] - line.by_own.shape[2]
     count = len(parameters)
-    flat = matrix[used].reshape(-1, count)
+    flat = matrix[used].reshape(residual[used].size, count)
     _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters)
     freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
     variance = float(np.sum(residual[used] ** 2)) / freedom

@@ -122,6 +122,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     }
     estimates = make_estimates(replace(of_fit(refined), covariance=covariance), law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
+    mass_told = refined.mass if model.mass is not None or estimates[-1].told else None
     misfit = refined.regression.misfit[refined.regression.used]
     return Identification(
         model=model,
@@ -132,7 +133,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         covariance=covariance,
         resonances=resonances,
         curve=curve,
-        restoring=_without_law(kept, curve, refined.mass, float(noise)),
+        restoring=_without_law(kept, curve, mass_told, float(noise)),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
         levels=_force_levels(surface, points, resonances),
@@ -173,8 +174,12 @@ def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Re
     return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])
 
 
-def _without_law(points: Points, curve: EquivalentCurve, mass: float, noise: float) -> RestoringForce | None:
+def _without_law(
+    points: Points, curve: EquivalentCurve, mass: float | None, noise: float
+) -> RestoringForce | None:
     """Draw the forces from k(X) and c(X), or along the motion where that leaves the middle."""
+    if mass is None:
+        return None
     if _is_centred(points):
         return invert_curve(curve, mass)
     return invert_motion(points, mass, noise)

@@ -87,7 +87,7 @@ def hold_amplitude(
     slaved
         Harmonics that follow from the balance: a subset of 0, 2, ..., H.
     samples
-        Samples a period, at least four times H.
+        Samples a period, more than four times H.
     """
     # odd harmonics under an odd law repeat with the other sign after half a period
     half = law.odd and all(h % 2 for h in slaved)
@@ -161,7 +161,9 @@ def _solve(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(matrix) @ right)
+        solution = np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ right)
+        solution[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
+        return solution
 
 
 class HeldAmplitude:

@@ -6,7 +6,7 @@ x(t) = Re sum_h X_h exp(i h omega t), mean included, a spring n_s(x) and an odd 
     mean of n_s + n_d = 0,    fundamental of n_s + n_d = F + m omega^2 X_1
 
 at every point. Both are linear in the coefficients of splines for n_s over the whole range of x and for n_d
-over that of |v|, and together they tell the two sides of the spring apart. No harmonic is neglected.
+over that of |v|, and together they tell the two sides of the spring apart. No measured harmonic is neglected.
 """
 
 from __future__ import annotations
@@ -111,9 +111,10 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
     -------
     RestoringForce or None
         Its bands are what leaving out one group of points after the other says (delete-a-group jackknife,
-        Kott, Journal of Official Statistics 17 (2001)). None where fewer than 64 points remain.
+        Kott, Journal of Official Statistics 17 (2001)). None where fewer than 64 points remain, or
+        the harmonics that shape an uneven motion were not measured.
     """
-    if len(points) < _FEWEST:
+    if len(points) < _FEWEST or 2 not in points.measured:
         return None
     points = points.select(points.spread(_POINTS))
     surfaces = _choose_surfaces(points, noise)

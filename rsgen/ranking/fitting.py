@@ -158,7 +158,7 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     balance = _Balance(guess, rows, mass)
     names = balance.names
     place = np.array([guess.values[each] for each in names])
-    limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names])
+    limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names]).reshape(-1, 2)
     place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
     cost = _cost(residual, rows)
     for _ in range(_STEPS if balance.nonlinear else 0):
@@ -195,7 +195,7 @@ def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> 
 
 def _normal(residual: Array, matrix: Array, rows: Rows) -> tuple[Array, Array]:
     """Normal equations (q, q), (q,) of a Gauss-Newton step."""
-    flat = matrix[:, rows.told].reshape(-1, matrix.shape[2])
+    flat = matrix[:, rows.told].reshape(residual[:, rows.told].size, matrix.shape[2])
     return flat.T @ flat, flat.T @ residual[:, rows.told].reshape(-1)
 
 

@@ -110,7 +110,8 @@ def judge(
         )
     sentences += _flexible(best, noise, candidates)
     sentences += _warned(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
-    return Judgement(not absurd and not missing.any(), unexplained, tuple(sentences))
+    fits = len(pairs) > 0 and not absurd and not missing.any()
+    return Judgement(fits, unexplained, tuple(sentences))
 
 
 def _absurd(best: Candidate, feeds: bool) -> list[str]:
