@@ -50,7 +50,7 @@ def solve_equations(
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
-        nonlinear = search_nonlinear(equations.select(few), law, mass, begin, len(few) / len(chosen))
+        nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
     matrix, right = equation_rows(equations, law, mass, nonlinear)
     solution, _, _ = solve_scaled(matrix, right)
     residual = right - matrix @ solution

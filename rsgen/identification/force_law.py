@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 
 _WHOLE_POWERS = 8
 
+_PLACES = 64
+_ZERO = 1e-9
+"""Relative size at which terms cancel."""
+
 _MOST_LINEAR_SETS = 12
 """Above so many parameters the linear ones are chosen greedily instead of by trying every set."""
 
@@ -301,7 +305,7 @@ def _jointly_linear(
         (i, j)
         for i, row in enumerate(slopes)
         for j, other in enumerate(parameters)
-        if i <= j and any(slope.diff(other).simplify() != 0 for slope in row if slope.has(other))
+        if i <= j and not all(_vanishes(slope.diff(other)) for slope in row if slope.has(other))
     }
     free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
     if len(free) <= _MOST_LINEAR_SETS:
@@ -314,6 +318,26 @@ def _jointly_linear(
         if not any(tuple(sorted((i, j))) in clash for j in picked):
             picked.append(i)
     return tuple(sorted(picked))
+
+
+def _vanishes(expression: sympy.Expr) -> bool:
+    """Tell whether an expression is zero, from its value at random places: to simplify one may not end."""
+    expression = _plain(expression)
+    if expression == 0:
+        return True
+    variables = sorted(expression.free_symbols, key=str)
+    parts = sympy.Add.make_args(expression)
+    evaluate = sympy.lambdify(variables, parts, modules=[{"functools": functools}, "scipy", "numpy"])
+    generator = np.random.default_rng(0)
+    # sizes differ, so that what a large number in a law hides at most places shows at some
+    places = 10.0 ** generator.uniform(-4, 4, (len(variables), _PLACES)) * generator.uniform(
+        0.5, 2.0, _PLACES
+    )
+    with np.errstate(all="ignore"):
+        values = np.array([np.broadcast_to(np.asarray(part, float), _PLACES) for part in evaluate(*places)])
+        size = np.sum(np.abs(values), axis=0)
+        told = np.isfinite(size) & (size > 0)
+        return bool(told.any() and np.all(np.abs(values.sum(axis=0))[told] <= _ZERO * size[told]))
 
 
 def _with_symmetry(law: ForceLaw) -> ForceLaw:

@@ -49,9 +49,7 @@ _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
 
 
-def search_nonlinear(
-    equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None, share: float = 1.0
-) -> Array:
+def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None) -> Array:
     """Search all nonlinear parameters of a law.
 
     Parameters
@@ -60,8 +58,6 @@ def search_nonlinear(
         What is solved.
     begin
         Values that lead to the solution; None searches the whole range.
-    share
-        Of all points of the test, so many are searched: what they hardly show, all may.
 
     Returns
     -------
@@ -91,7 +87,7 @@ def search_nonlinear(
         *trials[costs <= _as_good(float(rest @ rest), len(rest))],
         *_idle(best, windows, search.pins),
     ]
-    missing, equal = search.missing(best), _as_good(lowest, len(search.residual(best)), share)
+    missing, equal = search.missing(best), _as_good(lowest, len(search.residual(best)))
     for trial in sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max())):
         # as good without the switch ever acting: then the test does not tell it, and no number is to be found
         if search.missing(trial) > missing and search.cost(trial) <= equal:
@@ -121,8 +117,8 @@ def _idle(best: Array, windows: list[Array], pins: list[int]) -> list[Array]:
     return trials
 
 
-def _as_good(cost: float, count: int, share: float = 1.0) -> float:
-    return cost * (1 + _SIGNIFICANT * share / count) + count * _SOLVER**2
+def _as_good(cost: float, count: int) -> float:
+    return cost * (1 + _SIGNIFICANT / count) + count * _SOLVER**2
 
 
 class _Search:
