@@ -80,7 +80,7 @@ def _is_scaled(
         # a part that another unknown multiplies would be linear in neither
         return None
     variables = [symbol("x"), symbol("v"), *parameters]
-    functions = sympy.lambdify(variables, [sympy.Add(*parts), *moving], modules=["scipy", "numpy"])
+    functions = sympy.lambdify(variables, [*parts, *moving], modules=["scipy", "numpy"])
     generator = np.random.default_rng(1)
     acts = False
     for size in _SIZES:
@@ -94,13 +94,19 @@ def _is_scaled(
                 drawn.append(
                     [np.broadcast_to(np.asarray(f, float), x.shape) for f in functions(x, v, *trial)]
                 )
-        forces, signs = [each[0] for each in drawn], [each[1:] for each in drawn]
+        shares, signs = (
+            np.array([each[: len(parts)] for each in drawn]),
+            [each[len(parts) :] for each in drawn],
+        )
+        forces = shares.sum(axis=1)
         told = np.all(np.isfinite(forces), axis=0)
         first, second = (forces[1] - forces[0])[told], (forces[2] - 2 * forces[1] + forces[0])[told]
-        step, largest = (np.max(np.abs(part), initial=0.0) for part in (first, np.array(forces)[:, told]))
-        if np.any(np.abs(second) > max(_SAME * step, _ROUND_OFF * largest)) or not _same_sign(signs):
+        step = np.max(np.abs(first), initial=0.0)
+        # parts may cancel: b*ks - b*|ks|
+        round_off = _ROUND_OFF * np.max(np.abs(shares[:, :, told]), initial=0.0)
+        if np.any(np.abs(second) > max(_SAME * step, round_off)) or not _same_sign(signs):
             return None
-        acts |= bool(step > _SAME * largest)
+        acts |= bool(step > max(_SAME * np.max(np.abs(forces[:, told]), initial=0.0), round_off))
     return acts
 
 
