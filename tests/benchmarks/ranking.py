@@ -40,7 +40,7 @@ BASE = "k*x + c*v"
 
 # law, values, mass, levels [N], frequencies [Hz]; none of them is a case
 OTHERS: dict[str, tuple[str, dict[str, float], float, tuple[float, float], tuple[float, float]]] = {
-    "softening x|x|, quadratic damper": (
+    "softening x*abs(x), quadratic damper": (
         "k*x - kq*x*abs(x) + c*v + cq*v*abs(v)",
         {"k": 7.2e5, "kq": 1.2e9, "c": 320.0, "cq": 8e4}, 6.2, (1.0, 12.0), (45.0, 58.0),
     ),
