@@ -381,7 +381,7 @@ def test_random_laws(law, signs):
 
 
 @pytest.mark.slow
-@settings(max_examples=500, derandomize=False, database=None, deadline=None, suppress_health_check=QUIET)
+@settings(max_examples=500, derandomize=True, deadline=None, suppress_health_check=QUIET)
 @given(law=FORCE, signs=SIZES)
 def test_five_hundred_random_laws(law, signs):
     check_random_law(law, signs)
