@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.force_law import ForceLaw, ForceSample
 
 __all__ = ["Equations", "equation_rows"]
 
@@ -111,13 +111,7 @@ def equation_rows(
     x, v, a = _motion(equations, _FINER if law.switched and not coarse else 1)
     samples = x.shape[1]
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
-    signals = [sample.by_parameter[i] for i in law.linear]
-    still = sample.force
-    for group in law.scaled if scaled else ():
-        # Euler: what is of degree one is the sum of its slopes times its parameters
-        share = sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(still))
-        signals.append(share)
-        still = still - share
+    signals, still = _parts(law, sample, values, scaled)
     turn = np.exp(-2j * np.pi * np.arange(samples) / samples) * (2 / samples)
     columns = [signal @ turn for signal in signals]
     inertia = equations.omega**2 * equations.harmonics[:, 1]
@@ -143,6 +137,17 @@ def equation_rows(
     return stacked, flat
 
 
+def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> tuple[list[Array], Array]:
+    """What each unknown multiplies, and the force that none does."""
+    signals, still = [sample.by_parameter[i] for i in law.linear], sample.force
+    for group in law.scaled if scaled else ():
+        # Euler: what is of degree one is the sum of its slopes times its parameters
+        share = sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(still))
+        signals.append(share)
+        still = still - share
+    return signals, still
+
+
 def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
     """(count, columns), of none too."""
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
@@ -158,10 +163,7 @@ def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bo
         still = np.zeros_like(x)
         sample = law.sample(x, still, still, still, values)
         share = end[:, None] * weights / 2
-        signals, force = [sample.by_parameter[i] for i in law.linear], sample.force
-        for group in law.scaled if scaled else ():
-            signals.append(sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(force)))
-            force = force - signals[-1]
+        signals, force = _parts(law, sample, values, scaled)
         parts.append(_columns([np.sum(signal * share, axis=1) for signal in signals], len(high)))
         works.append(np.sum(force * share, axis=1))
     scale = (equations.weight / np.abs(equations.harmonics[:, 1]))[:, None]
