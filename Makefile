@@ -32,9 +32,9 @@ fast: $(READY) ## the checks that take less than a minute
 
 bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accuracy.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	$(BIN)/python tests/benchmarks/speed.py
-	$(BIN)/python tests/benchmarks/accuracy.py
-	$(BIN)/python tests/benchmarks/ranking.py
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.ranking
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -17,13 +17,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsgen import figures, laws
+    from rsgen import figures
     from rsgen.case import Case, load_case
     from rsgen.comparison import Comparison, compare
     from rsgen.describing import DescribingFunction, derive
-    from rsgen.element import Element, make_element
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.identification import Identification, identify
+    from rsgen.law import library as laws
+    from rsgen.law.element import Element, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
@@ -35,13 +36,13 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# name -> the room it lives in; a module itself where the two are equal
-_ROOMS = {
+# name -> the package or module that has it; a module itself where the two are equal
+_PACKAGES = {
     "Case": "case",
     "CaseError": "errors",
     "Comparison": "comparison",
     "DescribingFunction": "describing",
-    "Element": "element",
+    "Element": "law.element",
     "ExpressionError": "errors",
     "Identification": "identification",
     "MeasuredTest": "measurement",
@@ -57,10 +58,10 @@ _ROOMS = {
     "derive": "describing",
     "figures": "figures",
     "identify": "identification",
-    "laws": "laws",
+    "laws": "law.library",
     "load_case": "case",
     "load_surface": "surface",
-    "make_element": "element",
+    "make_element": "law.element",
     "predict": "prediction",
     "rank": "ranking",
     "read_measurement": "measurement",
@@ -106,13 +107,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ROOMS:
+    if name not in _PACKAGES:
         raise AttributeError(f"module 'rsgen' has no attribute {name!r}")
-    room = import_module(f"rsgen.{_ROOMS[name]}")
-    value = room if _ROOMS[name] == name else getattr(room, name)
+    module = import_module(f"rsgen.{_PACKAGES[name]}")
+    value = module if name in ("figures", "laws") else getattr(module, name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_ROOMS])
+    return sorted([*globals(), *_PACKAGES])

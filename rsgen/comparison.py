@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
-from rsgen.identification.force_law import compile_law
+from rsgen.law.numeric import compile_law
 
 __all__ = ["FORCE_KEYS", "Comparison", "Row", "compare"]
 

@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import sympy
 
-from rsgen.element import Element
 from rsgen.errors import RsgenError
+from rsgen.law.element import Element
 
 __all__ = ["BACKGROUNDS", "Model", "Oscillator"]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification
 from rsgen.identification.amplitude_balance import AmplitudeBalance
-from rsgen.identification.points import held_out_mask
+from rsgen.identification.data import held_out_mask
 from rsgen.identification.result import frozen_array
 from rsgen.surface import ResponseSurface
 

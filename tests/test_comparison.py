@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from virtual_test import model, surface, truth
 
 from rsgen.comparison import compare
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
+from tests.oracles.virtual_test import model, surface, truth
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from dataclasses import fields
 import pytest
 import sympy
 
-from rsgen.element import Element
 from rsgen.errors import RsgenError
+from rsgen.law.element import Element
 from rsgen.oscillator import Model, Oscillator
 
 x, v, k, c = sympy.symbols("x v k c", real=True)

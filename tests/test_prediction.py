@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from virtual_test import changed, model, surface
 
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
 from rsgen.prediction import Prediction, predict
+from tests.oracles.virtual_test import changed, model, surface
 
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""

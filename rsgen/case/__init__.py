@@ -17,8 +17,8 @@ from pydantic import ValidationError
 from rsgen.case.building import build
 from rsgen.case.document import CaseDocument, case_schema
 from rsgen.case.faults import sentences
-from rsgen.case.reading import parse_case, read_text
-from rsgen.case.wording import quote
+from rsgen.case.naming import quote
+from rsgen.case.toml_tree import parse_case, read_text
 from rsgen.errors import CaseError
 from rsgen.measurement import MeasuredTest
 from rsgen.oscillator import Model, Oscillator

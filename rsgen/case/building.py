@@ -12,11 +12,11 @@ import sympy
 from rsgen.case.document import CaseDocument, ElementTable, MeasuredTable, SimulatedTable
 from rsgen.case.grid import expand, size_fault
 from rsgen.case.measured import build_measured
-from rsgen.case.wording import name_fault, quote, suggest, text_fault
-from rsgen.element import Element, make_element
+from rsgen.case.naming import name_fault, quote, suggest, text_fault
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
-from rsgen.laws import find_law
+from rsgen.law.element import Element, make_element
+from rsgen.law.library import find_law
 from rsgen.measurement import MeasuredTest
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest

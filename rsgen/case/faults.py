@@ -8,7 +8,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from rsgen.case.document import CaseDocument
-from rsgen.case.wording import quote, suggest
+from rsgen.case.naming import quote, suggest
 
 __all__ = ["sentences"]
 

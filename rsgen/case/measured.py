@@ -15,7 +15,7 @@ from rsgen.case.document import (
     SweepTable,
     TimeTable,
 )
-from rsgen.case.wording import is_device, quote
+from rsgen.case.naming import is_device, quote
 from rsgen.errors import RsgenError
 from rsgen.measurement import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
 from rsgen.units import quantity

@@ -10,10 +10,10 @@ import sympy
 
 from rsgen.case import Case
 from rsgen.describing import derive
-from rsgen.element import Element
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol, write
 from rsgen.kernel import generate
+from rsgen.law.element import Element
 
 __all__ = ["law_faults"]
 

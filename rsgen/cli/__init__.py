@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
-    from rsgen.cli.printing import print_faults
+    from rsgen.cli.terminal import print_faults
 
     try:
         # a polite end from outside clears up as Ctrl-C does

@@ -74,7 +74,7 @@ Figures = Annotated[
 def _show_version(wanted: bool) -> None:
     if wanted:
         from rsgen import __version__
-        from rsgen.cli.printing import print_line
+        from rsgen.cli.terminal import print_line
 
         print_line(f"rsgen {__version__}")
         raise typer.Exit
@@ -163,7 +163,7 @@ def derive(
       rsgen derive "k*x + c*Heaviside(x - b)*v" --assume "b>0"
       rsgen derive "k*x + k3*x**3" --plot k.svg --set k=1000 --set "k3=20 N/mm^3" --amplitude "5 mm"
     """
-    from rsgen.cli.derivation import derive_command
+    from rsgen.cli.derive_command import derive_command
 
     raise typer.Exit(derive_command(expression, assume or [], plot, settings or [], amplitude, json, latex))
 
@@ -219,7 +219,7 @@ def rank(
       rsgen rank cases/cubic.toml
       rsgen rank cubic.h5 --json
     """
-    from rsgen.cli.ranking import rank_command
+    from rsgen.cli.rank_command import rank_command
 
     raise typer.Exit(rank_command(case, data, json))
 
@@ -323,7 +323,7 @@ def inspect(
       rsgen inspect sweep.mat
       rsgen inspect receptances.uff --json
     """
-    from rsgen.cli.inspection import inspect_command
+    from rsgen.cli.inspect_command import inspect_command
 
     raise typer.Exit(inspect_command(file, everything, json))
 
@@ -364,7 +364,7 @@ def init(
       rsgen init wire --measured wire.csv
       rsgen init --from sweep.mat wing.toml
     """
-    from rsgen.cli.beginning import init_command
+    from rsgen.cli.init_command import init_command
 
     raise typer.Exit(init_command(name, force, measured, data, out, json))
 
@@ -387,6 +387,6 @@ def laws(
       rsgen laws dead-zone
       rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
     """
-    from rsgen.cli.library import laws_command
+    from rsgen.cli.laws_command import laws_command
 
     raise typer.Exit(laws_command(name, plot, settings or [], amplitude, json))

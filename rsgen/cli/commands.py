@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
-from rsgen.cli.printing import number, print_faults, print_json, print_line, print_table
-from rsgen.cli.progress import case_progress, stage_progress
+from rsgen.cli.progress_bar import case_progress, stage_progress
+from rsgen.cli.terminal import number, print_faults, print_json, print_line, print_table
 from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.simulation import SimulatedTest

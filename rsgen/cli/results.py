@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.cli.printing import number, print_json, print_line, print_table
+from rsgen.cli.terminal import number, print_json, print_line, print_table
 from rsgen.errors import RsgenError
 from rsgen.output import write_atomic
 

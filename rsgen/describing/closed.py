@@ -10,10 +10,10 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.describing.arcs import Arc, End, make_arc
-from rsgen.describing.compiled import compiled
+from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.terms import read_addend
-from rsgen.element import NormalForm
 from rsgen.expression import symbol
+from rsgen.law.element import NormalForm
 
 __all__ = ["ClosedPart", "Triple", "close"]
 

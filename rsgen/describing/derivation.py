@@ -15,10 +15,10 @@ from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limi
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
-from rsgen.element import Element, NormalForm, make_element, normal_form
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
-from rsgen.notation import readable
+from rsgen.law.element import Element, NormalForm, make_element, normal_form
+from rsgen.law.notation import readable
 
 __all__ = ["derive"]
 

@@ -14,10 +14,10 @@ from rsgen.describing.closed import ClosedPart
 from rsgen.describing.limits import Limit
 from rsgen.describing.mean import solve_mean
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.element import normal_form
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.notation import latex
+from rsgen.law.element import normal_form
+from rsgen.law.notation import latex
 
 __all__ = ["DescribingFunction", "Equivalent", "variables_of"]
 

@@ -9,11 +9,11 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.describing.compiled import compiled
 from rsgen.describing.function import DescribingFunction
+from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.notation import readable
+from rsgen.law.notation import readable
 
 __all__ = ["PrintedComparison", "compare_printed"]
 

@@ -9,10 +9,10 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.describing.closed import ClosedPart
-from rsgen.describing.compiled import compiled
+from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.quadrature import Cycle, Projections, project
-from rsgen.element import NormalForm
 from rsgen.expression import symbol
+from rsgen.law.element import NormalForm
 
 __all__ = ["LEAST_SETS", "PROOF_TOLERANCE", "Trial", "draw_trial", "worst_error"]
 

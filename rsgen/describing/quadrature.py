@@ -13,9 +13,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.describing.compiled import compiled
-from rsgen.element import NormalForm
+from rsgen.describing.numeric_formulas import compiled
 from rsgen.expression import symbol
+from rsgen.law.element import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]
 

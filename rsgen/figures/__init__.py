@@ -6,9 +6,9 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 from __future__ import annotations
 
 from rsgen.figures.curves import draw_collapse, draw_damping, draw_resonance, draw_stiffness
-from rsgen.figures.derivation import draw_derivation
 from rsgen.figures.drawing import STYLE, Drawing
 from rsgen.figures.forces import draw_forces, force_function
+from rsgen.figures.law_figure import draw_derivation
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
 from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text, unit_text

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from rsgen.history.decay import RingDown, follow_decay
-from rsgen.history.law import SweepLaw
 from rsgen.history.record import TimeHistory
 from rsgen.history.soundness import soundness_notes
-from rsgen.history.steps import fit_steps
-from rsgen.history.sweep import demodulate_sweep
+from rsgen.history.stepped_sine import fit_steps
+from rsgen.history.sweep_law import SweepLaw
+from rsgen.history.swept_sine import demodulate_sweep
 
 __all__ = [
     "RingDown",

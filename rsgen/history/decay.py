@@ -17,9 +17,9 @@ from scipy.interpolate import PchipInterpolator
 
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import NOISE_WIDTH, demodulate, place_windows
-from rsgen.history.motion import Motion, displace
 from rsgen.history.quasi_steady import steady_force
 from rsgen.history.record import TimeHistory
+from rsgen.history.sensor import Motion, displace
 from rsgen.surface import ResponseSurface
 
 __all__ = ["RingDown", "follow_decay"]

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.history.motion import Motion
+from rsgen.history.sensor import Motion
 
 __all__ = ["Inertia", "estimate_mass", "steady_force"]
 

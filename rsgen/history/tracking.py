@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
-from rsgen.history.law import LAWS, SweepLaw
 from rsgen.history.record import BLOCK, TimeHistory
+from rsgen.history.sweep_law import LAWS, SweepLaw
 
 __all__ = ["Sweep", "find_sweeps"]
 

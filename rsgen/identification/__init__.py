@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Candidate, Ranking
 from rsgen.identification.result import (
     EquivalentCurve,
@@ -10,7 +11,6 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.stages import identify
 
 __all__ = [
     "Candidate",

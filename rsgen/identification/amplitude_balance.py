@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.balance_fit import slaved_harmonics
-from rsgen.identification.force_law import compile_law
 from rsgen.identification.result import Identification
 from rsgen.identification.waveform import Balance, hold_amplitude
+from rsgen.law.numeric import compile_law
 
 __all__ = ["AmplitudeBalance"]
 

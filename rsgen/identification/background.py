@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.points import Points
+from rsgen.identification.data import Points
 from rsgen.oscillator import BACKGROUNDS
 from rsgen.surface import ResponseSurface
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.element import make_element
 from rsgen.identification.background import Shape, shape_of
 from rsgen.identification.balance_fit import FittedModel, slaved_harmonics, split_rows
+from rsgen.identification.data import Points
 from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, solve_equations
-from rsgen.identification.force_law import ForceLaw, compile_law
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Linearisation, Regression, fit
+from rsgen.identification.least_squares import Linearisation, Regression, fit
 from rsgen.identification.waveform import Balance, HeldAmplitude
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw, compile_law
 
 __all__ = ["begin_background", "fit_with_background", "split_off"]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Linearisation, Regression, fit
+from rsgen.identification.data import Points
+from rsgen.identification.least_squares import Linearisation, Regression, fit
 from rsgen.identification.waveform import Balance, HeldAmplitude
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["FittedModel", "fit_balance", "slaved_harmonics", "split_rows"]
 

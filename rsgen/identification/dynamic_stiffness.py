@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.equations import Equations, equation_rows
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.nonlinear_search import search_nonlinear
-from rsgen.identification.regression import solve_scaled
+from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.search import search_nonlinear
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Equations", "LinearSolution", "point_misfit", "solve_equations"]
 

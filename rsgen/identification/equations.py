@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw, ForceSample
+from rsgen.law.numeric import ForceLaw, ForceSample
 
 __all__ = ["Equations", "equation_rows"]
 

@@ -10,8 +10,8 @@ from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
 from rsgen.identification.balance_fit import FittedModel
-from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.result import Estimate
+from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.units import parameter_units
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.balance_fit import FittedModel
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Regression
+from rsgen.identification.data import Points
+from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
+from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
 
 __all__ = ["find_warnings", "untold_reason"]

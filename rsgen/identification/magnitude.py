@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from rsgen.identification.background import Shape
 from rsgen.identification.balance_fit import FittedModel, slaved_harmonics
+from rsgen.identification.data import Points
 from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, solve_equations
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Linearisation, fit
+from rsgen.identification.least_squares import Linearisation, fit
 from rsgen.identification.waveform import Balance, hold_amplitude
+from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
 
 __all__ = ["fit_magnitude", "start_magnitude", "with_phase"]

@@ -12,13 +12,13 @@ from scipy.special import stdtrit
 from rsgen.identification.background import shape_of
 from rsgen.identification.background_fit import begin_background, fit_with_background, split_off
 from rsgen.identification.balance_fit import FittedModel
+from rsgen.identification.data import Points
 from rsgen.identification.dynamic_stiffness import LinearSolution
-from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.least_squares import Regression
 from rsgen.identification.magnitude import fit_magnitude, start_magnitude
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Regression
 from rsgen.identification.repeats import Repeats
 from rsgen.identification.result import Background, Estimate
+from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 
 __all__ = ["fit_among_modes", "fit_amplitudes", "with_repeats"]

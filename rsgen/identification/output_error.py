@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification.balance_fit import FittedModel, split_rows
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.points import Points
-from rsgen.identification.regression import Linearisation, fit
+from rsgen.identification.data import Points
+from rsgen.identification.least_squares import Linearisation, fit
+from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model, Oscillator
 from rsgen.steady_state import SteadyStates, solve_steady_states
 

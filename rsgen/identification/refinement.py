@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.balance_fit import FittedModel, fit_balance
+from rsgen.identification.data import Points
 from rsgen.identification.dynamic_stiffness import (
     Equations,
     LinearSolution,
     point_misfit,
     solve_equations,
 )
-from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.output_error import fit_output
-from rsgen.identification.points import Points
+from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 
 __all__ = [

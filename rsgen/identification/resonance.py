@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.points import Points
+from rsgen.identification.data import Points
 from rsgen.identification.result import Resonance
 
 __all__ = ["find_resonances", "mass_from_slices"]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw
 from rsgen.identification.fourier import FourierSeries, fourier_series
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Balance", "HeldAmplitude", "hold_amplitude"]
 

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import sympy
 
-from rsgen.element import NormalForm, Piece, Switch, normal_form
-from rsgen.errors import RsgenError
 from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
+from rsgen.law.element import NormalForm, Piece, Switch, normal_form
 
 __all__ = ["generate", "parameter_order"]
 
@@ -34,14 +33,6 @@ class _Located:
     def rests(self) -> bool:
         """Dry friction that holds the mass at rest, not against something that moves."""
         return self.jumps and self.threshold == "0.0"
-
-
-def _templates() -> Path:
-    package = Path(__file__).parent.parent
-    for folder in (package / "templates", package.parent / "templates"):
-        if (folder / _TEMPLATE).is_file():
-            return folder
-    raise RsgenError("templates: not found in the package or beside it; install rsgen again")
 
 
 def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
@@ -159,7 +150,7 @@ def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
     located = _located(form, names, locate_all)
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
-        loader=jinja2.FileSystemLoader(_templates()),
+        loader=jinja2.FileSystemLoader(Path(__file__).parent.parent / "templates"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsgen.measurement.mapping import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
-from rsgen.measurement.reading import read_measurement
+from rsgen.measurement.plan import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.read_measurement import read_measurement
 
 __all__ = ["HistoryRule", "Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]

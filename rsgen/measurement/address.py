@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.contents import Node
+from rsgen.measurement.tree import Node
 
 __all__ = ["find", "select", "show"]
 

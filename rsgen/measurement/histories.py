@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.history import TimeHistory
 from rsgen.measurement.address import show
-from rsgen.measurement.columns import read_columns
-from rsgen.measurement.files import file_label
-from rsgen.measurement.mapping import HistoryRule, MeasuredTest
-from rsgen.measurement.sweep import level_of_file
-from rsgen.measurement.tables import read_channels
+from rsgen.measurement.data_files import file_label
+from rsgen.measurement.file_table import read_channels
+from rsgen.measurement.plan import HistoryRule, MeasuredTest
+from rsgen.measurement.runs import level_of_file
+from rsgen.measurement.text_columns import read_columns
 
 __all__ = ["read_histories"]
 

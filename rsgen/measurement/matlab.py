@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.contents import Node, array_bytes, kept
+from rsgen.measurement.tree import Node, array_bytes, kept
 
 __all__ = ["walk_matlab"]
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from rsgen.ranking.ranking import identify_best, rank
+from rsgen.ranking.rank import identify_best, rank
 
 __all__ = ["identify_best", "rank"]

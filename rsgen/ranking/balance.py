@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.force_law import ForceLaw
+from rsgen.identification.data import Points
 from rsgen.identification.fourier import fourier_series
-from rsgen.identification.points import Points
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Motion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 

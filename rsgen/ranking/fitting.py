@@ -9,8 +9,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.element import Element
-from rsgen.identification.force_law import ForceLaw, compile_law
+from rsgen.law.element import Element
+from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.ranking.balance import Rows
 
 __all__ = ["Fitted", "Guess", "fit_rows"]

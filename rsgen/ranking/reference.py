@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification.balance_fit import FittedModel, fit_balance
-from rsgen.identification.force_law import ForceLaw
-from rsgen.identification.points import Points
+from rsgen.identification.data import Points
+from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.expression import parse
-from rsgen.identification.force_law import compile_law
+from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.terms import Sum, Term
+from rsgen.ranking.candidate_terms import Sum, Term
 
 __all__ = ["Trial", "search_sums"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification import Candidate
-from rsgen.identification.points import Points
+from rsgen.identification.data import Points
+from rsgen.ranking.candidate_terms import library_terms
 from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.reference import neighbour_noise, standing_out
-from rsgen.ranking.terms import library_terms
 
 __all__ = ["Judgement", "judge"]
 

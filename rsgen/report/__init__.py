@@ -32,9 +32,9 @@ from rsgen.report.index import write_index
 from rsgen.report.interpretation import describe_mean
 from rsgen.report.notebook import write_notebook
 from rsgen.report.page import render_page
-from rsgen.report.printed import check_printed
 from rsgen.report.provenance import collect_provenance
-from rsgen.report.result import build_result, result_text
+from rsgen.report.result_json import build_result, result_text
+from rsgen.report.source_formulas import check_printed
 from rsgen.surface import ResponseSurface, save_surface
 
 __all__ = ["draw_all", "write_index", "write_report"]

@@ -9,28 +9,14 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
-from rsgen.errors import RsgenError
-
-__all__ = ["page_environment", "plain_text", "templates_folder", "unbroken", "verbatim"]
+__all__ = ["TEMPLATES", "page_environment", "plain_text", "unbroken", "verbatim"]
 
 _MOST_CHARACTERS = 2000
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 
 
-@cache
-def templates_folder() -> Path:
-    """Find the templates: inside the wheel, or beside the package in an editable install.
-
-    Raises
-    ------
-    RsgenError
-        Neither place has them: the installation is damaged.
-    """
-    package = Path(__file__).resolve().parent.parent
-    for folder in (package / "templates", package.parent / "templates"):
-        if (folder / "report").is_dir():
-            return folder
-    raise RsgenError("templates: not found in the package or beside it; install rsgen again")
+TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+"""Package data; the folder of this name beside the package is a link to it."""
 
 
 def plain_text(text: str, most: int = _MOST_CHARACTERS, keep: str = "") -> str:
@@ -82,7 +68,7 @@ def _finalize(value: object) -> object:
 def page_environment() -> jinja2.Environment:
     """Give the environment of the HTML pages: autoescape on, undefined names are errors."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates_folder()),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

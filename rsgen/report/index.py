@@ -17,7 +17,7 @@ from rsgen.figures import draw_thumbnail, quantity_text
 from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import inline_svg
-from rsgen.report.result import SCHEMA
+from rsgen.report.result_json import SCHEMA
 from rsgen.report.tables import error_text
 from rsgen.surface import load_surface
 

@@ -10,11 +10,11 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.describing import derive
-from rsgen.element import Element
 from rsgen.expression import symbol
 from rsgen.figures import number_text, quantity_text
 from rsgen.identification import Identification
-from rsgen.identification.force_law import compile_law
+from rsgen.law.element import Element
+from rsgen.law.numeric import compile_law
 from rsgen.surface import ResponseSurface
 
 __all__ = ["describe_element", "describe_elements", "describe_mean"]

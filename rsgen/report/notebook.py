@@ -26,7 +26,7 @@ import rsgen
 from rsgen.case import Case
 from rsgen.errors import RsgenError
 from rsgen.output import write_atomic
-from rsgen.report.environment import plain_text, templates_folder
+from rsgen.report.environment import TEMPLATES, plain_text
 from rsgen.simulation import SimulatedTest
 
 __all__ = ["build_notebook", "execute_notebook", "literal", "prose", "write_notebook"]
@@ -97,7 +97,7 @@ def _only_safe(value: object) -> object:
 @cache
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates_folder()),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=False,  # noqa: S701 - no HTML: every value passes _only_safe
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -13,16 +13,16 @@ import rsgen
 from rsgen.case import Case
 from rsgen.comparison import FORCE_KEYS, Comparison
 from rsgen.describing import derive
-from rsgen.element import Element
 from rsgen.expression import parse
 from rsgen.figures import Drawing, count_text, number_text, quantity_text
 from rsgen.identification import Identification
-from rsgen.notation import mathml
+from rsgen.law.element import Element
+from rsgen.law.notation import mathml
 from rsgen.prediction import Prediction
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, describe_mean
-from rsgen.report.printed import PrintedFormula
+from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.tables import (
     background_table,
     error_text,

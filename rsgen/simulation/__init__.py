@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rsgen.simulation.surface import simulate
-from rsgen.simulation.test import SimulatedTest
+from rsgen.simulation.simulate import simulate
 from rsgen.simulation.verification import Verification, verify
+from rsgen.simulation.virtual_test import SimulatedTest
 
 __all__ = ["SimulatedTest", "Verification", "simulate", "verify"]

@@ -15,10 +15,10 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.describing.compiled import Numeric, compiled
+from rsgen.describing.numeric_formulas import Numeric, compiled
 from rsgen.expression import symbol
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.test import SimulatedTest
+from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 
 __all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]

@@ -17,7 +17,7 @@ from rsgen.errors import RsgenError
 from rsgen.kernel import Kernel, compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import first_order_force
-from rsgen.simulation.test import SimulatedTest
+from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state.fixed_point import attraction
 
 __all__ = ["ControlledStates", "control_grid", "solve_response_control"]

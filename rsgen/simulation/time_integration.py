@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.test import SimulatedTest
+from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = ["integrate"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from rsgen.study.expectation import STAGES, Expectation, expect
 from rsgen.study.manifest import MANIFEST, read_manifest
-from rsgen.study.one import CaseRun, rewrite_report, run_case
 from rsgen.study.pool import run_cases
-from rsgen.study.steps import Step
+from rsgen.study.progress import Step
+from rsgen.study.run_case import CaseRun, rewrite_report, run_case
 
 __all__ = [
     "MANIFEST",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.errors import RsgenError
-from rsgen.study.one import CaseRun, run_case
+from rsgen.study.run_case import CaseRun, run_case
 
 __all__ = ["run_on_cluster"]
 

@@ -37,13 +37,11 @@ def file_hash(path: Path) -> str:
 def program_hash() -> str:
     """Give one SHA-256 over the program itself, so that results of older code are not taken for current."""
     package = Path(rsgen.__file__).parent
-    folders = [package] + ([package.parent / "templates"] if not (package / "templates").is_dir() else [])
     digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts:
-                digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
-                digest.update(path.read_bytes() + b"\0")
+    for path in sorted(package.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            digest.update(path.relative_to(package).as_posix().encode() + b"\0")
+            digest.update(path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

@@ -21,8 +21,8 @@ from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
 from rsgen.study.cluster import run_on_cluster
 from rsgen.study.folder import recover
-from rsgen.study.one import CaseRun, check_place, current_result, run_case
-from rsgen.study.steps import Step, Tell
+from rsgen.study.progress import Step, Tell
+from rsgen.study.run_case import CaseRun, check_place, current_result, run_case
 
 __all__ = ["run_cases"]
 

@@ -10,7 +10,7 @@ import sympy
 
 from rsgen.errors import RsgenError
 from rsgen.units.dimension import FORCE, NUMBER, Dimension
-from rsgen.units.reading import read_unit
+from rsgen.units.unit_text import read_unit
 
 __all__ = ["parameter_units", "unit_faults"]
 

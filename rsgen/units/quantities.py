@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from rsgen.errors import RsgenError
 from rsgen.units.dimension import NUMBER, Dimension
-from rsgen.units.reading import read_unit
+from rsgen.units.unit_text import read_unit
 
 __all__ = ["quantity", "unit_of"]
 

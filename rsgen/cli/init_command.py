@@ -1,0 +1,223 @@
+"""What `rsgen init` writes: a case file with a comment on every line that a beginner will change."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import sympy
+
+from rsgen.case import DATA_VARIABLE
+from rsgen.case.measured import path_fault
+from rsgen.case.naming import name_fault
+from rsgen.cli.terminal import print_json, print_line
+from rsgen.errors import RsgenError
+from rsgen.expression import write
+from rsgen.law.element import make_element
+from rsgen.output import write_atomic
+from rsgen.units import parameter_units
+
+__all__ = ["case_text", "init_command"]
+
+_LAW = "k1*x + kn1*x**3 + c1*v"
+
+_SIMULATED = """\
+[test]
+kind      = "simulated"
+method    = "time"                   # time integration; "harmonic-balance" is an independent check
+control   = "force"                  # constant force; "response": constant amplitude, the force follows
+sweep     = "rest"                   # every point from rest; or "up", "down"
+level     = {{ start = 1, stop = 12, count = 12 }}     # force amplitudes [N]
+frequency = {{ start = 7, stop = 13, count = 121 }}    # [Hz]
+harmonics = 15
+accuracy  = 1e-6                     # of the amplitude
+noise     = {{ relative = 0.0, seed = 1 }}
+
+[accept]                             # largest relative error of each identified parameter
+{accept}
+"""
+
+_MEASURED = """\
+[test]
+kind   = "measured"
+file   = "{file}"                    # in this folder, or in the folder that {variable} names
+format = "csv"                       # numbers in columns; lines with #, %, // are comments
+
+[test.frequency]
+column = 1                           # a number from 1, or a name from the header
+unit   = "Hz"                        # or "rad/s", "rpm"
+
+[test.force]                         # amplitude (with phase), or real and imaginary
+amplitude = 2
+unit      = "N"
+scale     = "peak"                   # or "rms"
+
+[test.response]
+quantity    = "acceleration"         # or "velocity", "displacement"
+amplitude   = 3
+phase       = 4
+phase_unit  = "deg"                  # or "rad"
+phase_sense = "lag"                  # a positive phase means later ("lag") or earlier ("lead")
+unit        = "m/s^2"                # or "g", "mm/s", "um" ...
+scale       = "peak"
+
+[test.sweep]
+direction = "recognise"              # from the order of the frequencies; or "up", "down", "rest"
+
+[test.level]
+spread = 0.05                        # forces closer than 5 % are one level; or column = ..., or value = "1 N"
+"""
+
+
+# a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped
+_VALUES = {
+    "N/m": "5.92 kN/m",
+    "N/m^3": "2e5 N/m^3",
+    "N/m^5": "1e8 N/m^5",
+    "N*s/m": "3.8 N*s/m",
+    "N*s^2/m^2": "1 N*s^2/m^2",
+    "N": "0.5 N",
+    "m": "20 mm",
+}
+
+
+def _value(unit: str) -> str:
+    if unit in ("", "1"):
+        return "1"
+    return f'"{_VALUES.get(unit, f"1 {unit}")}"'
+
+
+def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
+    force = make_element("law", law).force
+    velocity = next((symbol for symbol in force.free_symbols if symbol.name == "v"), None)
+    terms = sympy.Add.make_args(force)
+    damper = [term for term in terms if velocity is not None and term.has(velocity)]
+    spring = [term for term in terms if term not in damper]
+    parts = [("spring", spring), ("damper", damper)]
+    units = dict(parameter_units(force))
+    return [(name, sympy.Add(*part)) for name, part in parts if part], units
+
+
+def case_text(name: str, law: str, measured: str | None = None, test: str | None = None) -> str:
+    """Give the text of a case to begin with.
+
+    Parameters
+    ----------
+    name
+        The case's name.
+    law
+        A force law in x and v; terms with v go to the damper, the others to the spring.
+    measured
+        The data file of a measured case; None for a simulated one.
+    test
+        The [test] tables as TOML, if they are known.
+
+    Raises
+    ------
+    RsgenError
+        Name, law or path are not legal.
+    """
+    fault = name_fault(name)
+    if fault:
+        raise RsgenError(f"name: {fault}")
+    elements, units = _elements(law)
+    names = sorted({symbol.name for _, part in elements for symbol in part.free_symbols} - {"x", "v"})
+    lines = [
+        "# A case of rsgen: change what you need, then `rsgen check` this file.",
+        "schema = 1",
+        f'name   = "{name}"                 # also the folder of the report',
+        f'title  = "{name}"',
+        'source = ""                         # where laws or data come from',
+        "",
+        "[system]",
+    ]
+    if measured is None:
+        lines.append(
+            'mass = "1.5 kg"                    # a number with its unit; the truth, identified as m'
+        )
+    else:
+        lines.append('# mass = "1.5 kg"                  # if it is known; otherwise it is identified')
+    for element, part in elements:
+        lines += ["", "[[element]]", f'name  = "{element}"']
+        lines.append(f'force = "{write(part)}"      # in x [m] and v [m/s]; other names are parameters')
+    lines.append("")
+    if measured is None:
+        lines.append("[truth]                            # what identification must find")
+        width = max(map(len, names), default=0)
+        lines += [f"{key:<{width}} = {_value(units.get(key, ''))}" for key in names]
+        accept = "\n".join(f"{key} = 1e-4" for key in ("m", *names))
+        lines += ["", _SIMULATED.format(accept=accept)]
+    else:
+        fault = path_fault(measured)
+        if fault:
+            raise RsgenError(f"--measured: {fault}")
+        lines.append(test or _MEASURED.format(file=measured, variable=DATA_VARIABLE))
+    return "\n".join(lines)
+
+
+def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str | None]:
+    """Ask for what was not given, on a terminal only: a program would wait for ever."""
+    if not sys.stdin.isatty():
+        raise RsgenError("NAME: is missing; rsgen init gearbox")
+    import typer
+
+    name = str(typer.prompt("Name of the case", default="my-case", err=True))
+    if force is None:
+        force = str(typer.prompt("Force law in x and v", default=_LAW, err=True))
+    if measured is None:
+        text = typer.prompt("Measured file (none: simulate)", default="", show_default=False, err=True)
+        measured = str(text).strip() or None
+    return name.strip(), force, measured
+
+
+def _guessed(data: Path, target: Path) -> tuple[str, str]:
+    """Give path and [test] tables for a data file, as seen from the folder of the case."""
+    from rsgen.cli.inspect_command import proposal_text
+    from rsgen.inspection.listing import list_contents
+    from rsgen.inspection.proposal import propose
+
+    proposal = propose(list_contents(data))
+    if proposal is None:
+        raise RsgenError(
+            f"{data.name}: no frequency, force and response were recognised in it; see rsgen inspect, "
+            "then rsgen init --measured"
+        )
+    folder = target.parent.resolve()
+    try:
+        inside = data.resolve().relative_to(folder).as_posix()
+    except ValueError:
+        # elsewhere: RSGEN_DATA or --data must name its folder
+        inside = data.name
+    proposal.tables["test"]["file"] = inside
+    return inside, proposal_text(proposal)
+
+
+def init_command(
+    name: str | None, law: str | None, measured: str | None, data: Path | None, out: Path | None, json: bool
+) -> int:
+    """Write the case; a file that is there is left alone."""
+    if data is not None and measured is not None:
+        raise RsgenError("--from: does not go with --measured; --from guesses what stands where")
+    if name is None and data is not None:
+        name = data.stem
+    if name is None:
+        name, law, measured = _ask(law, measured)
+    file = Path(name)
+    if file.suffix == ".toml":
+        # a file was named: the case is called like it
+        name, out = file.stem, out or file
+    target = out or Path(f"{name}.toml")
+    test = None
+    if data is not None:
+        measured, test = _guessed(data, target)
+    text = case_text(name, law or _LAW, measured, test)
+    if target.exists():
+        raise RsgenError(f"{target}: is there already; choose another name or --out")
+    write_atomic(target, text)
+    if json:
+        print_json({"case": name, "file": str(target)})
+        return 0
+    print_line(f"{target}: change what you need, then `rsgen check {target}`")
+    if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
+        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
+    return 0

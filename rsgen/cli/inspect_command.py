@@ -1,0 +1,112 @@
+"""What `rsgen inspect` shows: the tree of a data file, and the [test] table of a case that would read it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rsgen.cli.terminal import print_json, print_line
+from rsgen.inspection.listing import list_contents
+from rsgen.inspection.proposal import Proposal, propose
+from rsgen.measurement.tree import Contents, Entry
+
+__all__ = ["inspect_command", "proposal_text"]
+
+MOST = 60
+"""Arrays shown in a table; all are told with --all or --json."""
+_UNITS_OF_DOUBT = 60
+
+
+def _text(value: str) -> str:
+    """Write a text as a TOML string; a file's names may hold any sign."""
+    # half a surrogate pair is no Unicode, and a file may hold it
+    legal = "".join("\ufffd" if 0xD800 <= ord(sign) <= 0xDFFF else sign for sign in value)
+    escaped = legal.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(s if s.isprintable() else f"\\U{ord(s):08x}" for s in escaped) + '"'
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return _text(value) if isinstance(value, str) else str(value)
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """Write a proposal as TOML, with a comment where the user must look."""
+    lines: list[str] = []
+    for name, table in proposal.tables.items():
+        lines.append(f"[{name}]")
+        width = max((len(key) for key in table), default=0)
+        for key, value in table.items():
+            doubt = proposal.doubts.get(f"{name}.{key}", "")
+            line = f"{key:<{width}} = {_value(value)}"
+            plain = "".join(sign if sign.isprintable() else "?" for sign in doubt)
+            lines.append(f"{line:<36} # {plain}" if doubt else line)
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _shape(entry: Entry) -> str:
+    return " x ".join(map(str, entry.shape)) or ("1" if entry.dtype else "-")
+
+
+def _row(entry: Entry) -> tuple[str, ...]:
+    if entry.fault:
+        return entry.path, _shape(entry), entry.dtype or "-", entry.unit or "-", entry.fault[:_UNITS_OF_DOUBT]
+    more = ", ..." if entry.size > len(entry.first) else ""
+    told = ", ".join(entry.first) + more
+    if entry.remark:
+        told += f"  ({entry.remark[:_UNITS_OF_DOUBT]})"
+    return entry.path, _shape(entry), entry.dtype, entry.unit or "-", told
+
+
+def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> None:
+    usable = [entry for entry in contents.entries if entry.dtype and not entry.fault]
+    shown = list(contents.entries)
+    if len(shown) > MOST and not everything:
+        # rows of numbers tell more than the settings of an instrument
+        shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MOST]
+    print_line(f"{contents.file.name}: {contents.format}, {len(usable)} arrays of numbers")
+    header = ("path", "shape", "kind", "unit", "values")
+    rows = [_row(entry) for entry in shown]
+    widths = [max(len(row[place]) for row in (header, *rows)) for place in range(4)]
+    for row in (header, *rows):
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        print_line("  ".join([*cells, row[4]]).rstrip())
+    # a fault of many arrays is told once, and in full
+    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
+    for fault, path in reversed(long.items()):
+        print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
+    if len(contents.entries) > len(shown):
+        print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
+    print_line()
+    if proposal is None:
+        print_line(
+            "No frequency, force and response were recognised in it; name them in a [test] table yourself."
+        )
+        return
+    print_line("# a guess by names, units and order, for a case file: rsgen init --from writes it")
+    for line in proposal_text(proposal).split("\n"):
+        print_line(line)
+
+
+def inspect_command(file: Path, everything: bool, json: bool) -> int:
+    """Show what is in a data file and propose the [test] table."""
+    contents = list_contents(file)
+    proposal = propose(contents)
+    if json:
+        print_json(
+            {
+                "file": str(file),
+                "format": contents.format,
+                "entries": [asdict(entry) for entry in contents.entries],
+                "test": proposal.tables if proposal else None,
+                "doubts": proposal.doubts if proposal else {},
+            }
+        )
+    else:
+        _show(contents, proposal, everything)
+    return 0

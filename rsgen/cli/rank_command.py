@@ -1,0 +1,95 @@
+"""What `rsgen rank` prints: candidate laws, best first, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsgen.cli.terminal import number, print_json, print_line, print_table
+
+if TYPE_CHECKING:
+    from rsgen.identification import Ranking
+    from rsgen.oscillator import Model
+    from rsgen.surface import ResponseSurface
+
+__all__ = ["rank_command"]
+
+
+def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
+    """Read a surface with the base as its model, or a case with its own."""
+    from rsgen.case import load_case
+    from rsgen.cli.commands import read_surface
+    from rsgen.law.element import make_element
+    from rsgen.oscillator import Model
+    from rsgen.surface import load_surface
+
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        base = (make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v"))
+        return path.stem, load_surface(path), Model(base)
+    case = load_case(path, data)
+    return case.name, read_surface(case), case.model
+
+
+def rank_command(path: Path, data: Path | None, json: bool) -> int:
+    """Rank the laws of the library on a case's test or on a saved surface."""
+    from rsgen.ranking import rank
+
+    name, surface, model = _read(path, data)
+    ranking = rank(surface, model)
+    if json:
+        print_json(
+            {
+                "case": name,
+                "fits": ranking.fits,
+                "verdict": list(ranking.verdict),
+                "noise": ranking.noise,
+                "unexplained": ranking.unexplained,
+                "candidates": [
+                    {
+                        "name": entry.name,
+                        "force": entry.force,
+                        "parameters": entry.parameters,
+                        "held_out_error": entry.held_out_error,
+                        "bic": entry.bic,
+                        "tied": entry.tied,
+                        "values": dict(entry.values),
+                    }
+                    for entry in ranking.candidates
+                ],
+            }
+        )
+        return 0
+    rows = [
+        (
+            entry.name,
+            str(entry.parameters),
+            number(entry.held_out_error, 3) if math.isfinite(entry.held_out_error) else "-",
+            number(entry.bic, 4),
+            "tied" if entry.tied else "",
+        )
+        for entry in ranking.candidates
+    ]
+    print_table(("law", "parameters", "held-out error", "BIC above lowest", ""), rows)
+    for sentence in ranking.verdict:
+        print_line(sentence)
+    print_line(f"best: {ranking.candidates[0].force}")
+    print_line(f"with {_values(ranking)}")
+    return 0
+
+
+def _values(ranking: Ranking) -> str:
+    """Values of the best law with their units, so that absurd ones are seen."""
+    from rsgen.errors import RsgenError
+    from rsgen.units import parameter_units
+
+    try:
+        units = parameter_units(ranking.model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be ranked all the same
+        units = {}
+    units = {**units, "m": "kg"}
+    return ", ".join(
+        f"{name} = {number(value)} {units.get(name, '')}".rstrip()
+        for name, value in ranking.candidates[0].values.items()
+    )

@@ -1,0 +1,279 @@
+"""The stages of an identification in their order: start, refined, first order, the paper's, warnings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.abel import invert_curve
+from rsgen.identification.balance_fit import FittedModel
+from rsgen.identification.data import Points, select_points
+from rsgen.identification.dynamic_stiffness import Equations, solve_equations
+from rsgen.identification.estimates import Values, make_estimates, names_of, of_fit
+from rsgen.identification.identifiability import find_warnings, untold_reason
+from rsgen.identification.magnitude import with_phase
+from rsgen.identification.measured_mode import fit_among_modes, fit_amplitudes, with_repeats
+from rsgen.identification.refinement import (
+    QUICK,
+    enrich,
+    fit_order,
+    is_strong,
+    leaves_the_middle,
+    polish,
+    refine,
+    start_values,
+)
+from rsgen.identification.repeats import gather_repeats
+from rsgen.identification.resonance import find_resonances, mass_from_slices
+from rsgen.identification.result import (
+    EquivalentCurve,
+    Estimate,
+    Identification,
+    Resonance,
+    RestoringForce,
+)
+from rsgen.identification.spline_force import invert_motion
+from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+
+__all__ = ["identify"]
+
+Array = NDArray[np.float64]
+
+_LEFT = 1e-7
+_NOISY = 1e-4
+"""A misfit between these is neither noise nor the simulator's accuracy: some points were not followed."""
+
+_CENTRED = 0.01
+"""Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
+
+
+def identify(surface: ResponseSurface, model: Model) -> Identification:
+    """Identify every parameter of the model's laws, and the mass where it is not given.
+
+    Parameters
+    ----------
+    surface
+        Settled points of any test; unsettled and held-out ones are left aside.
+    model
+        Laws without values.
+
+    Returns
+    -------
+    Identification
+        A parameter that the test does not tell is NaN with a sentence, never an exception.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the surface, or fewer than four points can be used.
+    """
+    surface, repeats = gather_repeats(surface)
+    points = select_points(surface, model)
+    law = compile_law(model.force)
+    if law.odd and leaves_the_middle(points):
+        # an odd law has motions that are not: in one well of two, or after the symmetry breaks
+        law = replace(law, odd=False)
+    background, caused = None, None
+    sharp = law.rough or is_strong(points)
+    if not surface.phase_known:
+        refined, background, caused = fit_amplitudes(points, law, model, repeats)
+        besides = background.values
+        surface = with_phase(surface, law, refined, background.shape(surface.omega), besides)
+        points = with_phase(points, law, refined, background.shape(points.omega), besides)
+    elif model.background == "none":
+        refined, sharp = refine(points, law, start_values(points, law, model.mass), model.mass)
+    else:
+        refined, background, caused = fit_among_modes(points, law, model, repeats, start_values)
+    if background is not None:
+        points = background.shape(points.omega).subtract(points, background.values)
+        surface = background.shape(surface.omega).subtract(surface, background.values)
+    fitted = refined
+    # the simulator is compared in phase, too
+    if sharp and surface.phase_known:
+        refined = polish(points, model, law, refined)
+        if not law.rough and _LEFT < refined.regression.noise < _NOISY:
+            refined = enrich(points, law, refined, model.mass)
+    used = refined.regression.used
+    kept = points.select(used)
+    first = fit_order(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
+    bias = _first_order_bias(kept, law, refined, first, model.mass)
+    paper, resonances = _paper(kept, law, model.mass, first)
+    # the expected noise has unit size in real and imaginary part each
+    noise = misfit_noise = refined.regression.noise * np.sqrt(2)
+    covariance = refined.regression.covariance
+    notes: tuple[str, ...] = ()
+    if repeats is not None:
+        noise = repeats.noise
+        if background is None or refined is not fitted:
+            covariance = with_repeats(refined.regression, points, repeats).covariance
+        spread = refined.regression.noise * np.sqrt(np.sum(refined.regression.influence**2, axis=(0, 1)))
+        notes = (repeats.judge(misfit_noise, float(np.nanmedian(spread / np.sqrt(np.diag(covariance))))),)
+    if caused is not None and refined is not fitted:
+        # the simulator was fitted beside a background that stood still
+        covariance = covariance + caused
+    covariance = covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
+    told = replace(refined.regression, covariance=covariance)
+    reasons = {
+        name: untold_reason(name, law, points, told, model.mass is None) for name in names_of(law, model)
+    }
+    estimates = make_estimates(replace(of_fit(refined), covariance=covariance), law, model, reasons)
+    curve = _curve(surface, points, used, refined.mass)
+    mass_told = refined.mass if model.mass is not None or estimates[-1].told else None
+    misfit = refined.regression.misfit[refined.regression.used]
+    return Identification(
+        model=model,
+        paper=make_estimates(paper, law, model, {}),
+        first_order=make_estimates(of_fit(first), law, model, reasons),
+        refined=estimates,
+        first_order_bias=tuple(float(value) for value in bias),
+        covariance=covariance,
+        resonances=resonances,
+        curve=curve,
+        restoring=_without_law(kept, curve, mass_told, float(noise)),
+        residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
+        noise=float(noise),
+        levels=_force_levels(surface, points, resonances),
+        amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
+        frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
+        outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
+        solution=refined.values,
+        background=background if model.background != "none" else None,
+        warnings=(
+            *notes,
+            *find_warnings(
+                surface,
+                points,
+                used,
+                law,
+                refined,
+                resonances,
+                estimates,
+                calibrated=model.calibrated,
+                background=model.background,
+            ),
+        ),
+    )
+
+
+def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]) -> float:
+    """Relative error that a surface reports of itself: neighbours share it, scatter does not show it."""
+    error = surface.error[points.index[used]]
+    told = np.isfinite(error)
+    return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
+
+
+def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
+    """Levels of force: as tested, or, where the amplitude was held, what a resonance needed."""
+    if surface.control == "force":
+        return np.unique(points.level)
+    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
+    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])
+
+
+def _without_law(
+    points: Points, curve: EquivalentCurve, mass: float | None, noise: float
+) -> RestoringForce | None:
+    """Draw the forces from k(X) and c(X), or along the motion where that leaves the middle."""
+    if mass is None:
+        return None
+    if _is_centred(points):
+        return invert_curve(curve, mass)
+    return invert_motion(points, mass, noise)
+
+
+def _is_centred(points: Points) -> bool:
+    """Tell whether the motion stays about zero, where alone a force follows from k(X) without a law."""
+    mean = np.abs(points.harmonics[:, 0]) / points.amplitude
+    return 0 not in points.measured or float(np.sqrt(np.mean(mean**2))) < _CENTRED
+
+
+def _first_order_bias(
+    points: Points, law: ForceLaw, refined: FittedModel, first: FittedModel, given: float | None
+) -> Array:
+    """What the first-order fit makes of the refined model's own, noise-free response."""
+    used = refined.regression.used
+    turn = np.exp(1j * refined.turn[used])
+    count = points.harmonics.shape[1]
+    predicted = refined.harmonics[used]
+    harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
+    harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
+    if not np.isfinite(harmonics).all():
+        return np.full(len(refined.regression.parameters), np.nan)
+    exact = replace(points, force=refined.force[used] * turn, harmonics=harmonics[:, :count])
+    exact = exact.select(exact.spread(2 * QUICK))
+    again = fit_order(exact, law, first.values, first.mass, given, 1, reject=False)
+    return np.asarray(again.regression.parameters - refined.regression.parameters)
+
+
+def _paper(
+    points: Points, law: ForceLaw, given: float | None, near: FittedModel
+) -> tuple[Values, tuple[Resonance, ...]]:
+    """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
+    mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
+    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near.mass)
+    count = len(law.parameters) + (given is None)
+    if not np.isfinite(mass) or not resonances:
+        return Values(
+            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
+        ), resonances
+    omega = 2 * np.pi * np.array([r.frequency for r in resonances])
+    size = np.array([r.amplitude for r in resonances])
+    force = omega * np.array([r.damping for r in resonances]) * size
+    good = force > 0
+    equations = Equations(
+        omega[good],
+        1j * force[good],
+        np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
+        False,
+        1 / force[good],
+        turning[good] if not law.odd else np.zeros((0, 2)),
+    )
+    if not good.any():
+        return Values(
+            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
+        ), resonances
+    found = solve_equations(equations, law, mass, near=near.values)
+    covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
+    values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
+    if given is None:
+        covariance = np.pad(covariance, (0, 1))
+        covariance[-1, -1] = mass_error**2
+    return Values(values, mass, covariance, max(2 * int(good.sum()) - len(law.parameters), 1)), resonances
+
+
+def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], mass: float) -> EquivalentCurve:
+    response = surface.harmonics[:, 1]
+    rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
+    stiffness = surface.force[rows] / response[rows]
+    omega = surface.omega[rows]
+    took_part = np.zeros(len(surface), dtype=bool)
+    took_part[points.index[used]] = True
+    return EquivalentCurve(
+        amplitude=np.abs(response[rows]),
+        frequency=surface.frequency[rows],
+        level=surface.level[rows],
+        stiffness=stiffness.real + mass * omega**2,
+        damping=stiffness.imag / omega,
+        used=took_part[rows],
+        level_unit=surface.level_unit,
+    )
+
+
+def _outcome(
+    surface: ResponseSurface,
+    points: Points,
+    used: NDArray[np.bool_],
+    estimates: tuple[Estimate, ...],
+    noise: float,
+) -> str:
+    told = sum(estimate.told for estimate in estimates)
+    levels = len(np.unique(points.level))
+    return (
+        f"{told} of {len(estimates)} parameters identified from {int(used.sum())} of {len(surface)} points "
+        f"at {levels} {'level' if levels == 1 else 'levels'}; force and response agree with the law within "
+        f"{100 * noise:.2g} % of their size"
+    )

@@ -1,0 +1,240 @@
+"""Forces without a law where the motion leaves the middle: splines balanced along the measured motion.
+
+An uneven spring pushes the mean off zero, so that k(X) alone does not tell it. With the measured motion
+x(t) = Re sum_h X_h exp(i h omega t), mean included, a spring n_s(x) and an odd damper n_d(v) obey
+
+    mean of n_s + n_d = 0,    fundamental of n_s + n_d = F + m omega^2 X_1
+
+at every point. Both are linear in the coefficients of splines for n_s over the whole range of x and for n_d
+over that of |v|, and together they tell the two sides of the spring apart. No measured harmonic is neglected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.data import Points
+from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.result import RestoringForce
+
+__all__ = ["invert_motion"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_DRAWN = 61
+_DEGREE = 3
+_INTERVALS = (1, 2, 3, 4, 6, 8)
+"""Of the splines of damper and spring (on each side of zero, where it may have a corner), tried in turn."""
+
+_POINTS = 600
+"""At most so many points of the test are used."""
+
+_CLEAR = 4.0
+"""A harmonic so many times larger than the noise is not noise."""
+
+_SCATTER = 1.5
+"""Scatter about a smooth surface, in units of the noise, that is noise."""
+
+_FEWEST = 64
+_SAMPLES = 128
+_GROUPS = 8
+_T = 2.365
+"""Bands rest on so many groups of points left out in turn; Student's t of 95 % with one degree less."""
+
+_DEGREES = [(degree, bend) for degree in range(6) for bend in range(3)]
+"""Of the smooth surfaces, in amplitude and in frequency."""
+
+_WEIGHINGS = 3
+_LEAST = 1e-2
+"""Mean, real and imaginary part are weighed by what they leave, within this ratio."""
+
+_STIFFENING = 1e-7
+"""Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What the points were found to tell, kept where some of them are left out.
+
+    Parameters
+    ----------
+    surfaces
+        Degrees in amplitude and frequency of the surface of each harmonic; None where there is none.
+    ends
+        Smallest and largest displacement [m] and largest velocity [m/s].
+    intervals
+        Of the splines.
+    """
+
+    surfaces: tuple[tuple[int, int] | None, ...]
+    ends: tuple[float, float, float]
+    intervals: int
+
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """Where the forces are drawn: displacements and velocities."""
+        low, high, fast = self.ends
+        return np.linspace(low, high, _DRAWN), np.linspace(0, fast, _DRAWN)
+
+    def spring(self, at: Array) -> Array:
+        """(..., f) splines of the stiffness force."""
+        low, high, _ = self.ends
+        if low < 0 < high:
+            # three knots at zero let the two sides meet in a corner
+            left, right = (np.linspace(0, end, self.intervals + 1) for end in (low, high))
+            return _splines(at, np.concatenate([left[::-1], np.zeros(1), right]))
+        return _splines(at, np.linspace(low, high, 2 * self.intervals + 1))
+
+    def damper(self, at: Array) -> Array:
+        """(..., f) splines of the damping force, odd."""
+        values = _splines(np.abs(at), np.linspace(0, self.ends[2], self.intervals + 1))
+        return np.asarray(np.where(at < 0, -1.0, 1.0)[..., None] * values)
+
+
+def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce | None:
+    """Draw the whole stiffness force, and the damping force taken as odd, from measured motions.
+
+    Parameters
+    ----------
+    points
+        With the mean among the measured harmonics.
+    mass
+        m [kg].
+    noise
+        Relative noise of the response.
+
+    Returns
+    -------
+    RestoringForce or None
+        Its bands are what leaving out one group of points after the other says (delete-a-group jackknife,
+        Kott, Journal of Official Statistics 17 (2001)). None where fewer than 64 points remain, or
+        the harmonics that shape an uneven motion were not measured.
+    """
+    if len(points) < _FEWEST or 2 not in points.measured:
+        return None
+    points = points.select(points.spread(_POINTS))
+    surfaces = _choose_surfaces(points, noise)
+    x, v = _signals(points, _quietened(points, noise, surfaces))
+    ends = float(x.min()), float(x.max()), float(np.abs(v).max())
+    plans = [_Plan(surfaces, ends, intervals) for intervals in _INTERVALS]
+    tried = [_draw(points, mass, noise, plan) for plan in plans]
+    best = int(np.argmin([criterion for *_, criterion in tried]))
+    spring, damper, _ = tried[best]
+    group = np.arange(len(points)) % _GROUPS
+    parts = [
+        _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(_GROUPS)
+    ]
+    bands = [
+        _T * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((drawn - drawn.mean(axis=0)) ** 2, axis=0))
+        for drawn in (np.stack(each) for each in zip(*parts, strict=True))
+    ]
+    at_x, at_v = plans[best].places
+    return RestoringForce(at_x, spring, bands[0], at_v, damper, bands[1])
+
+
+def _signals(points: Points, motion: ComplexArray) -> tuple[Array, Array]:
+    """Displacement and velocity (n, samples)."""
+    angle = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
+    orders = np.arange(motion.shape[1])
+    wave = np.exp(1j * orders[:, None] * angle)
+    return (motion @ wave).real, ((1j * orders * points.omega[:, None] * motion) @ wave).real
+
+
+def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
+    """Harmonics relative to the fundamental in size and phase, and what takes them back (n, H+1)."""
+    phase = np.angle(points.harmonics[:, 1])
+    back = np.exp(1j * phase)[:, None] ** np.arange(points.harmonics.shape[1]) * points.amplitude[:, None]
+    return points.harmonics / back, back
+
+
+def _choose_surfaces(points: Points, noise: float) -> tuple[tuple[int, int] | None, ...]:
+    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise."""
+    relative, _ = _relative(points)
+    chosen: list[tuple[int, int] | None] = []
+    for h, values in enumerate(relative.T):
+        fits = {degrees: _surface_of(points, values, *degrees) for degrees in _DEGREES}
+        best = min(fits, key=lambda degrees: fits[degrees][1])
+        scatter = np.sqrt(np.mean(np.abs(values - fits[best][0]) ** 2))
+        chosen.append(best if h != 1 and scatter < _SCATTER * noise else None)
+    return tuple(chosen)
+
+
+def _quietened(points: Points, noise: float, surfaces: tuple[tuple[int, int] | None, ...]) -> ComplexArray:
+    """(n, H+1) measured motion: where a harmonic has a surface on that, else what rises above the noise."""
+    relative, back = _relative(points)
+    for h, degrees in enumerate(surfaces):
+        values = relative[:, h]
+        if degrees is not None:
+            relative[:, h] = _surface_of(points, values, *degrees)[0]
+        elif h > 1:
+            relative[:, h] = np.where(np.abs(values) > _CLEAR * noise, values, 0)
+    return np.asarray(relative * back)
+
+
+def _surface_of(points: Points, values: ComplexArray, degree: int, bend: int) -> tuple[ComplexArray, float]:
+    """Least squares with a polynomial of amplitude and frequency, and its BIC."""
+    height = points.amplitude / points.amplitude.max()
+    place = points.omega / np.median(points.omega) - 1
+    matrix = np.stack([height**i * place**j for i in range(degree + 1) for j in range(bend + 1)], axis=1)
+    solution = np.linalg.lstsq(matrix.astype(complex), values, rcond=None)[0]
+    found = matrix @ solution
+    rest = max(float(np.sum(np.abs(values - found) ** 2)), 1e-300)
+    return found, 2 * len(values) * np.log(rest) + 2 * matrix.shape[1] * np.log(2 * len(values))
+
+
+def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array, Array, float]:
+    """Stiffness and damping force at the places of a plan, and the BIC."""
+    x, v = _signals(points, _quietened(points, noise, plan.surfaces))
+    spring, damper = plan.spring(x), plan.damper(v)
+    functions = np.concatenate([spring, damper], axis=2)
+    # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
+    turn = np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) * (2 / _SAMPLES)
+    fundamental = np.einsum("nsf,s->nf", functions, turn)
+    force = np.abs(points.force)
+    # noise of the mean reaches the balance through the stiffness, that of the fundamental through F/X
+    firm = mass * points.omega**2 * points.amplitude
+    known = (points.force + mass * points.omega**2 * points.harmonics[:, 1]) / force
+    blocks = [
+        functions.mean(axis=1) / firm[:, None],
+        fundamental.real / force[:, None],
+        fundamental.imag / force[:, None],
+    ]
+    matrix = np.concatenate(blocks)
+    balance = np.concatenate([np.zeros(len(points)), known.real, known.imag])
+    counts = (spring.shape[2], damper.shape[2])
+    stiff = np.zeros((sum(counts) - 4, sum(counts)))
+    stiff[: counts[0] - 2, : counts[0]] = np.diff(np.eye(counts[0]), 2, axis=0)
+    stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
+    stiff *= _STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
+    weight = np.ones(len(balance))
+    for _ in range(_WEIGHINGS):
+        scale = np.append(weight, np.ones(len(stiff)))
+        solution, *_ = solve_scaled(
+            np.concatenate([matrix, stiff]) * scale[:, None],
+            np.concatenate([balance, np.zeros(len(stiff))]) * scale,
+        )
+        rest = (balance - matrix @ solution).reshape(len(blocks), -1)
+        spread = np.sqrt(np.mean(rest**2, axis=1))
+        # a smooth mean tells no more than the noisy one did
+        spread[0] = max(spread[0], noise)
+        weight = np.repeat(1 / np.maximum(spread, _LEAST * spread.max()), len(points))
+    likelihood = len(points) * float(np.sum(np.log(np.maximum(spread**2, 1e-300))))
+    at_x, at_v = plan.places
+    return (
+        plan.spring(at_x) @ solution[: counts[0]],
+        plan.damper(at_v) @ solution[counts[0] :],
+        likelihood + sum(counts) * float(np.log(len(balance))),
+    )
+
+
+def _splines(at: Array, knots: Array) -> Array:
+    """(..., f) cubic B-splines over knots."""
+    from scipy.interpolate import BSpline
+
+    whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
+    inside = np.clip(at, knots[0], knots[-1]).ravel()
+    return np.asarray(BSpline.design_matrix(inside, whole, _DEGREE).toarray().reshape(*at.shape, -1))

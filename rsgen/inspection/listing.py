@@ -1,0 +1,214 @@
+"""What is in a data file of any format; of a text also how it is laid out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import islice, zip_longest
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.inspection.clues import unit_for, unit_in
+from rsgen.measurement.data_files import file_label, open_regular, recognise_format
+from rsgen.measurement.plan import Layout
+from rsgen.measurement.sandbox import list_binary
+from rsgen.measurement.text_columns import MAX_BYTES, read_columns, text_lines
+from rsgen.measurement.tree import Contents, Entry, facts, make_entry
+
+__all__ = ["list_contents"]
+
+LOOKED_AT = 300
+"""Lines of a text that tell its layout."""
+_ALONE_BYTES = 32 * 2**20
+"""Of larger files no column is read alone."""
+_PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
+_DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+_GAP = re.compile(r"(?:[+-]?(?:nan|inf|infinity)|n/?a|)\Z", re.IGNORECASE)
+"""What stands in place of a number that is missing: the row is one of numbers all the same."""
+
+
+def _cells(text: str, layout: Layout) -> list[str]:
+    if layout.delimiter == "whitespace":
+        return text.split()
+    return [cell.strip().strip('"').strip() for cell in text.split(layout.delimiter)]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER.match(cell.replace(",", ".") if decimal == "," and "." not in cell else cell))
+
+
+def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
+    return tuple(_is_number(cell, layout.decimal) for cell in _cells(text, layout))
+
+
+def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
+    """Give the kinds of the row with the most numbers, of those as wide as the last."""
+    kinds = [_kinds(text, layout) for _, text in reversed(lines)]
+    return max((row for row in kinds if len(row) == len(kinds[0])), key=sum)
+
+
+def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
+    """Judge a layout: (numbers less other cells in alike rows at the end, first of these, numbers in one)."""
+    full = _full(lines, layout)
+    first = len(lines)
+    for place in range(len(lines) - 1, -1, -1):
+        cells = _cells(lines[place][1], layout)
+        if len(cells) != len(full) or not all(
+            _GAP.match(cell) or _is_number(cell, layout.decimal)
+            for cell, kind in zip(cells, full, strict=True)
+            if kind
+        ):
+            break
+        first = place
+    return (2 * sum(full) - len(full)) * (len(lines) - first), first, sum(full)
+
+
+def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
+    """Find delimiter, decimal sign and how many lines stand before; and the first row of numbers."""
+    candidates = [Layout(delimiter=sign) for sign in (",", ";", "\t", "|", "whitespace")]
+    candidates += [Layout(delimiter=sign, decimal=",") for sign in (";", "\t", "|", "whitespace")]
+    judged = [(*_judge(lines, layout), layout) for layout in candidates]
+    numbers, first, _, layout = max(judged, key=lambda found: (found[0], found[2]))
+    if numbers <= 0:
+        raise MeasurementError(f"{label}: no rows of numbers in it; a table of numbers is needed")
+    return layout, first
+
+
+def _automatic(text: str, decimal: str) -> str:
+    """Tell what ``read_columns`` takes for the delimiter of its own accord."""
+    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
+
+
+def _is_foreign(lines: Iterable[bytes]) -> bool:
+    """Tell whether a line is not UTF-8."""
+    try:
+        for line in lines:
+            line.decode("utf-8")
+    except UnicodeDecodeError:
+        return True
+    return False
+
+
+def _whole(file: IO[bytes]) -> str | None:
+    """Give the SHA-256 where the last line has no end: by it a case may say that nothing is cut off."""
+    file.seek(-1, os.SEEK_END)
+    if file.read(1) == b"\n":
+        return None
+    file.seek(0)
+    return hashlib.sha256(file.read()).hexdigest()
+
+
+def _list_text(path: Path) -> Contents:
+    label = file_label(path)
+    with open_regular(path, MAX_BYTES) as file:
+        begin = list(islice(text_lines(file, label, hashlib.sha256(), True), LOOKED_AT))
+        file.seek(0)
+        foreign = _is_foreign(islice(file, LOOKED_AT))
+        whole = _whole(file) if begin else None
+    comments = Layout().comments
+    lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
+    if not lines:
+        raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
+    layout, first = _layout(lines, label)
+    head = _head(lines, first, layout)
+    units = bool(head) and first > 1 and _are_units(head)
+    titles = _head(lines, first - 1, layout) if units else []
+    # a row of units is passed over with the names above it: columns then go by number
+    skipped = first if units or not head else first - 1
+    skip = lines[skipped - 1][0] if skipped > 0 else 0
+    layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
+    kinds = _full(lines[first:], layout)
+    used = first if units or not head else first - 1
+    if layout.delimiter == _automatic(lines[used][1], layout.decimal):
+        layout = replace(layout, delimiter="auto")
+    if not head:
+        head = _remarked(begin, lines[first][0], len(kinds))
+    entries = _entries(path, layout, [] if units else head, kinds, whole)
+    if units:
+        told = zip_longest(entries, titles, head, fillvalue="")
+        entries = tuple(
+            replace(entry, remark=title, unit=unit) for entry, title, unit in told if isinstance(entry, Entry)
+        )
+    return Contents(path, "csv", entries, layout, whole)
+
+
+def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
+    """Give the cells of the line above where they are names: one a column, and no numbers."""
+    cells = _cells(lines[first - 1][1], layout) if first > 0 else []
+    named = len(cells) == len(_cells(lines[first][1], layout))
+    return cells if named and not any(_is_number(cell, layout.decimal) for cell in cells) else []
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Tell whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
+    told = [cell.strip("[]()") for cell in cells]
+    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in told)
+
+
+def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
+    """Give the names in the last comment above the numbers, as ``read_columns`` takes them."""
+    comments = [text.strip() for n, text in begin if n < first and text.strip().startswith(Layout().comments)]
+    if not comments:
+        return []
+    sign = next(sign for sign in Layout().comments if comments[-1].startswith(sign))
+    names = re.split(r"[\s,;|]+", comments[-1].removeprefix(sign).strip())
+    return names if len(names) == width else []
+
+
+def _numbers(
+    path: Path, layout: Layout, wanted: list[int], sha256: str | None
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, str]]:
+    """Read columns, together or, where one is at fault, each alone: numbers and faults by column."""
+    try:
+        values = read_columns(path, layout, wanted, sha256).values
+    except MeasurementError as error:
+        if len(wanted) < 2 or path.stat().st_size > _ALONE_BYTES:
+            return {}, dict.fromkeys(wanted, str(error))
+    else:
+        return {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)}, {}
+    parts = [_numbers(path, layout, [number], sha256) for number in wanted]
+    return {n: v for found, _ in parts for n, v in found.items()}, {
+        n: t for _, told in parts for n, t in told.items()
+    }
+
+
+def _entries(
+    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...], sha256: str | None
+) -> tuple[Entry, ...]:
+    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
+    numbers, faults = _numbers(path, layout, wanted, sha256)
+    entries = []
+    for number, kind in enumerate(kinds, start=1):
+        name = names[number - 1] if names else ""
+        alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
+        values = numbers.get(number)
+        item = {
+            "path": alone,
+            "shape": [] if values is None else [values.size],
+            "dtype": "float64" if kind else "",
+            "unit": unit_in(name),
+            "remark": "",
+            "fault": faults.get(number, "") if kind else "is no column of numbers",
+        }
+        entries.append(make_entry(item | ({} if values is None else facts(values))))
+    return tuple(entries)
+
+
+def list_contents(path: Path) -> Contents:
+    """List what a data file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large, damaged, or nothing in it.
+    """
+    known = recognise_format(path)
+    return _list_text(path) if known == "csv" else list_binary(path, known)

@@ -1,0 +1,1 @@
+"""Force laws: elements, their normal form, their numbers, and the library."""

@@ -1,0 +1,215 @@
+"""One file as a table: every column that the plan asks for, of one length, whatever the format."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.address import show
+from rsgen.measurement.data_files import file_label, recognise_format
+from rsgen.measurement.plan import Layout
+from rsgen.measurement.sandbox import read_binary
+from rsgen.measurement.text_columns import read_columns
+from rsgen.measurement.tree import Channel
+
+__all__ = ["Table", "read_channels", "read_table"]
+
+MAX_ROWS = 5_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of one file.
+
+    Parameters
+    ----------
+    label
+        The file, for messages.
+    columns
+        (n,) numbers by address, real or complex.
+    unit_of_place
+        "line" or "row": what ``number`` counts.
+    number
+        (n,) place of each row in the file, from 1.
+    block
+        (n,) number of the block of each row: of the text's blocks, or of the entries that a * means.
+    """
+
+    label: str
+    columns: dict[int | str, NDArray[Any]]
+    unit_of_place: str
+    number: NDArray[np.int64]
+    block: NDArray[np.int64]
+
+    def refuse(self, bad: NDArray[np.bool_], what: str) -> None:
+        """Raise a fault that names the first bad row, if there is one."""
+        if bad.any():
+            raise MeasurementError(
+                f"{self.label}: {self.unit_of_place} {int(self.number[int(np.argmax(bad))])}: {what}"
+            )
+
+    def real(self, column: int | str) -> NDArray[np.float64]:
+        """Give a column of real numbers."""
+        values = self.columns[column]
+        if np.iscomplexobj(values):
+            raise MeasurementError(
+                f"{self.label}: {show(column)} is complex; name it by 'complex', or name a real one"
+            )
+        return np.asarray(values, dtype=np.float64)
+
+    def keep(self, mask: NDArray[np.bool_]) -> Table:
+        """Keep some rows."""
+        columns = {name: values[mask] for name, values in self.columns.items()}
+        return Table(self.label, columns, self.unit_of_place, self.number[mask], self.block[mask])
+
+
+def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
+    """Tell what the * of an address stood for."""
+    if not isinstance(pattern, str) or "*" not in pattern:
+        return ()
+    text = re.sub(r"\[[\d,:]+\]\Z", "", pattern)
+    match = re.fullmatch("([^/]*)".join(map(re.escape, text.split("*"))), path)
+    return match.groups() if match else (path,)
+
+
+def _entries(
+    label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]]
+) -> list[dict[int | str, NDArray[Any]]]:
+    """Sort what wildcards found into entries: the same * stands for the same name in every column."""
+    several = {address: group for address, group in zip(wanted, groups, strict=True) if _has_star(address)}
+    if not several:
+        return [{address: group[0].values for address, group in zip(wanted, groups, strict=True)}]
+    keys = {address: [_stars(address, c.path) for c in group] for address, group in several.items()}
+    first = next(iter(keys))
+    for address, found in keys.items():
+        if found != keys[first]:
+            raise MeasurementError(
+                f"{label}: {show(first)} means {len(keys[first])} entries and {show(address)} others "
+                f"({len(found)}); every entry must have both"
+            )
+    entries = []
+    for number in range(len(keys[first])):
+        entry = {
+            address: (group[number] if address in several else group[0]).values
+            for address, group in zip(wanted, groups, strict=True)
+        }
+        entries.append(entry)
+    return entries
+
+
+def _has_star(address: int | str) -> bool:
+    return isinstance(address, str) and "*" in address
+
+
+def _axis(label: str, name: int | str, values: NDArray[Any], shape: tuple[int, ...]) -> int:
+    """Find the side of a matrix that a row of numbers belongs to."""
+    places = [axis for axis, length in enumerate(shape) if length == values.size]
+    if len(places) > 1 and values.ndim == len(shape):
+        places = [axis for axis in places if values.shape[axis] == values.size]
+    if len(places) != 1:
+        sides = " x ".join(map(str, shape))
+        why = "no side" if not places else "more than one side"
+        raise MeasurementError(
+            f"{label}: {show(name)} has {values.size} numbers, which fit {why} of {sides}; "
+            "columns must have one length, or be the sides of one matrix"
+        )
+    return places[0]
+
+
+def _aligned(
+    label: str, arrays: dict[int | str, NDArray[Any]], along: int | str | None
+) -> dict[int | str, NDArray[Any]]:
+    """Bring scalars, rows and matrices to one length; ``along`` varies fastest."""
+    squeezed = {name: values.squeeze() for name, values in arrays.items()}
+    shapes = {values.shape for values in squeezed.values() if values.ndim > 1}
+    if len(shapes) > 1:
+        sides = " and ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
+        raise MeasurementError(f"{label}: matrices of {sides}; all must have the same sides")
+    if not shapes:
+        lengths = {values.size for values in squeezed.values() if values.ndim == 1}
+        if len(lengths) > 1:
+            sizes = ", ".join(f"{show(name)} {values.size}" for name, values in squeezed.items())
+            raise MeasurementError(f"{label}: columns differ in length: {sizes}; one length is needed")
+        length = lengths.pop() if lengths else 1
+        return {name: np.broadcast_to(values, (length,)) for name, values in squeezed.items()}
+    (shape,) = shapes
+    last = len(shape) - 1
+    fastest = last
+    full = {}
+    for name, values in squeezed.items():
+        if values.ndim == 1:
+            axis = _axis(label, name, arrays[name] if arrays[name].ndim > 1 else values, shape)
+            fastest = axis if name == along else fastest
+            values = values.reshape([-1 if place == axis else 1 for place in range(len(shape))])
+        full[name] = np.broadcast_to(values, shape)
+    return {name: np.moveaxis(values, fastest, last).ravel() for name, values in full.items()}
+
+
+def read_channels(
+    path: Path, form: str, wanted: Sequence[int | str], sha256: str | None
+) -> tuple[str, list[list[Channel]]]:
+    """Read channels of a binary file; "auto" recognises its format.
+
+    Returns
+    -------
+    The format, and for each address the arrays it means; none where the file is text.
+    """
+    known = recognise_format(path) if form == "auto" else form
+    if known == "csv":
+        return known, []
+    return known, read_binary(path, known, wanted, sha256)
+
+
+def read_table(
+    path: Path,
+    form: str,
+    layout: Layout,
+    wanted: Sequence[int | str],
+    along: int | str | None = None,
+    sha256: str | None = None,
+) -> Table:
+    """Read columns of a file of any format.
+
+    Parameters
+    ----------
+    path, form
+        The file and its format, or "auto".
+    layout
+        How a text is laid out.
+    wanted
+        Addresses, each once.
+    along
+        The column that varies fastest where columns are the sides of a matrix.
+    sha256
+        What the file must hash to, if known.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, a column is not there, lengths differ, a number is not finite.
+    """
+    known, groups = read_channels(path, form, wanted, sha256)
+    if known == "csv":
+        text = read_columns(path, layout, wanted, sha256)
+        named: dict[int | str, NDArray[Any]] = {c: text.values[:, i] for i, c in enumerate(wanted)}
+        return Table(file_label(path), named, "line", text.line, text.block)
+    label = file_label(path)
+    parts = [_aligned(label, entry, along) for entry in _entries(label, wanted, groups)]
+    lengths = [len(next(iter(part.values()))) for part in parts]
+    if sum(lengths) > MAX_ROWS:
+        raise MeasurementError(f"{label}: {sum(lengths)} rows; at most {MAX_ROWS} are read")
+    if not sum(lengths):
+        raise MeasurementError(f"{label}: no numbers in it; at least one row is needed")
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in wanted}
+    block = np.repeat(np.arange(len(parts)), lengths)
+    table = Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block)
+    for name, values in columns.items():
+        table.refuse(~np.isfinite(values), f"{show(name)} is not finite; a finite number is needed")
+    return table

@@ -1,0 +1,107 @@
+"""NumPy files: .npy and .npz, without pickles, sizes checked before anything is read."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Iterator
+from typing import IO, Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.tree import Node, array_bytes
+
+__all__ = ["walk_npy", "walk_npz"]
+
+MAX_MEMBERS = 10_000
+_PICKLE = "holds Python objects (a pickle), which could run code; arrays of numbers are read"
+
+
+def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    try:
+        version = npy.read_magic(file)
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, fortran, dtype = read(file)
+    except Exception as fault:  # the header is read as Python text, so any fault of a parser may come
+        raise MeasurementError(f"is no .npy array: {' '.join(str(fault).split())[:120]}") from None
+    if dtype.hasobject:
+        raise MeasurementError(_PICKLE)
+    fields = [dtype] if dtype.names is None else [dtype[name] for name in dtype.names]
+    if any(field.subdtype is not None or field.kind not in "fiubc" for field in fields):
+        raise MeasurementError("holds no numbers of a kind that is read; real and complex numbers are")
+    array_bytes(shape, np.dtype("u1"), largest // max(1, dtype.itemsize))
+    return tuple(map(int, shape)), fortran, dtype
+
+
+def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> NDArray[Any]:
+    # one dimension first, so that a file cut off is told from one that is whole
+    flat = np.empty(int(np.prod(shape, dtype=object)), dtype=dtype)
+    view = flat.view(np.uint8).data
+    done = 0
+    while done < len(view):
+        part = file.readinto(view[done:])  # type: ignore[attr-defined]
+        if not part:
+            raise MeasurementError(f"is cut off: {done} bytes of {len(view)}; send the whole file again")
+        done += part
+    return flat.reshape(shape[::-1]).transpose() if fortran else flat.reshape(shape)
+
+
+def _nodes(path: str, opened: Callable[[], IO[bytes]], largest: int) -> Iterator[Node]:
+    with opened() as file:
+        try:
+            shape, _, dtype = _header(file, largest)
+        except MeasurementError as fault:
+            reason = str(fault)
+
+            def refuse() -> NDArray[Any]:
+                raise MeasurementError(reason)
+
+            yield Node(path, (), "", refuse, fault=reason)
+            return
+
+    def load(field: str | None = None) -> NDArray[Any]:
+        with opened() as file:
+            values = _read(file, *_header(file, largest))
+        return values if field is None else values[field]
+
+    if dtype.names is None:
+        yield Node(path, shape, dtype.name, load)
+    for name in dtype.names or ():
+        yield Node(f"{path}/{name}", shape, dtype[name].name, lambda name=name: load(name))  # type: ignore[misc]
+
+
+class _Kept:
+    """A file that stays open: each array is read from its beginning."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file = file
+
+    def __enter__(self) -> BinaryIO:
+        self.file.seek(0)
+        return self.file
+
+    def __exit__(self, *fault: object) -> None:
+        pass
+
+
+def walk_npy(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
+    """Walk through a .npy file: one array called "array", or the fields of a structured one below it."""
+    nodes = list(_nodes("array", lambda: _Kept(file), largest))  # type: ignore[arg-type, return-value]
+    if nodes[0].fault:
+        raise MeasurementError(nodes[0].fault)
+    yield from nodes
+
+
+def walk_npz(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
+    """Walk through a .npz archive: its arrays by their names."""
+    try:
+        archive = zipfile.ZipFile(file)
+    except (zipfile.BadZipFile, OSError, ValueError) as fault:
+        raise MeasurementError(f"is no .npz archive: {str(fault)[:120]}") from None
+    members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+    if len(members) > MAX_MEMBERS:
+        raise MeasurementError(f"{len(members)} arrays; at most {MAX_MEMBERS} are listed")
+    for member in members:
+        yield from _nodes(member.filename[:-4], lambda member=member: archive.open(member), largest)  # type: ignore[misc]

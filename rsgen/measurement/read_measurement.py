@@ -1,0 +1,257 @@
+"""Measured files and their plan to a response surface: displacement and force as SI peak values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.file_table import Table, read_table
+from rsgen.measurement.passivity import energy_note
+from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.runs import group_levels, level_of_file, recognise_directions
+from rsgen.surface import ResponseSurface
+
+__all__ = ["read_measurement"]
+
+NOMINAL = (
+    "the force was not recorded and the nominal level stands for it; real forces fall at "
+    "resonance, which then looks like damping and stiffness of the structure"
+)
+QUOTIENT = (
+    "the files tell response over force, so the level stands for the force; where the real one fell, so "
+    "did the amplitude, and laws of amplitude are off by as much"
+)
+_INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """What one file gives; the level is None where it is to be found from the forces of all files."""
+
+    frequency: NDArray[np.float64]
+    force: NDArray[np.complex128]
+    displacement: NDArray[np.complex128]
+    level: NDArray[np.float64] | None
+    said: NDArray[np.float64] | None
+    block: NDArray[np.int64]
+
+
+def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
+    """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
+    sense = -1 if signal.conjugate else 1
+    if signal.complex is not None:
+        value = np.asarray(table.columns[signal.complex], dtype=np.complex128)
+        value = value.conj() if signal.conjugate else value
+    elif signal.real is not None and signal.imaginary is not None:
+        value = table.real(signal.real) + sense * 1j * table.real(signal.imaginary)
+    elif signal.amplitude is not None:
+        magnitude = table.real(signal.amplitude)
+        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
+        turn = np.zeros_like(magnitude) if signal.phase is None else table.real(signal.phase)
+        value = magnitude * np.exp(1j * signal.phase_factor * turn)
+    else:
+        raise MeasurementError(
+            f"{what}: no column given; amplitude, real and imaginary, or complex is needed"
+        )
+    value = np.asarray(value * signal.factor, dtype=np.complex128)
+    table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
+    table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
+    return value
+
+
+def _distinct(*places: int | str | None) -> list[int | str]:
+    return list(dict.fromkeys(place for place in places if place is not None))
+
+
+def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
+    """Read the table of a file, and that of the response where it lies in a file of its own."""
+    forces = test.force.columns if test.force is not None else ()
+    own = (test.frequency, *forces, test.sweep.column, test.level.column)
+    apart = bool(test.response_files)
+    sha256 = test.sha256[number] if test.sha256 else None
+    wanted = _distinct(*own, *(() if apart else test.response.columns))
+    table = read_table(test.files[number], test.format, test.layout, wanted, test.frequency, sha256)
+    if not apart:
+        return table, table
+    path = test.response_files[number]
+    other = read_table(path, test.format, test.layout, _distinct(*test.response.columns))
+    if len(other.number) != len(table.number):
+        raise MeasurementError(
+            f"{other.label}: {len(other.number)} rows; {table.label} has {len(table.number)}: one each needed"
+        )
+    return table, other
+
+
+def _level_of_entries(values: tuple[float, ...], table: Table) -> NDArray[np.float64]:
+    entries = int(table.block.max()) + 1
+    if entries != len(values):
+        raise MeasurementError(
+            f"{table.label}: {entries} entries and {len(values)} levels; a level for each entry is needed"
+        )
+    return np.array(values)[table.block]
+
+
+def _part(test: MeasuredTest, number: int) -> _Part:
+    if test.frequency is None:
+        raise MeasurementError("frequency: is missing; where it is must be told")
+    table, other = _tables(test, number)
+    raw = table.real(test.frequency)
+    table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
+    # exported receptances often begin at 0 Hz, where there is no harmonic test
+    keep = raw > 0
+    if not keep.any():
+        raise MeasurementError(f"{table.label}: no row with a frequency above 0")
+    same = other is table
+    table = table.keep(keep)
+    other = table if same else other.keep(keep)
+    frequency = raw[keep] * test.frequency_factor
+    level: NDArray[np.float64] | None = None
+    alone = level_of_file(test, number)
+    if alone is not None:
+        level = np.full(len(frequency), alone)
+    elif test.level.values:
+        level = _level_of_entries(test.level.values, table)
+    elif test.level.column is not None:
+        level = table.real(test.level.column) * test.level.factor
+        table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    if test.force is not None:
+        force = _signal(table, test.force, "force")
+    elif level is not None:
+        force = level.astype(np.complex128)
+    else:
+        raise MeasurementError(f"{table.label}: no force recorded and no level told; one of them is needed")
+    response = _signal(other, test.response, "response") * (force if test.per_force else 1.0)
+    displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
+    if not test.phase_known:
+        force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
+    said = None if test.sweep.column is None else table.real(test.sweep.column)
+    return _Part(frequency, force, displacement, level, said, table.block)
+
+
+def _as_number(value: int | str | None) -> float:
+    try:
+        return float(value if value is not None else "nan")
+    except ValueError:
+        raise MeasurementError(
+            f"sweep: {value!r} is no number; the column of directions holds numbers"
+        ) from None
+
+
+def _directions(
+    rule: SweepRule,
+    frequency: NDArray[np.float64],
+    level: NDArray[np.float64],
+    said: NDArray[np.float64] | None,
+    block: NDArray[np.int64],
+) -> NDArray[np.str_]:
+    if said is not None:
+        up, down = (_as_number(value) for value in (rule.up, rule.down))
+        return np.where(said == up, "up", np.where(said == down, "down", "rest"))
+    if rule.direction == "recognise":
+        return recognise_directions(frequency, level, block)
+    return np.full(len(frequency), rule.direction, dtype="U4")
+
+
+def _amplitudes(test: MeasuredTest) -> ResponseSurface:
+    parts = [_part(test, number) for number in range(len(test.files))]
+    frequency = np.concatenate([part.frequency for part in parts])
+    force = np.concatenate([part.force for part in parts])
+    displacement = np.concatenate([part.displacement for part in parts])
+    told = [part.level for part in parts if part.level is not None]
+    level = np.concatenate(told) if told else group_levels(np.abs(force), test.level.spread)
+    saids = [part.said for part in parts if part.said is not None]
+    counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
+    block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
+    notes = () if test.force is not None else (QUOTIENT if test.per_force else NOMINAL,)
+    unknown = np.full(len(frequency), np.nan)
+    return ResponseSurface(
+        level=level,
+        frequency=frequency,
+        force=force,
+        harmonics=np.stack([np.zeros_like(displacement), displacement], axis=1),
+        peak=np.stack([unknown, unknown], axis=1),
+        sweep=_directions(test.sweep, frequency, level, np.concatenate(saids) if saids else None, block),
+        outcome=np.zeros(len(frequency), dtype=np.int8),
+        residual=unknown,
+        error=unknown,
+        origin="measured",
+        phase_known=test.phase_known,
+        notes=notes,
+    )
+
+
+def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
+    """Put the points of several surfaces into one."""
+    if len(surfaces) == 1:
+        return surfaces[0]
+
+    def column(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(surface, name) for surface in surfaces])
+
+    return ResponseSurface(
+        level=column("level"),
+        frequency=column("frequency"),
+        force=column("force"),
+        harmonics=column("harmonics"),
+        peak=column("peak"),
+        sweep=column("sweep"),
+        outcome=column("outcome"),
+        residual=column("residual"),
+        error=column("error"),
+        origin="measured",
+        notes=tuple(dict.fromkeys(note for surface in surfaces for note in surface.notes)),
+    )
+
+
+def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    # imported here, for the process that opens binary files imports this room and must start quickly
+    from rsgen.history import demodulate_sweep, fit_steps, follow_decay, soundness_notes
+    from rsgen.measurement.histories import read_histories
+
+    histories = read_histories(test)
+    given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
+    if rule.excitation == "swept-sine":
+        surface = demodulate_sweep(
+            histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
+        )
+    elif rule.excitation == "stepped-sine":
+        surface = fit_steps(histories, band=rule.band, **given)
+    else:
+        decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
+        surface = _joined([decay.surface() for decay in decays])
+    sound = [note for history in histories for note in soundness_notes(history)]
+    return replace(surface, notes=(*sound, *surface.notes))
+
+
+def read_measurement(test: MeasuredTest) -> ResponseSurface:
+    """Read a measured test.
+
+    Velocity and acceleration are integrated in the frequency domain, X = V/(i omega) = -A/omega^2. The
+    phase of the response counts from the force. Rows at 0 Hz are passed over. The mean is not measured by
+    such a test and stands as 0; peaks, residual and error are unknown (NaN).
+
+    Parameters
+    ----------
+    test
+        Which files, and where in them what is found.
+
+    Returns
+    -------
+    ResponseSurface
+        For tables of amplitudes one row a row of the files, in their order, with origin "measured".
+
+    Raises
+    ------
+    MeasurementError
+        A file cannot be read as the plan says; the message names file and line or row.
+    """
+    if test.history is not None and test.history.excitation == "ring-down":
+        return _from_histories(test, test.history)
+    surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
+    lags = test.response.conjugate or test.response.phase_factor < 0
+    sense = None if test.history is not None else "lag" if lags else "lead"
+    return replace(surface, notes=(*surface.notes, *energy_note(surface, sense, test.quantity)))

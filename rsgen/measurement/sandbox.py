@@ -1,0 +1,229 @@
+"""Open a binary file in a process of its own that can be killed, and take nothing but numbers from it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.data_files import file_label, open_regular
+from rsgen.measurement.tree import Channel, Contents, array_bytes, largest_bytes, make_entry
+
+__all__ = ["list_binary", "read_binary"]
+
+MAX_BYTES = 2**30
+"""Largest binary file that is opened."""
+MAX_HEADER = 64 * 2**20
+START_SECONDS = 60.0
+"""To start the process, on a busy machine as well."""
+WAIT_SECONDS = 30.0
+WAIT_RATE = 2 * 2**20
+"""Time to wait for an answer, so many seconds and one more for so many bytes: the reading process itself ends
+sooner, after a second of work, but only where the system can count that."""
+UNCOUNTED = 10.0
+"""Where it cannot, waiting is shorter by this factor."""
+_READY = b"ready\n"
+_PROGRAM = (
+    "import sys, json; sys.path[:] = json.loads(sys.argv.pop(2)); "
+    "from rsgen.measurement.sandbox_worker import main; main()"
+)
+_DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
+
+
+def _environment() -> dict[str, str]:
+    # threads of the algebra library reserve memory that the limit would count
+    threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMEXPR")}
+    return {**os.environ, **threads, "PYTHONDONTWRITEBYTECODE": "1", "HDF5_USE_FILE_LOCKING": "FALSE"}
+
+
+class _Process:
+    """A reading process and the clock that ends it."""
+
+    def __init__(self, file: IO[bytes], name: str, order: dict[str, Any], seconds: float) -> None:
+        self.name = name
+        self.seconds = seconds
+        self.late = False
+        # the program is our own, the file is standard input, and nothing goes through a shell
+        self.process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-I", "-c", _PROGRAM, json.dumps(order), json.dumps(sys.path)],
+            stdin=file,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=_environment(),
+        )
+        self.clock = self.start(START_SECONDS)
+
+    def start(self, seconds: float) -> threading.Timer:
+        clock = threading.Timer(seconds, self.end)
+        clock.daemon = True
+        clock.start()
+        return clock
+
+    def end(self) -> None:
+        self.late = True
+        self.process.kill()
+
+    def __enter__(self) -> _Process:
+        return self
+
+    def __exit__(self, *fault: object) -> None:
+        self.clock.cancel()
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdout:
+            self.process.stdout.close()
+
+    def broken(self) -> MeasurementError:
+        """Say why no answer came."""
+        if self.late:
+            return MeasurementError(
+                f"{self.name}: reading was ended after {self.seconds:.1f} s; an undamaged file is needed"
+            )
+        try:
+            code = self.process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            code = 0
+        if code == -getattr(signal, "SIGXCPU", 0):
+            return MeasurementError(
+                f"{self.name}: takes more time than a file of its size may; an undamaged file is needed"
+            )
+        return MeasurementError(
+            f"{self.name}: the reading process broke down (code {code}), so the file is damaged or hostile; "
+            "a file that MATLAB, h5py or the measuring system itself opens is needed"
+        )
+
+    def line(self) -> bytes:
+        stream = self.process.stdout
+        line = stream.readline(MAX_HEADER) if stream else b""
+        if not line.endswith(b"\n"):
+            raise self.broken()
+        return line
+
+    def answer(self) -> dict[str, Any]:
+        if self.line() != _READY:
+            raise self.broken()
+        self.clock.cancel()
+        self.clock = self.start(self.seconds)
+        try:
+            header = json.loads(self.line())
+        except ValueError:
+            raise self.broken() from None
+        if not isinstance(header, dict):
+            raise self.broken()
+        if "fault" in header:
+            raise MeasurementError(f"{self.name}: {_printable(str(header['fault']))}")
+        return header
+
+    def array(self, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+        values = np.empty(shape, dtype=dtype)
+        if not values.size:
+            return values
+        view = values.reshape(-1).view(np.uint8).data
+        done = 0
+        while done < len(view):
+            part = self.process.stdout.readinto(view[done:]) if self.process.stdout else 0  # type: ignore[attr-defined]
+            if not part:
+                raise self.broken()
+            done += part
+        return values
+
+
+def _printable(text: str) -> str:
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:1000]
+
+
+def _hash(file: IO[bytes]) -> str:
+    digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+    file.seek(0)
+    return digest
+
+
+def _seconds(size: int) -> float:
+    seconds = WAIT_SECONDS + size / WAIT_RATE
+    return seconds if find_spec("resource") else seconds / UNCOUNTED
+
+
+def read_binary(
+    path: Path, form: str, wanted: Sequence[int | str], sha256: str | None = None
+) -> list[list[Channel]]:
+    """Read channels of a binary file in a process of its own.
+
+    Parameters
+    ----------
+    path, form
+        The file and its format.
+    wanted
+        Addresses in its tree.
+    sha256
+        What the file must hash to, if known.
+
+    Returns
+    -------
+    For each address the arrays that it means: one, or with wildcards several.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, too large, damaged, not what it says to be, an address that is not there; the reading process
+        broke down or took too long.
+    """
+    name = file_label(path)
+    with open_regular(path, MAX_BYTES) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if sha256 is not None and (found := _hash(file)) != sha256:
+            raise MeasurementError(
+                f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
+            )
+        order = {"format": form, "wanted": list(wanted)}
+        channels: list[list[Channel]] = [[] for _ in wanted]
+        most = 2 * largest_bytes(size)
+        with _Process(file, name, order, _seconds(size)) as process:
+            header = process.answer()
+            try:
+                for item in header["arrays"]:
+                    shape = tuple(int(length) for length in item["shape"])
+                    if item["dtype"] not in _DTYPES:
+                        raise process.broken()
+                    most -= array_bytes(shape, np.dtype(item["dtype"]), most)
+                    values = process.array(shape, item["dtype"])
+                    channels[int(item["wanted"])].append(
+                        Channel(str(item["path"]), values, str(item["unit"]))
+                    )
+            except (KeyError, TypeError, ValueError, IndexError):
+                raise process.broken() from None
+    return channels
+
+
+def list_binary(path: Path, form: str) -> Contents:
+    """List what a binary file holds.
+
+    Raises
+    ------
+    MeasurementError
+        As ``read_binary``.
+    """
+    name = file_label(path)
+    with open_regular(path, MAX_BYTES) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        order = {"format": form, "wanted": None}
+        with _Process(file, name, order, _seconds(size)) as process:
+            entries = process.answer().get("entries")
+            try:
+                listed = tuple(make_entry(item) for item in entries or ())
+            except (KeyError, TypeError, ValueError):
+                raise process.broken() from None
+    return Contents(path, form, listed)

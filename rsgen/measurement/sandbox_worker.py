@@ -1,0 +1,212 @@
+"""The process that opens binary files: it limits itself, reads from standard input, answers with raw numbers.
+
+Readers of binary formats are large programs in C that were not written for hostile files. So they run here,
+in a process of their own that can open no further file, write none, start nothing and take only so much
+memory and time. What comes back is a line of JSON and bytes of numbers: nothing that could be executed.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from math import ceil
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.address import find, select
+from rsgen.measurement.tree import LARGEST_BYTES, Node, array_bytes, facts, largest_bytes
+
+__all__ = ["FORMATS", "READY", "main"]
+
+FORMATS = {
+    "mat": ("rsgen.measurement.matlab", "walk_matlab"),
+    "hdf5": ("rsgen.measurement.hdf5", "walk_hdf5"),
+    "npy": ("rsgen.measurement.npy", "walk_npy"),
+    "npz": ("rsgen.measurement.npy", "walk_npz"),
+    "uff": ("rsgen.measurement.uff", "walk_universal"),
+}
+READY = b"ready\n"
+_MEMORY_BYTES = 96 * 2**20
+_COPIES = 3
+_SECONDS = 1.0
+_RATE = 20 * 2**20
+"""Time to read a file: so many seconds, and one more for so many bytes."""
+
+Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
+
+
+def _sample(form: str) -> bytes:
+    """Make a small file of a format, or nothing where the reader is our own."""
+    numbers = np.arange(3.0)
+    file = io.BytesIO()
+    if form == "mat":
+        import scipy.io
+
+        tree = {"a": {"b": numbers, "c": np.array([1, "x"], dtype=object)}, "d": 1j * numbers}
+        opened: Any = file
+        scipy.io.savemat(opened, tree, do_compression=True)
+    elif form == "hdf5":
+        import h5py
+
+        with h5py.File(file, "w") as made:
+            data = made.create_dataset("a/b", data=numbers, chunks=(2,), compression="gzip")
+            data.attrs["units"] = "m"
+    elif form == "npy":
+        np.save(file, numbers)
+    elif form == "npz":
+        np.savez_compressed(file, a=numbers)
+    return file.getvalue()
+
+
+def _rehearse(form: str, walk: Walk) -> None:
+    """Read a sample, so that everything is imported before no file can be opened any more."""
+    sample = _sample(form)
+    if sample:
+        for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
+            _describe(node)
+    # names in files may come in any of these, and Python loads each when it is first met
+    for name in ("ascii", "latin-1", "cp437", "utf-16", "utf-16-le", "utf-32", "utf-8-sig"):
+        codecs.lookup(name)
+    json.dumps(facts(np.arange(3.0)))
+
+
+def _limit(largest: int, size: int) -> None:
+    try:
+        import resource
+    except ImportError:
+        # Windows has no such limits; the time limit of the reading process holds there, too
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # seconds of work, not of waiting: a busy machine must not refuse a good file
+    seconds = ceil(time.process_time() + _SECONDS + size / _RATE)
+    # first the signal that tells why, then the one that cannot be caught
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    # none beyond standard input, output and error: links to other files lead nowhere
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
+    try:
+        with open("/proc/self/statm", encoding="ascii") as status:  # noqa: PTH123
+            base = int(status.read().split()[0]) * resource.getpagesize()
+    except OSError:
+        return
+    most = base + _MEMORY_BYTES + _COPIES * largest
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _describe(node: Node) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "path": node.path,
+        "shape": list(node.shape),
+        "dtype": node.dtype,
+        "unit": node.unit,
+        "remark": node.remark,
+        "fault": node.fault,
+    }
+    if node.fault or not node.dtype:
+        return entry
+    try:
+        values = node.load().ravel()
+    except MeasurementError as fault:
+        return entry | {"fault": str(fault)}
+    return entry | facts(values)
+
+
+def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
+    out = sys.stdout.buffer
+    out.write(json.dumps(header, allow_nan=False).encode("ascii") + b"\n")
+    for values in arrays:
+        if values.size:
+            out.write(values.reshape(-1).view(np.uint8).data)
+    out.flush()
+
+
+def _portable(values: NDArray[Any]) -> NDArray[Any]:
+    """Little-endian, contiguous, as numbers: what the other side is told to expect."""
+    if values.dtype.kind == "b":
+        values = values.astype(np.uint8)
+    return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+
+
+def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
+    header: list[dict[str, Any]] = []
+    arrays: list[NDArray[Any]] = []
+    total = 0
+    loaded: dict[str, NDArray[Any]] = {}
+    for number, address in enumerate(wanted):
+        found, index = find(nodes, address)
+        for node in found:
+            if node.path not in loaded:
+                loaded[node.path] = node.load()
+            values = _portable(select(loaded[node.path], index, node.path))
+            total += array_bytes(values.shape, values.dtype, largest)
+            if total > 2 * largest:
+                raise MeasurementError(
+                    f"more than {2 * largest} bytes are asked for; fewer channels are needed"
+                )
+            header.append(
+                {
+                    "wanted": number,
+                    "path": node.path,
+                    "dtype": values.dtype.str,
+                    "shape": list(values.shape),
+                    "unit": node.unit,
+                }
+            )
+            arrays.append(values)
+    _say({"arrays": header}, arrays)
+
+
+def _heads(wanted: list[int | str] | None) -> set[str] | None:
+    """Tell the names at the root that the addresses begin with; None where all are needed."""
+    if wanted is None or any(isinstance(address, int) for address in wanted):
+        return None
+    return {part for address in map(str, wanted) for part in _beginnings(address.split("/")[0])}
+
+
+def _beginnings(name: str) -> tuple[str, ...]:
+    return (name, name.split("[")[0])
+
+
+def main() -> None:
+    """Read the file on standard input as the order in the first argument says."""
+    order = json.loads(sys.argv[1])
+    module, name = FORMATS[order["format"]]
+    walk: Walk = getattr(import_module(module), name)
+    size = sys.stdin.buffer.seek(0, 2)
+    sys.stdin.buffer.seek(0)
+    largest = largest_bytes(size)
+    _rehearse(order["format"], walk)
+    _limit(largest, size)
+    sys.stdout.buffer.write(READY)
+    sys.stdout.buffer.flush()
+    wanted = order["wanted"]
+    try:
+        try:
+            nodes = list(walk(sys.stdin.buffer, _heads(wanted), largest))
+            if not nodes:
+                raise MeasurementError("holds nothing; arrays of numbers are needed")
+            if wanted is None:
+                _say({"entries": [_describe(node) for node in nodes]}, [])
+            else:
+                _channels(nodes, wanted, largest)
+        except MemoryError:
+            raise MeasurementError("needs more memory than a file of its size may; it is damaged") from None
+        except MeasurementError:
+            raise
+        except Exception as fault:
+            # what a reader says of its own variables tells nobody anything
+            own = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
+            reason = "its parts do not fit together" if own else " ".join(str(fault).split())[:160]
+            raise MeasurementError(
+                f"cannot be read as {order['format']}: {reason or type(fault).__name__}; it is damaged"
+            ) from None
+    except MeasurementError as fault:
+        _say({"fault": str(fault)}, [])

@@ -1,0 +1,292 @@
+"""Numbers in columns of a text file: line by line, sizes first, every number checked, formulas are text.
+
+Only the columns asked for are read as numbers; others may hold dates and remarks. What is asked for must be
+a plain finite number in every row, or the file is refused with the line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.data_files import file_label, open_regular
+from rsgen.measurement.plan import Layout
+
+__all__ = ["Columns", "read_columns", "text_lines"]
+
+MAX_BYTES = 256 * 2**20
+MAX_LINE = 1_000_000
+MAX_ROWS = 5_000_000
+MAX_COLUMNS = 10_000
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+# without letters but e, and without underscores, float() accepts just what _NUMBER does
+_PLAIN = re.compile(r"[0-9eE+\-.,;|\s]*\Z", re.ASCII)
+_NONFINITE = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
+_FORMULA = ("=", "+", "-", "@")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Some columns of a file.
+
+    Parameters
+    ----------
+    values
+        (n, c) numbers, one column each column asked for, in that order.
+    line
+        (n,) line of each row in the file, from 1.
+    block
+        (n,) number of the block of each row; blank and comment lines separate blocks.
+    sha256
+        Of the whole file.
+    """
+
+    values: NDArray[np.float64]
+    line: NDArray[np.int64]
+    block: NDArray[np.int64]
+    sha256: str
+
+
+def _show(text: str, limit: int = 30) -> str:
+    escaped = text[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
+    return repr(escaped) + ("..." if len(text) > limit else "")
+
+
+class _Table:
+    """The state of reading: delimiter and columns are settled by the first line that is no comment."""
+
+    def __init__(self, name: str, layout: Layout, wanted: Sequence[int | str]) -> None:
+        self.name = name
+        self.layout = layout
+        self.wanted = wanted
+        self.delimiter: str | None = None if layout.delimiter == "auto" else layout.delimiter
+        self.width = 0
+        self.places: list[int] = []
+        self.remark: list[str] = []
+        self.values = array("d")
+        self.lines = array("q")
+        self.blocks = array("q")
+        self.block = 0
+        self.separated = False
+
+    def fail(self, line: int, what: str) -> MeasurementError:
+        return MeasurementError(f"{self.name}: line {line}: {what}")
+
+    def cells(self, text: str) -> list[str]:
+        if self.delimiter == "whitespace":
+            return text.split()
+        return [cell.strip().strip('"').strip() for cell in text.split(self.delimiter)]
+
+    def settle(self, line: int, text: str) -> None:
+        """Find delimiter, number of columns and places of the wanted ones from the first line."""
+        if self.delimiter is None:
+            candidates = [sign for sign in (";", "\t", ",", "|") if sign != self.layout.decimal]
+            self.delimiter = next((sign for sign in candidates if sign in text), "whitespace")
+        cells = self.cells(text)
+        self.width = len(cells)
+        if self.width > MAX_COLUMNS:
+            raise self.fail(line, f"{self.width} columns; at most {MAX_COLUMNS} are read")
+        header = not any(self.number(cell) is not None for cell in cells)
+        names = cells if header else self.remark if len(self.remark) == self.width else []
+        for name in names if header else []:
+            if name.startswith(_FORMULA):
+                raise self.fail(
+                    line, f"column name {_show(name)} looks like a formula; a plain name is needed"
+                )
+        self.places = [self.place(line, column, names) for column in self.wanted]
+        if not header:
+            self.row(line, text)
+
+    def place(self, line: int, column: int | str, names: list[str]) -> int:
+        if isinstance(column, int):
+            if not 1 <= column <= self.width:
+                raise self.fail(line, f"no column {column}; the file has {self.width}")
+            return column - 1
+        found = [place for place, name in enumerate(names) if name == column]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise self.fail(line, f"{len(found)} columns are named {_show(column)}; give the column's number")
+        known = ", ".join(_show(name) for name in names[:12]) or "none, the file has no header; give a number"
+        raise self.fail(line, f"no column named {_show(column)}; known: {known}")
+
+    def number(self, cell: str) -> float | None:
+        if self.layout.decimal == ",":
+            cell = cell.replace(",", ".") if "." not in cell else "?"
+        return float(cell) if _NUMBER.match(cell) else None
+
+    def row(self, line: int, text: str) -> None:
+        values = self.quick(text)
+        if values is None:
+            self.careful(line, text)
+        else:
+            self.values.extend(values)
+        if self.separated and self.lines:
+            self.block += 1
+        self.separated = False
+        self.lines.append(line)
+        self.blocks.append(self.block)
+        if len(self.lines) > MAX_ROWS:
+            raise self.fail(line, f"more than {MAX_ROWS} rows; at most that many are read")
+
+    def quick(self, text: str) -> list[float] | None:
+        """Read a line that holds nothing but plain numbers, three times as fast; None for any other line."""
+        if not _PLAIN.match(text):
+            return None
+        if self.layout.decimal == ",":
+            if "." in text:
+                return None
+            text = text.replace(",", ".")
+        cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
+        if len(cells) != self.width:
+            return None
+        try:
+            values = [float(cells[place]) for place in self.places]
+        except ValueError:
+            return None
+        return values if all(map(isfinite, values)) else None
+
+    def careful(self, line: int, text: str) -> None:
+        """Read a line cell by cell and say what is wrong with the first faulty one."""
+        cells = self.cells(text)
+        if len(cells) != self.width:
+            raise self.fail(line, f"{len(cells)} values; every line must have {self.width}, as the first")
+        for place in self.places:
+            value = self.number(cells[place])
+            if value is None:
+                raise self.fail(line, f"column {place + 1}: {self.reason(cells[place])}")
+            if not isfinite(value):
+                raise self.fail(line, f"column {place + 1}: {_show(cells[place])} is too large for a number")
+            self.values.append(value)
+
+    def reason(self, cell: str) -> str:
+        if not cell:
+            return "is empty; give a number, or take the row out"
+        if _NONFINITE.match(cell):
+            return f"{_show(cell)} is not finite; give a number, or take the row out"
+        if self.layout.decimal == "." and "," in cell:
+            return f"{_show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
+        return f"{_show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
+
+    def take(self, line: int, text: str) -> None:
+        stripped = text.strip()
+        comment = next((sign for sign in self.layout.comments if stripped.startswith(sign)), None)
+        if not stripped or comment:
+            self.separated = True
+            if comment and not self.width:
+                # a comment above the numbers may name the columns
+                self.remark = re.split(r"[\s,;|]+", stripped.removeprefix(comment).strip())
+        elif self.width:
+            self.row(line, text)
+        else:
+            self.settle(line, text)
+
+
+def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
+    """Decode a line by the first encoding that fits."""
+    for encoding in encodings:
+        try:
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return None
+
+
+def text_lines(
+    file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool, encoding: str = "auto"
+) -> Iterator[tuple[int, str]]:
+    """Give number and text of each line, the bytes checked and hashed."""
+    encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
+    number = 0
+    total = 0
+    while raw := file.readline(MAX_LINE + 1):
+        number += 1
+        total += len(raw)
+        if len(raw) > MAX_LINE or total > MAX_BYTES:
+            raise MeasurementError(f"{name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?")
+        digest.update(raw)
+        if number == 1:
+            if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+                raise MeasurementError(f"{name}: line 1: UTF-16; save the file as UTF-8")
+            raw = raw.removeprefix(b"\xef\xbb\xbf")
+        if b"\x00" in raw:
+            raise MeasurementError(f"{name}: line {number}: contains a zero byte; a text file is needed")
+        text = _decoded(raw, encodings)
+        if text is None:
+            raise MeasurementError(
+                f"{name}: line {number}: not {' or '.join(encodings)}; save the file as UTF-8, or name its "
+                "encoding in test.layout.encoding"
+            )
+        if "\r" in text.rstrip("\r\n"):
+            raise MeasurementError(
+                f"{name}: line {number}: a carriage return inside the line; end lines with \\n"
+            )
+        if not raw.endswith(b"\n") and text.strip() and not complete:
+            raise MeasurementError(
+                f"{name}: line {number}: has no line end, so the file may be cut off; end the last line, "
+                "or fix the file by its sha256 in the case"
+            )
+        yield number, text.rstrip("\r\n")
+
+
+def read_columns(
+    path: Path, layout: Layout, wanted: Sequence[int | str], sha256: str | None = None
+) -> Columns:
+    """Read columns of a text file as finite numbers.
+
+    Parameters
+    ----------
+    path
+        The file, at most 256 MiB.
+    layout
+        Delimiter, decimal sign, comments, lines to skip.
+    wanted
+        Column numbers from 1, or names: of the header, or of a comment right above the numbers.
+    sha256
+        What the file must hash to, if known.
+
+    Returns
+    -------
+    Columns
+        At least one row.
+
+    Raises
+    ------
+    MeasurementError
+        File missing, no regular file, too large, not text, cut off; a row with fewer or more cells than
+        the first; a wanted cell that is no finite number; a column that is not there; the hash differs.
+    """
+    name = file_label(path)
+    digest = hashlib.sha256()
+    table = _Table(name, layout, wanted)
+    with open_regular(path, MAX_BYTES) as file:
+        try:
+            for line, text in text_lines(file, name, digest, sha256 is not None, layout.encoding):
+                if line > layout.skip:
+                    table.take(line, text)
+        except OSError as fault:
+            raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
+    found = digest.hexdigest()
+    if sha256 is not None and found != sha256:
+        raise MeasurementError(
+            f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
+        )
+    rows = len(table.lines)
+    if not rows:
+        raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")
+    return Columns(
+        values=np.array(table.values).reshape(rows, len(wanted)),
+        line=np.array(table.lines, dtype=np.int64),
+        block=np.array(table.blocks, dtype=np.int64),
+        sha256=found,
+    )

@@ -1,0 +1,229 @@
+"""What is inside a data file: a tree of named arrays of numbers, whatever the format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement.plan import Layout
+
+__all__ = ["LARGEST_BYTES", "Channel", "Contents", "Entry", "Node", "array_bytes", "kept", "largest_bytes"]
+
+LARGEST_BYTES = 2**30
+"""Bytes of numbers that are taken from one file, at most."""
+_SMALL_BYTES = 32 * 2**20
+_EXPANSION = 20
+"""A file may unpack to so many times its size: measured numbers hardly compress, bombs do a thousandfold."""
+_KINDS = "fiubc"
+FIRST = 4
+"""Values shown of each array."""
+EVEN = 0.1
+"""Numbers off their even places by less than this fraction of a step are evenly spaced; texts are rounded."""
+MANY = 100_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """An array in a file that is open, seen by the process that reads it; read when it is asked for.
+
+    Parameters
+    ----------
+    path
+        Names from the root, with / between.
+    shape, dtype
+        As the file declares them; ``dtype`` is "" where it is no array of numbers.
+    load
+        Reads the numbers, once sizes are checked.
+    unit, remark
+        What the file says about it.
+    fault
+        Why it cannot be read; "" where it can.
+    """
+
+    path: str
+    shape: tuple[int, ...]
+    dtype: str
+    load: Callable[[], NDArray[Any]]
+    unit: str = ""
+    remark: str = ""
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An array in a file, described: path, shape, kind of number, unit, first values.
+
+    Parameters
+    ----------
+    path, shape, dtype, unit, remark, fault
+        As in ``Node``.
+    first
+        The first values, as text.
+    low, high
+        Smallest and largest value, None where unknown or complex.
+    order
+        "rising", "falling", "constant" or "mixed"; "" where unknown.
+    step
+        Distance of the values where it is even, else None.
+    distinct
+        How many different values there are; 0 where unknown.
+    """
+
+    path: str
+    shape: tuple[int, ...] = ()
+    dtype: str = ""
+    unit: str = ""
+    remark: str = ""
+    fault: str = ""
+    first: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    order: str = ""
+    step: float | None = None
+    distinct: int = 0
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        count = 1
+        for length in self.shape:
+            count *= length
+        return count
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a data file holds.
+
+    Parameters
+    ----------
+    file, format
+        The file, and the format it was recognised as.
+    entries
+        Its arrays, in their order.
+    layout
+        How a text is laid out; None for other formats.
+    sha256
+        Of a text whose last line has no end, which is read only where its hash is given; else None.
+    """
+
+    file: Path
+    format: str
+    entries: tuple[Entry, ...]
+    layout: Layout | None = None
+    sha256: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """An array that was read.
+
+    Parameters
+    ----------
+    path
+        Where it was found; with wildcards there are several.
+    values
+        Real or complex numbers, of any shape.
+    unit
+        What the file says, or "".
+    """
+
+    path: str
+    values: NDArray[Any]
+    unit: str = ""
+
+
+def kept(values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
+    """Give the ``load`` of a node whose numbers are read already."""
+    return lambda: values
+
+
+def largest_bytes(size: int) -> int:
+    """Tell how many bytes of numbers a file of ``size`` bytes may unpack to."""
+    return min(LARGEST_BYTES, max(_SMALL_BYTES, _EXPANSION * size))
+
+
+def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> int:
+    """Check the declared size of an array before anything is read.
+
+    Returns
+    -------
+    Its bytes.
+
+    Raises
+    ------
+    MeasurementError
+        A length is negative, it is too large, or holds no numbers; the message has no place yet.
+    """
+    if dtype.kind not in _KINDS or dtype.itemsize > 16:
+        raise MeasurementError("holds no numbers of a kind that is read; real and complex numbers are")
+    count = 1
+    for length in shape:
+        if length < 0:
+            raise MeasurementError(f"declares a length of {length}; 0 or more is allowed")
+        count *= length
+    if count * dtype.itemsize > largest:
+        raise MeasurementError(
+            f"declares {count * dtype.itemsize} bytes; at most {largest} are read from a file of this size"
+        )
+    return count * dtype.itemsize
+
+
+def facts(values: NDArray[Any]) -> dict[str, Any]:
+    """Describe numbers for ``Entry``: first values, range, order, even step, how many distinct ones."""
+    flat = values.ravel()
+    known: dict[str, Any] = {"first": [f"{value:.6g}" for value in flat[:FIRST]]}
+    if not flat.size or flat.dtype.kind not in "fiu":
+        return known
+    finite = np.isfinite(flat)
+    if not finite.all():
+        return known | {"remark": f"{int((~finite).sum())} of {len(flat)} are not finite"}
+    known |= {"low": float(flat.min()), "high": float(flat.max()), "distinct": _distinct(flat)}
+    if len(flat) > 1:
+        steps = np.diff(flat.astype(np.float64, copy=False))
+        low, high = float(steps.min()), float(steps.max())
+        if low == high == 0:
+            known["order"] = "constant"
+        else:
+            known["order"] = "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
+        step = float(steps.mean())
+        del steps
+        off = np.linspace(flat[0], flat[-1], len(flat))
+        np.subtract(flat, off, out=off)
+        if 0 < max(-off.min(), off.max()) <= EVEN * abs(step) or not (off.any() or step == 0):
+            known["step"] = step
+    return known
+
+
+def _distinct(flat: NDArray[Any]) -> int:
+    # of long histories a part is enough to tell that there are many
+    return int(np.count_nonzero(np.diff(np.sort(flat[:MANY])))) + 1
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and isfinite(value) else None
+
+
+def make_entry(item: dict[str, Any]) -> Entry:
+    """Make an entry from what the reading process says of it."""
+    return Entry(
+        path=str(item["path"]),
+        shape=tuple(int(length) for length in item["shape"]),
+        dtype=str(item["dtype"]),
+        unit=str(item["unit"]),
+        remark=str(item["remark"]),
+        fault=str(item["fault"]),
+        first=tuple(str(value) for value in item.get("first", ())),
+        low=_finite(item.get("low")),
+        high=_finite(item.get("high")),
+        order=str(item.get("order", "")),
+        step=_finite(item.get("step")),
+        distinct=int(item.get("distinct", 0)),
+    )

@@ -1,0 +1,245 @@
+"""result.json: what a run found, for other programs; the page is made from the same numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.case import Case
+from rsgen.comparison import FORCE_KEYS, Comparison, Row
+from rsgen.describing import derive
+from rsgen.expression import write
+from rsgen.identification import Estimate, Identification, Ranking
+from rsgen.prediction import Prediction
+from rsgen.report.source_formulas import PrintedFormula
+from rsgen.surface import ResponseSurface
+
+__all__ = ["SCHEMA", "build_result", "result_text"]
+
+SCHEMA = 1
+
+_DIGITS = 9
+"""Significant digits of the long arrays: more than any test has, less than round-off between machines."""
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity: what is not known is null."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float | None]:
+    return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
+
+
+def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
+    if estimate is None:
+        return None
+    entry: dict[str, Any] = {
+        "value": _finite(estimate.value),
+        "standard_error": _finite(estimate.standard_error),
+        "interval": [_finite(bound) for bound in estimate.interval],
+    }
+    if estimate.remark:
+        entry["remark"] = estimate.remark
+    return entry
+
+
+def _row(row: Row) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "unit": row.unit,
+        "true": _finite(row.true),
+        "paper": _estimate(row.paper),
+        "first_order": _estimate(row.first_order),
+        "refined": _estimate(row.refined),
+        "paper_error": _finite(row.paper_error),
+        "first_order_error": _finite(row.first_order_error),
+        "relative_error": _finite(row.relative_error),
+        "tolerance": _finite(row.tolerance),
+        "passed": row.passed,
+    }
+
+
+def _written(formula: sympy.Expr) -> str | None:
+    """Write a formula in rsgen's language; None where an integral remains, which the language has not."""
+    return None if formula.has(sympy.Integral) else write(formula)
+
+
+def _elements(case: Case) -> list[dict[str, Any]]:
+    entries = []
+    for element in case.model.elements:
+        function = derive(element)
+        entries.append(
+            {
+                "name": element.name,
+                "force": write(element.force),
+                "stiffness": _written(function.stiffness),
+                "damping": _written(function.damping),
+                "closed_form": function.closed_form,
+                "checked_to": _finite(function.checked_to),
+            }
+        )
+    return entries
+
+
+def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
+    if ranking is None:
+        return None
+    return {
+        "fits": ranking.fits,
+        "verdict": list(ranking.verdict),
+        "noise": _finite(ranking.noise),
+        "unexplained": _finite(ranking.unexplained),
+        "candidates": [
+            {
+                "name": candidate.name,
+                "force": candidate.force,
+                "parameters": candidate.parameters,
+                "held_out_error": _finite(candidate.held_out_error),
+                "bic": _finite(candidate.bic),
+                "tied": candidate.tied,
+            }
+            for candidate in ranking.candidates
+        ],
+    }
+
+
+def build_result(
+    case: Case,
+    surface: ResponseSurface,
+    identification: Identification,
+    comparison: Comparison,
+    prediction: Prediction,
+    printed: Iterable[PrintedFormula],
+    durations: Mapping[str, float],
+) -> dict[str, Any]:
+    """Give the content of result.json (schema 1); units are SI, what is not known is null.
+
+    Parameters
+    ----------
+    durations
+        Seconds of each stage; "surface" is how long it took to simulate or to read.
+    """
+    curve = identification.curve
+    return {
+        "schema": SCHEMA,
+        "case": case.name,
+        "title": case.title,
+        "passed": comparison.passed,
+        "outcome": identification.outcome,
+        "warnings": [*case.warnings, *identification.warnings],
+        "mass": _finite(identification.mass),
+        "parameters": [_row(row) for row in comparison.rows if row.name not in FORCE_KEYS],
+        "forces": [_row(row) for row in comparison.rows if row.name in FORCE_KEYS],
+        "elements": _elements(case),
+        "printed": [
+            {
+                "what": formula.what,
+                "formula": write(formula.formula),
+                "agrees": formula.agrees,
+                "largest_deviation": _finite(formula.largest_deviation),
+                "where": formula.where,
+            }
+            for formula in printed
+        ],
+        "surface": {
+            "points": len(surface),
+            "settled": int(np.count_nonzero(surface.settled)),
+            "origin": surface.origin,
+            "seconds": _finite(durations.get("surface")),
+        },
+        "equivalent": {
+            "amplitude": _numbers(curve.amplitude),
+            "frequency": _numbers(curve.frequency),
+            "stiffness": _numbers(curve.stiffness),
+            "damping": _numbers(curve.damping),
+        },
+        "resonances": [
+            {
+                "level": _finite(point.level),
+                "sweep": point.sweep,
+                "frequency": _finite(point.frequency),
+                "damping_ratio": _finite(point.damping_ratio),
+                "amplitude": _finite(point.amplitude),
+                "stiffness": _finite(point.stiffness),
+                "damping": _finite(point.damping),
+                "jump": point.jump,
+            }
+            for point in identification.resonances
+        ],
+        "held_out": [
+            {
+                "level": _finite(item.level),
+                "sweep": item.sweep,
+                "points": len(item.frequency),
+                "missing": item.missing,
+                "error": _finite(item.error),
+                "largest_error": _finite(item.largest_error),
+            }
+            for item in prediction.held_out
+        ],
+        "background": _background(identification),
+        "residual": {"relative": _finite(identification.residual), "noise": _finite(identification.noise)},
+        "ranking": _ranking(identification.ranking),
+    }
+
+
+def _background(identification: Identification) -> dict[str, Any] | None:
+    """What was found besides the mode; null where nothing was asked for."""
+    background = identification.background
+    if background is None:
+        return None
+    return {
+        "kind": background.kind,
+        "band": list(background.band),
+        "share": _finite(background.share),
+        "estimates": [
+            {
+                "name": estimate.name,
+                "unit": estimate.unit,
+                "value": _finite(estimate.value),
+                "standard_error": _finite(estimate.standard_error),
+            }
+            for estimate in background.estimates
+        ],
+    }
+
+
+def result_text(result: Mapping[str, Any]) -> str:
+    """Write a result as strict JSON, arrays of numbers on one line each."""
+    text = json.dumps(result, indent=1, ensure_ascii=True, allow_nan=False)
+    return _short_arrays(text) + "\n"
+
+
+def _short_arrays(text: str) -> str:
+    lines: list[str] = []
+    row: list[str] | None = None
+    for line in text.split("\n"):
+        content = line.strip()
+        if row is None:
+            if content.endswith("["):
+                row = [line]
+            else:
+                lines.append(line)
+            continue
+        row.append(content)
+        if content in ("]", "],"):
+            inner = row[1:-1]
+            numeric = all(part.rstrip(",") == "null" or part[:1] in "-0123456789" for part in inner)
+            lines += [row[0] + " ".join(inner) + row[-1]] if numeric else _restore(row, line)
+            row = None
+        elif content.endswith(("{", "[")):
+            lines += _restore(row, line)
+            row = None
+    return "\n".join(lines)
+
+
+def _restore(row: list[str], last: str) -> list[str]:
+    indent = len(row[0]) - len(row[0].lstrip()) + 1
+    return [row[0], *(" " * indent + part for part in row[1:-1]), last]

@@ -1,0 +1,420 @@
+"""The command line: answers on standard output, one sentence a fault on standard error, honest exit codes."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rsgen.cli import main
+from rsgen.expression import parse
+
+ROOT = Path(__file__).parents[2]
+FAULTS = sorted((Path(__file__).parents[1] / "faults").glob("*.toml"))
+# the promise is 0.3 s on a quiet machine; a busy one gets air
+HELP_SECONDS = 1.0
+COMMANDS = (
+    "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "inspect", "init",
+    "laws", "rank",
+)  # fmt: skip
+
+
+def call(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def shell(*words: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", "from rsgen.cli import main; main()", *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+@pytest.fixture(autouse=True)
+def _keep_signals() -> object:
+    kept = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, kept)
+
+
+def test_help_is_quick_and_teaches() -> None:
+    started = time.perf_counter()
+    run = shell("--help")
+    assert time.perf_counter() - started < HELP_SECONDS
+    assert run.returncode == 0
+    assert run.stderr == ""
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", run.stdout, re.MULTILINE)
+    assert "rsgen init gearbox" in run.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(command, "--help") == 0
+    text = capsys.readouterr().out
+    assert f"rsgen {command}" in text.split("Example")[1]
+    # a program may listen to each
+    assert "--json" in text
+
+
+def test_the_shell_completes_commands_and_options() -> None:
+    for words, number, expected in (("rsgen de", 1, "derive"), ("rsgen run --clu", 2, "--cluster")):
+        completed = shell(_RSGEN_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(number))
+        assert completed.stdout.split() == [expected]
+
+
+def test_no_words_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call() == 0
+    assert "Usage: rsgen" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("rnu",), "No such command 'rnu'"),
+        (("run",), "Missing argument"),
+        (("run", "--frce", "x"), "No such option"),
+        (("run", "x.toml", "--jobs", "0"), "jobs"),
+        (("run", "absent.toml"), "absent.toml': does not exist"),
+        (("derive", "k*x +"), ""),
+        (("derive", "__import__('os')"), ""),
+        (("init", "../x"), "is not a plain name"),
+        (("report", "--out", "absent"), "no folder of results"),
+        (("simulate", "absent.toml"), "absent.toml"),
+        (("run", ROOT / "cases" / "cubc.toml"), "cubic.toml'?"),
+        (("run", ROOT / "cases", "--figures", "tiff"), "must be one of pdf, svg, png"),
+        (("report", "--figures", "pdf"), "name them"),
+        (("notebook", ROOT / "cases" / "cubic.toml", "--out", "x.txt"), "must end in .ipynb"),
+        (("diff", "absent", "absent"), "holds no result"),
+        (("show", "absent"), "holds no result"),
+    ],
+)
+def test_faulty_words_get_a_sentence(
+    words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(*words) == 2
+    caught = capsys.readouterr()
+    assert caught.out == ""
+    assert message in caught.err
+    assert caught.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("path", FAULTS, ids=lambda path: path.stem)
+def test_a_faulty_case_ends_with_2_and_no_traceback(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in (("check",), ("run", "--out", tmp_path / "out")):
+        assert call(*command, path) == 2
+        caught = capsys.readouterr()
+        assert caught.out == ""
+        assert "Traceback" not in caught.err
+        assert all(line.startswith(f"{path.name}: ") for line in caught.err.splitlines())
+    assert not (tmp_path / "out").exists()
+
+
+def test_check_says_what_a_run_will_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("check", ROOT / "cases") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8
+    assert "12 levels x 121 frequencies = 1452 points" in lines[0]
+    assert call("check", ROOT / "cases" / "cubic.toml", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["faults"] == []
+    assert answer["cases"][0]["parameters"] == ["c1", "k1", "kn1"]
+    assert answer["cases"][0]["identifies"] == ["m", "c1", "k1", "kn1"]
+
+
+def test_check_says_how_long_and_how_much(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plans = []
+    for count in (21, 2100):
+        path = tmp_path / "small.toml"
+        path.write_text((SMALL % "1e-2").replace("count = 21", f"count = {count}"))
+        assert call("check", path, "--json") == 0
+        plans.append(json.loads(capsys.readouterr().out)["cases"][0])
+    few, many = plans
+    assert set(few["seconds"]) == {"surface", "identification", "report"}
+    assert few["seconds_at_most"] == pytest.approx(sum(few["seconds"].values()), abs=1)
+    for stage in few["seconds"]:
+        assert few["seconds"][stage] < many["seconds"][stage]
+    assert few["megabytes"] < many["megabytes"]
+    assert call("check", path) == 0
+    assert "identification" in capsys.readouterr().out
+
+
+ODD = {
+    "k*gamma(x)": "gamma has no place in a force law",
+    "k*besselj(0, x)": "besselj has no place in a force law",
+    "k*log(x)": "k*log(x) is infinite at rest",
+    "k*log(abs(x))": "is infinite at rest",
+    "k/x": "k/x is infinite at rest",
+    "k*v**(-1)": "is infinite at rest",
+    "k*sqrt(x - 1)": "is not a number at x = 1e-12 m",
+    "k*x**(-3)": "so singular at zero that the force has no fundamental",
+}
+
+
+@pytest.mark.parametrize("law", [*ODD, "k*x*log(1 + abs(x))", "k*tan(x)", "k*x*abs(x)**0.5"])
+def test_check_refuses_what_run_would_refuse(
+    law: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text((SMALL % "1e-2").replace('"k*x + c*v"', f'"c*v + {law}"'))
+    words = (("check", path), ("run", path, "--out", tmp_path / "out"))
+    if law not in ODD:
+        assert call(*words[0]) == 0
+        return
+    for command in words:
+        assert call(*command) == 2
+        message = capsys.readouterr().err
+        assert message.startswith("small.toml: element.1.force: ")
+        assert ODD[law] in message
+        assert message.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+@pytest.mark.slow
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool) -> None:
+    import pty
+
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from rsgen.cli import main; main()", "run", str(tmp_path)]
+    surroundings = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | (
+        {} if colours else {"NO_COLOR": "1"}
+    )
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "out")], stdout=theirs, stderr=theirs, env=surroundings
+    )
+    os.close(theirs)
+    seen = b""
+    while True:
+        try:
+            part = os.read(ours, 65536)
+        except OSError:  # how a pseudo-terminal ends
+            break
+        if not part:
+            break
+        seen += part
+    os.close(ours)
+    assert process.wait(60) == 0
+    text = seen.decode("utf-8")
+    assert "Traceback" not in text
+    # a bar is drawn a few times a second: the quick stages of a small case may pass between two pictures
+    for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "left", "accepted"):
+        assert words in text
+    assert bool(re.search(r"\x1b\[(?:3[0-9]|38;)", text)) is colours
+
+
+def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", "k1*x + kn1*x**3 + c2*v*abs(v)", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert set(answer) == {
+        "force", "stiffness", "damping", "mean_balance", "mean", "closed_form", "checked_to", "parameters",
+        "seconds",
+    }  # fmt: skip
+    # Liu et al., Eqs. (14) and (23)
+    assert (parse(answer["stiffness"]) - parse("k1 + 3/4*kn1*X**2")).equals(0)
+    assert (parse(answer["damping"]) - parse("8*c2*omega*X/(3*pi)")).equals(0)
+    assert answer["closed_form"] is True
+    assert answer["parameters"] == ["c2", "k1", "kn1"]
+
+
+def test_derive_without_closed_form(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", "k*tanh(x/b)", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["closed_form"] is False
+    assert answer["stiffness"] is None
+    assert answer["damping"] == "0"
+
+
+def test_derive_reads_as_a_person_writes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", "k1*x + kn1*x**3") == 0
+    assert "k1 + 3/4 kn1 X^2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("law", ["k1*x + kn1*x**3 + c1*v", "k*x + mu*sign(v) + c*v", "k*x"])
+def test_init_writes_a_case_that_is_right(
+    law: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "gearbox.toml"
+    assert call("init", "gearbox", "--law", law, "--out", path) == 0
+    assert call("check", path) == 0
+    assert call("init", "gearbox", "--out", path) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert law.split("*")[0] in path.read_text()
+
+
+def test_init_takes_a_file_for_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "my-joint.toml"
+    assert call("init", path) == 0
+    assert 'name   = "my-joint"' in path.read_text()
+    assert call("check", path) == 0
+
+
+def test_init_asks_on_a_terminal_and_nowhere_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("pump\nk*x + c*v\n\n"))
+    assert call("init") == 2
+    assert "NAME: is missing" in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    assert call("init") == 0
+    assert call("check", "pump.toml") == 0
+    assert 'force = "k*x"' in Path("pump.toml").read_text()
+
+
+def test_init_of_a_measured_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    assert call("init", "mine", "--measured", "mine.csv", "--out", path) == 0
+    assert call("check", path) == 2
+    assert "mine.csv" in capsys.readouterr().err
+    rows = [f"{f},{1.0},{2.0},{90}" for f in (7, 8, 9)]
+    (tmp_path / "mine.csv").write_text("\n".join(["f,F,a,phase", *rows]) + "\n")
+    assert call("check", path) == 0
+    assert "3 measured points at 1 level" in capsys.readouterr().out
+    assert call("init", "mine", "--measured", "../mine.csv", "--out", tmp_path / "x.toml") == 2
+
+
+SMALL = """\
+schema = 1
+name = "small"
+title = "Small"
+system = { mass = 1.5 }
+element = [{ name = "spring", force = "k*x + c*v" }]
+truth = { k = 5920.0, c = 8.0 }
+accept = { k = %s }
+
+[test]
+kind = "simulated"
+level = { values = [1, 2] }
+frequency = { start = 8, stop = 12, count = 21 }
+"""
+
+
+@pytest.mark.slow
+def test_simulate_then_identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "small.toml").write_text(SMALL % "1e-3")
+    assert call("simulate", tmp_path / "small.toml", "--out", tmp_path / "s.h5", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["points"] == 42
+    assert call("identify", tmp_path / "small.toml", "--surface", tmp_path / "s.h5", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    found = {row["name"]: row["refined"]["value"] for row in answer["parameters"]}
+    assert found["k"] == pytest.approx(5920.0, rel=1e-3)
+    assert found["m"] == pytest.approx(1.5, rel=1e-3)
+    assert call("identify", tmp_path / "small.toml") == 0
+    assert "refined" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text(SMALL % "1e-2")
+    run = shell("run", path, "--out", tmp_path / "out", "--json", NO_COLOR="1")
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout)[0]["passed"] is True
+    again = shell("run", path, "--out", tmp_path / "out")
+    assert again.returncode == 0
+    assert "unchanged" in again.stdout
+    assert "\x1b" not in again.stdout + again.stderr
+    figures = shell("run", path, "--out", tmp_path / "out", "--figures", "svg")
+    assert "unchanged" not in figures.stdout
+    assert len(list(tmp_path.glob("out/small/figure-*.svg"))) >= 8
+    unchanged = shell("diff", tmp_path / "out" / "small", tmp_path / "out", "--json")
+    assert unchanged.returncode == 0, unchanged.stderr
+    assert json.loads(unchanged.stdout)[0]["changed"] is False
+    path.write_text(SMALL.replace("accept = { k = %s }\n", ""))
+    for _ in range(2):
+        open_case = shell("run", path, "--out", tmp_path / "out")
+        assert open_case.returncode == 0, open_case.stderr
+        assert "small: identified, nothing was judged" in open_case.stdout
+    # no method is that good
+    path.write_text(SMALL % "1e-300")
+    missed = shell("run", path, "--out", tmp_path / "out")
+    assert missed.returncode == 1, missed.stderr
+    assert "NOT accepted" in missed.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "begun"),
+    [
+        (signal.SIGINT, "out/.*.part"),
+        (signal.SIGTERM, "out/.*.part"),
+        # the page is written, a kernel executes the notebook
+        (signal.SIGINT, "out/.*.part/report.html"),
+        (signal.SIGTERM, "out/.*.part/report.html"),
+    ],
+)
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_an_interrupt_ends_with_130_and_leaves_nothing(
+    tmp_path: Path, number: signal.Signals, begun: str, jobs: str
+) -> None:
+    for name in ("a", "b"):
+        text = (ROOT / "cases" / "cubic.toml").read_text().replace('"cubic"', f'"{name}"')
+        (tmp_path / f"{name}.toml").write_text(text)
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "from rsgen.cli import main; main()",
+            "run",
+            str(tmp_path),
+            "--jobs",
+            jobs,
+            "--out",
+            str(tmp_path / "out"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob(begun)) and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.05)
+    if "report" in begun:
+        time.sleep(1)
+    os.killpg(process.pid, number)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert "interrupted" in errors
+    left = [path.name for path in (tmp_path / "out").iterdir()] if (tmp_path / "out").exists() else []
+    assert left == []
+
+
+@pytest.mark.slow
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text(SMALL % "1e-2")
+    outs = [tmp_path / "one", tmp_path / "two"]
+    for out in outs:
+        run = shell("run", path, "--out", out)
+        assert run.returncode == 0, run.stderr
+    for name in ("table1.md", "index.html", "small/kernel.py", "small/surface.h5", "small/notebook.ipynb"):
+        first, second = ((out / name).read_bytes() for out in outs)
+        assert first == second, name
+    # what is left may differ in the times alone
+    times = re.compile(r"<dt>(?:Written|Durations)</dt><dd>[^<]*</dd>|\"seconds\": [0-9.e-]+")
+    for name, count in (("small/report.html", 2), ("small/result.json", 1)):
+        first, second = (times.subn("", (out / name).read_text(encoding="utf-8")) for out in outs)
+        assert first == second, name
+        assert first[1] == count

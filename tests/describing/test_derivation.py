@@ -1,0 +1,176 @@
+"""`rsgen derive`: what a person reads, what a program reads, and the picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from rsgen.cli import main
+from rsgen.describing import derive
+from rsgen.describing.numeric_formulas import compiled
+from rsgen.expression import parse, symbol
+from rsgen.figures.law_figure import draw_derivation, telling_amplitude
+
+JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
+SAME = 1e-12  # a formula that was written and read back, in numbers
+
+
+def call(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, object]:
+    assert call("derive", *words, "--json") == 0
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_text_names_only_the_variables_that_occur(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", "k*x + Ff*sign(v) + q*Max(0, x - b)") == 0
+    text = capsys.readouterr().out
+    assert "k(X, X0)    = { k + q " in text
+    assert "c(X, omega) = 4 Ff/(pi omega X)" in text
+    assert "X > |X0 - b|" in text
+    assert "balance    0 " in text
+    assert "agrees with an independent quadrature to" in text
+    assert "*" not in text
+
+
+def test_text_shows_what_is_not_closed_as_an_integral(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", JOINT) == 0
+    text = capsys.readouterr().out
+    assert "k + F/(pi X) integral_0^2pi sin(phi) tanh(X sin(phi)/a) dphi" in text
+    assert "k(X -> 0)  = k + F/a" in text or "k(X -> 0)  = F/a + k" in text
+    assert "c(X -> 0)  = oo, with the sign of Ff" in text
+    assert "Integral" not in text
+
+
+def test_latex_goes_without_text_formulas(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("derive", JOINT, "--latex") == 0
+    text = capsys.readouterr().out
+    assert r"c(X, \omega) = \frac{4 F_{f}}{\pi \omega X}" in text
+    assert r"\int_{0}^{2 \pi}" in text
+
+
+def test_json_has_null_and_the_closed_part_where_an_integral_is(capsys: pytest.CaptureFixture[str]) -> None:
+    found = answer(capsys, JOINT)
+    assert found["stiffness"] is None
+    assert found["damping"] == "4*Ff/(pi*omega*X)"
+    assert found["closed_part"] == {
+        "stiffness": "k", "damping": "4*Ff/(pi*omega*X)", "mean_balance": "0", "mean": "0",
+    }  # fmt: skip
+    assert found["quadrature"] == "F*tanh(x/a)"
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        "k0*x + k*Max(0, x - b1) + q*Min(0, x + b2)",
+        "k*abs(x)**p*sign(x)",
+        "k*sin(a*x) + c*sinh(v/w)",
+        "k*x + a*x**2",
+        "Piecewise((k1*x, abs(x) < a), (k2*x, abs(x) < b), (k3*x, True))",
+        "Min(Max(k1*x, k2*x - F), k3*x + F)",
+    ],
+)
+def test_every_text_of_json_is_the_formula(capsys: pytest.CaptureFixture[str], law: str) -> None:
+    found, function = answer(capsys, law), derive(law)
+    names = tuple(map(symbol, ("X", "X0", "omega", *function.parameters)))
+    point = (1.7, 0.3, 0.8, *np.linspace(0.4, 1.9, len(function.parameters)))
+    for quantity in ("stiffness", "damping", "mean_balance", "mean"):
+        text, formula = found[quantity], getattr(function, quantity)
+        if text is None:
+            # longer than the language allows, or no formula at all
+            assert formula is None or law.startswith("Min")
+            continue
+        both = compiled((parse(str(text)), formula), names)(*point)
+        np.testing.assert_allclose(both[0], both[1], rtol=SAME, atol=SAME)
+
+
+def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> None:
+    law = "c*Heaviside(x - b)*v"
+    assert "-b" in str(answer(capsys, law)["damping"]).replace(" ", "").split("X<=")[1]
+    assert "X <= b" in str(answer(capsys, law, "--assume", "b>0")["damping"])
+    assert str(answer(capsys, law, "--assume", "b>0", "--assume", "c > 0")["damping"]).count("X <=") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--assume", "q>0"), "with a parameter of the law: k"),
+        (("--assume", "k<0"), "name > 0"),
+        (("--set", "k=1"), "add --plot FILE"),
+        (("--plot", "a.gif"), ".svg, .png, .pdf"),
+        (("--plot", "a.svg", "--set", "q=1"), "names: k, omega"),
+        (("--plot", "a.svg", "--set", "k"), "must be name=value"),
+        (("--plot", "a.svg", "--set", "k=3 kg"), "N/m"),
+        (("--plot", "a.svg", "--set", "k=many"), "--set k"),
+        (("--plot", "a.svg", "--set", "omega=0"), "not positive"),
+        (("--plot", "a.svg", "--amplitude", "-1"), "not positive"),
+        (("--plot", "no/such/folder/a.svg"), "no/such/folder"),
+    ],
+)
+def test_faults_of_options_are_told_in_one_sentence(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert call("derive", "k*x", *words) == 2
+    shown = capsys.readouterr()
+    assert told in shown.err
+    assert shown.err.count("\n") == 1
+    assert shown.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_picture_says_its_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "k.svg"
+    assert (
+        call("derive", "k*x + k3*x**3 + c*v", "--plot", path, "--set", "k=1 kN/m", "--amplitude", "5 mm") == 0
+    )
+    assert str(path) in capsys.readouterr().out
+    texts = " ".join(ElementTree.parse(path).getroot().itertext())
+    assert "k = 1000" in texts
+    assert "c = k3 = 1 (not given)" in texts
+    assert "omega = 1 rad/s" in texts
+    assert "Amplitude X [mm]" in texts
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf"])
+def test_picture_of_the_kind_its_name_says(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"k.{kind}"
+    assert call("derive", "k*x + F*tanh(v/w)", "--plot", path, "--json") == 0
+    assert path.read_bytes()[:8].startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[kind])
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "wanted"),
+    [
+        ("k*Max(0, abs(x) - b)*sign(x)", {"k": 1.0, "b": 0.002}, 0.006),
+        ("k*x + k3*x**3", {"k": 1e3, "k3": 1e9}, 3e-3),
+        ("c*v + Ff*sign(v)", {"c": 2.0, "Ff": 0.01}, 0.03),
+        ("k*x", {"k": 1.0}, 1.0),
+    ],
+)
+def test_telling_amplitude_lies_where_the_law_changes(
+    law: str, values: dict[str, float], wanted: float
+) -> None:
+    assert wanted / 4 <= telling_amplitude(derive(law), values, 1.0) <= 4 * wanted
+
+
+def test_drawing_shows_k_and_c_of_the_law() -> None:
+    drawing = draw_derivation(derive("k*x + k3*x**3 + Ff*sign(v)"), {"k": 2.0, "k3": 4.0}, largest=1.0)
+    force, stiffness, damping = drawing.figure.axes
+    X, k = stiffness.lines[0].get_data()
+    assert "N/m" in stiffness.get_ylabel()
+    np.testing.assert_allclose(k, 2 + 3 * np.asarray(X) ** 2, rtol=1e-12)
+    assert "damping" in damping.get_ylabel()
+    assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
+    assert "5 N/m at 1 m" in drawing.alternative

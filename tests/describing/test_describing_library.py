@@ -1,0 +1,218 @@
+"""The library, and the table of laws whose describing functions stand in the literature."""
+
+import numpy as np
+import pytest
+
+from rsgen.describing import derive
+from rsgen.describing.numeric_formulas import compiled
+from rsgen.errors import RsgenError
+from rsgen.expression import parse, symbol
+from rsgen.law.library import LAWS, find_law
+from tests.oracles.cycle import relative_errors
+
+WITH_ORACLE = 8  # points of a law that also go through the slow quadrature; rsgen's own proof has 40 and more
+EXACT = 1e-10  # what a closed form owes to quadrature
+LIU, GELB, WORDEN, OWN = "Liu et al.", "Gelb and Vander Velde, App. B", "Worden and Tomlinson, Ch. 2", "own"
+
+GAP = "(asin(b/X) + b/X*sqrt(1 - (b/X)**2))"
+
+# law, stiffness, damping (about zero mean), source, closed form expected
+TABLE = (
+    ("k*x", "k", "0", LIU, True),
+    ("c*v", "0", "c", LIU, True),
+    ("k*x + k3*x**3", "k + 3/4*k3*X**2", "0", LIU + " Eq. (14)", True),
+    ("k*x + k5*x**5", "k + 5/8*k5*X**4", "0", LIU + " Eq. (16)", True),
+    ("k7*x**7", "35/64*k7*X**6", "0", GELB, True),
+    ("kp*abs(x)**p*sign(x)", "2*kp*X**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))", "0", GELB, True),
+    ("kp*x*abs(x)**p", "2*kp*X**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
+    ("k2*x*abs(x)", "8*k2*X/(3*pi)", "0", GELB, True),
+    ("k4*x**3*abs(x)", "32*k4*X**3/(15*pi)", "0", GELB, True),
+    ("kh*abs(x)**1.5*sign(x)", "2*kh*sqrt(X)*gamma(7/4)/(sqrt(pi)*gamma(9/4))", "0", GELB, True),
+    ("c*v + Ff*sign(v)", "0", "c + 4*Ff/(pi*omega*X)", LIU + " Eq. (18)", True),
+    ("c*v + cq*v*abs(v)", "0", "c + 8*cq*omega*X/(3*pi)", LIU + " Eq. (23)", True),
+    ("c3*v**3", "0", "3/4*c3*omega**2*X**2", WORDEN, True),
+    ("c4*v**3*abs(v)", "0", "32*c4*omega**3*X**3/(15*pi)", LIU + " Eq. (26)", True),
+    (
+        "cp*abs(v)**p*sign(v)",
+        "0",
+        "2*cp*(omega*X)**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))",
+        WORDEN,
+        True,
+    ),
+    (
+        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+        "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))",
+        "0",
+        GELB + "; Eq. (20) corrected",
+        True,
+    ),
+    (
+        "k*(Max(0, x - b) + Min(0, x + b))",
+        f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))",
+        "0",
+        GELB,
+        True,
+    ),
+    ("Max(-k*b, Min(k*x, k*b))", f"Piecewise((k, X <= b), (2*k/pi*{GAP}, True))", "0", GELB, True),
+    (
+        "F*(Heaviside(x - b) - Heaviside(-x - b))",
+        "Piecewise((0, X <= b), (4*F/(pi*X)*sqrt(1 - (b/X)**2), True))",
+        "0",
+        GELB,
+        True,
+    ),
+    ("F0*sign(x) + k*x", "k + 4*F0/(pi*X)", "0", GELB, True),
+    ("c*(x**2/a**2 - 1)*v", "0", "c*(X**2/(4*a**2) - 1)", "Nayfeh and Mook", True),
+    ("k*sin(a*x)", "2*k*besselj(1, a*X)/X", "0", "Nayfeh and Mook", True),
+    ("k*sinh(a*x)", "2*k*besseli(1, a*X)/X", "0", OWN, True),
+    ("k*x*cos(a*x)", "k*(besselj(0, a*X) - besselj(2, a*X))", "0", OWN, True),
+    ("k*sin(a*x)*cos(b*x)", "k*(besselj(1, (a + b)*X) + besselj(1, (a - b)*X))/X", "0", OWN, True),
+    ("k*sin(b*x)*cos(a*x)", "k*(besselj(1, (a + b)*X) + besselj(1, (b - a)*X))/X", "0", OWN, True),
+    ("k*sinh(a*x)*cosh(b*x)", "k*(besseli(1, (a + b)*X) + besseli(1, (a - b)*X))/X", "0", OWN, True),
+    (
+        "c*v*sin(a*x)*sin(b*x)",
+        "0",
+        "c/2*(besselj(0, (a - b)*X) + besselj(2, (a - b)*X) - besselj(0, (a + b)*X) - besselj(2, (a + b)*X))",
+        OWN,
+        True,
+    ),
+    ("k*x*abs(x/b)**p", "2*k*(X/b)**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
+    ("c*sinh(v/w)", "0", "2*c*besseli(1, omega*X/w)/(omega*X)", OWN, True),
+    ("mu*abs(x)*sign(v)", "0", "2*mu/(pi*omega)", OWN, True),
+    ("mu*x**2*sign(v)", "0", "4*mu*X/(3*pi*omega)", OWN, True),
+    ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True),
+    ("k*x*abs(v)", "4*k*omega*X/(3*pi)", "0", OWN, True),
+    ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True),
+    ("c*x**4*v", "0", "c*X**4/8", OWN, True),
+    (
+        "F*(sign(v - w) + sign(v + w))/2",
+        "0",
+        "Piecewise((0, omega*X <= w), (4*F/(pi*omega*X)*sqrt(1 - (w/(omega*X))**2), True))",
+        OWN,
+        True,
+    ),
+    (
+        "k*(Max(0, x - b) + Min(0, x + b)) + k*(Max(0, x - 2*b) + Min(0, x + 2*b))",
+        f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))"
+        f" + Piecewise((0, X <= 2*b), (k - 2*k/pi*{GAP.replace('b', '(2*b)')}, True))",
+        "0",
+        OWN,
+        True,
+    ),
+    ("F*atan(a*x)", "2*F*(sqrt(1 + a**2*X**2) - 1)/(a*X**2)", "0", OWN, False),
+    ("k*x/(1 + (a*x)**2)", "2*k*(1 - 1/sqrt(1 + a**2*X**2))/(a*X)**2", "0", OWN, False),
+    ("k*a*x/sqrt(abs(a*x))", "2*k*sqrt(a/X)*gamma(5/4)/(sqrt(pi)*gamma(7/4))", "0", GELB, True),
+)
+
+
+def random_points(names, seed=5, count=24):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        yield (
+            {name: float(np.exp(rng.uniform(-0.8, 0.8))) for name in names},
+            float(np.exp(rng.uniform(-1, 1.2))),
+            float(np.exp(rng.uniform(-1, 1))),
+        )
+
+
+@pytest.mark.parametrize(("law", "stiffness", "damping", "source", "closed"), TABLE)
+def test_table_of_laws(law, stiffness, damping, source, closed):
+    derived = derive(law)
+    assert derived.closed_form is closed
+    if closed:
+        assert derived.checked_to is not None
+        assert derived.checked_to <= EXACT
+    arguments = tuple(map(symbol, ("X", "omega", *derived.parameters)))
+    printed = compiled((parse(stiffness), parse(damping)), arguments)
+    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *derived.parameters))))
+    for number, (values, X, omega) in enumerate(random_points(derived.parameters)):
+        found = derived.evaluate(X, omega, values)
+        wanted = printed(X, omega, *values.values())
+        scale = sum(map(abs, wanted)) + 1e-3
+        assert abs(found.stiffness - wanted[0]) <= EXACT * scale
+        assert abs(found.damping - wanted[1]) <= EXACT * scale
+        if closed:
+            shown = compiled((derived.stiffness, derived.damping), arguments)(X, omega, *values.values())
+            np.testing.assert_allclose(shown, wanted, rtol=EXACT, atol=EXACT)
+        if number >= WITH_ORACLE:
+            continue
+        errors = relative_errors(
+            lambda x, v, values=values: force(x, v, *values.values())[0],
+            X, 0.0, omega, float(wanted[0]), float(wanted[1]),
+        )  # fmt: skip
+        assert errors is not None
+        assert errors[0] <= EXACT
+
+
+def test_table_is_as_long_as_promised():
+    assert len(TABLE) >= 30
+    assert sum(row[-1] for row in TABLE) >= 24
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_library_law_agrees_with_quadrature(law):
+    derived = derive(law.formula)
+    assert tuple(sorted(p.name for p in law.parameters)) == derived.parameters
+    assert all(p.meaning for p in law.parameters)
+    force = compiled((parse(law.formula),), tuple(map(symbol, ("x", "v", *derived.parameters))))
+    for values, X, omega in random_points(derived.parameters, count=6):
+        found = derived.evaluate(X, omega, values)
+        if not np.isfinite(found.mean):
+            assert law.name == "quadratic-spring"  # beyond its static limit it has no mean
+            continue
+        errors = relative_errors(
+            lambda x, v, values=values: force(x, v, *values.values())[0],
+            X, float(found.mean), omega, float(found.stiffness), float(found.damping),
+        )  # fmt: skip
+        assert errors is not None
+        assert max(errors) <= EXACT
+
+
+def test_names_are_unique_and_found():
+    assert len({law.name for law in LAWS}) == len(LAWS)
+    assert all(find_law(law.name) is law for law in LAWS)
+
+
+def test_unknown_name_is_refused_with_the_known_ones():
+    with pytest.raises(RsgenError, match="cubic-spring"):
+        find_law("cubik")
+
+
+def test_element_takes_a_name():
+    assert find_law("coulomb").element("pad").name == "pad"
+    assert find_law("coulomb").element().parameters == ("Ff",)
+
+
+def test_element_takes_names_of_parameters():
+    element = find_law("cubic-spring").element("spring", {"k": "k3", "k3": "k"})
+    assert element.force == parse("k3*x + k*x**3")
+    for names, word in (
+        ({"q": "k1"}, "it has k, k3"),
+        ({"k": "x"}, "cannot be a parameter"),
+        ({"k": "1k"}, "1k"),
+    ):
+        with pytest.raises(RsgenError, match=word):
+            find_law("cubic-spring").element(parameters=names)
+
+
+# law, x, v, force at the example values with b = 1 and all stiffnesses 1 where nothing else is said
+POINTS = (
+    ("dead-zone", 0.9, 0, 0), ("dead-zone", 1.5, 0, 0.5), ("dead-zone", -1.5, 0, -0.5),
+    ("one-sided-stop", 1.5, 0, 2.0), ("one-sided-stop", -1.5, 0, -1.5),
+    ("two-sided-stop", -1.5, 0, -1.5), ("two-sided-stop", -2.5, 0, -3.0), ("two-sided-stop", 1.5, 0, 2.0),
+    ("piecewise-spring", 0.5, 0, 0.5), ("piecewise-spring", 2, 0, 4.0), ("piecewise-spring", -2, 0, -4.0),
+    ("bilinear-spring", 2, 0, 2.0), ("bilinear-spring", -2, 0, -4.0),
+    ("saturation", 0.5, 0, 0.5), ("saturation", -7, 0, -1.0), ("preload", -2, 0, -3.0),
+    ("stribeck", 0, -50, -1.0), ("stribeck", 0, 1e-9, 2.0), ("stribeck-gauss", 0, 9, 1.0),
+    ("tanh-joint", 50, 0, 16.0), ("van-der-pol", 2, 3, 9.0), ("van-der-pol", 0, 3, -3.0),
+    ("quadratic-damper", 0, -3, -9.0), ("hertz-contact", -4, 0, -8.0),
+    ("displacement-friction", -2, -3, -2.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "x", "v", "wanted"), POINTS)
+def test_library_laws_are_what_they_are_called(name, x, v, wanted):
+    law = find_law(name)
+    values = {symbol(key): number for key, number in law.example.items()}
+    force = parse(law.formula).subs(values | {symbol("x"): x, symbol("v"): v})
+    assert abs(float(force) - wanted) < 1e-6

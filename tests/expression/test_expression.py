@@ -1,0 +1,431 @@
+"""The expression language: what it reads, what it refuses, and that writing and reading are inverse."""
+
+import json
+import math
+import time
+from pathlib import Path
+
+import pytest
+import sympy
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from rsgen.errors import ExpressionError
+from rsgen.expression import check_name, parse, symbol, write
+
+CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "expressions.json").read_text(encoding="utf-8"))
+REFUSAL_SECONDS = 0.05  # what an expression may cost, best of three so that a busy machine does not decide
+ROUNDING = 1e-9  # of doubles through some ten operations, cancellation included
+SEEN = {"x", "y", "z", "v", "alpha"}  # the names that the corpus takes as declared
+
+LAWS = {
+    "k1 + 3/4*kn1*X**2": "k1 + 3/4*kn1*X**2",
+    "X**4*kn2*0.625+k2": "k2 + 5/8*kn2*X**4",
+    "c3 + 4*Ff/(pi*omega*X)": "c3 + 4*Ff/(pi*omega*X)",
+    "c6 + 8*cn6*omega*X/(3*pi)": "c6 + 8/(3*pi)*cn6*omega*X",
+    "k6/2 + 0.5*k7": "(k6 + k7)/2",
+    "Ff*sign(v) + c3*v": "c3*v + Ff*sign(v)",
+    "-b + x": "x - b",
+    "1 + x": "x + 1",
+    "b**2 + x**2": "x**2 + b**2",
+    "gamma(1.5 + p/2)": "gamma((p + 3)/2)",
+    "Piecewise((0, (x > -b) & (b > x)), (x, True))": "Piecewise((0, -b < x < b), (x, True))",
+    "(Fs + (Fc - Fs)*exp(-abs(v)))*sign(v)": "(Fs + (Fc - Fs)*exp(-abs(v)))*sign(v)",
+    "k2*x - k10*x": "k2*x - k10*x",
+    "7.244e5*x - 1.1770e10*x*abs(x)": "724400*x - 1.177e10*x*abs(x)",
+    "c*v*Abs(v)**0.5": "c*v*sqrt(abs(v))",
+    "Piecewise((k4*x, b >= abs(x)), (k5*x, True))": "Piecewise((k4*x, abs(x) <= b), (k5*x, True))",
+    "Piecewise((1, (x > 0) & (v > 0)), (2, True))": "Piecewise((1, v > 0 and x > 0), (2, True))",
+    "a*(b + c)*(-1)*(d + e)": "-a*(b + c)*(d + e)",
+    "besselj(1, a*X)*2/X": "2*besselj(1, a*X)/X",
+    "abs(X/b)": "X/abs(b)",
+    "exp(-x/b)": "exp(-x/b)",
+    "0.1*x + 1/3": "0.1*x + 1/3",
+    "Max(0, x - b)": "Max(x - b, 0)",
+    "(2**(1/2))*x": "sqrt(2)*x",
+}
+
+
+def corpus_text(entry: dict[str, object], canary: Path) -> str:
+    parts = entry.get("input_parts")
+    text = "".join(part * times for part, times in parts) if parts else entry["input"]
+    return text.replace("@@CANARY@@", str(canary))
+
+
+def outcome(text: str, names: set[str] | None) -> tuple[sympy.Expr | ExpressionError, float]:
+    best = math.inf
+    for _ in range(3):
+        start = time.perf_counter()
+        try:
+            found: sympy.Expr | ExpressionError = parse(text, names)
+        except ExpressionError as error:
+            found = error
+        best = min(best, time.perf_counter() - start)
+    return found, best
+
+
+@pytest.fixture(autouse=True, scope="module")
+def warm() -> None:
+    parse(
+        "Piecewise((k*abs(x), x < b), (tanh(v)*Max(x, 0), True))"
+    )  # SymPy loads parts of itself on first use
+
+
+def checked_message(error: ExpressionError) -> None:
+    message = str(error)
+    assert "\n" not in message
+    assert message.isascii()
+    assert message.isprintable()
+    assert len(message) < 700
+
+
+@pytest.mark.parametrize("entry", CORPUS, ids=[entry["id"] for entry in CORPUS])
+def test_corpus_behaves_as_expected(entry: dict[str, object], tmp_path: Path) -> None:
+    canary = tmp_path / "canary"
+    text, expected = corpus_text(entry, canary), str(entry["expected"])
+    if entry["field"] == "symbol name":
+        with pytest.raises(ExpressionError) as caught:
+            check_name(text)
+        checked_message(caught.value)
+    elif entry["kind"] == "name-shadowing":
+        name = text.partition("*")[0]
+        undeclared, _ = outcome(text, {"x", "v"})
+        assert isinstance(undeclared, ExpressionError)
+        checked_message(undeclared)
+        try:
+            check_name(name)
+        except ExpressionError as refused:
+            checked_message(refused)
+            assert isinstance(outcome(text, {name, "x", "v"})[0], ExpressionError)
+        else:
+            found, _ = outcome(text, {name, "x", "v", "I"})
+            assert symbol(name) in found.free_symbols
+            assert all(part.is_Symbol or part.func is sympy.sign for part in found.args)
+    else:
+        found, seconds = outcome(text, SEEN)
+        assert seconds < REFUSAL_SECONDS
+        if expected.startswith("reject"):
+            assert isinstance(found, ExpressionError)
+        elif expected.startswith("accept"):
+            assert isinstance(found, sympy.Expr)
+        if isinstance(found, ExpressionError):
+            checked_message(found)
+    assert not canary.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("k*x + Ff*sgn(v)", "column 10: 'sgn' is not a function of formulas, did you mean 'sign'?"),
+        ("k*x + Sin(x)", "did you mean 'sin'?"),
+        ("pow(x, 2)", "write a**b"),
+        ("k*x^3", "column 4: the character '^' has no meaning in formulas; write ** for a power"),
+        (
+            "k1*x + kn*x**3",
+            "column 8: the name 'kn' is not known here, did you mean 'kn1'?; known: Ff, k, k1, kn1, v, x",
+        ),
+        ("3x", "write 3*x"),
+        ("k1 x", "column 4: an operator is missing"),
+        ("k1*", "the formula ends in '*'"),
+        ("(k1*x", "1 parenthesis not closed"),
+        ("k1*x)", "column 5: a ')' without its '('"),
+        ("f = k1*x", "only what stands on the right"),
+        ("x/(k1 - k1)", "column 4: division by 'k1 - k1', which is zero"),
+        ("sin", "sin is a function; write sin(...)"),
+        ("log(x, 10)", "log(a)/log(10)"),
+        ("x if v > 0 else 0", "Piecewise((value, condition)"),
+        ("Piecewise((x, x < k1))", "the last condition must be True"),
+        ("Piecewise((x, x < k1 & v > k1), (v, True))", "comparisons in parentheses"),
+        ("(-2)**0.5", "not real"),
+        ("asin(2)*x", "no finite real value"),
+        ("asin(cosh(abs(x) - abs(x) + 1))", "no finite real value"),
+        ("(-3)**(x - k)", "not real"),
+        ("besseli(1, 3**(x - 1e290))", "a number above 1000 in an exponent with names"),
+        ("x**65", "the exponent '65' is above 64"),
+        ("(x**64)**64", "has the power 4096"),
+        ("(x + v + k1)**64", "terms when expanded"),
+        ("1e-400", "out of range"),
+        ("10**50*10**50*10**50*10**50*10**50*10**50*10**50", "out of range"),
+        ("1" * 31, "31 digits"),
+        ("besselj(k1, x)", "no whole number"),
+        ("exp(exp(exp(100)))", "beyond 1e308"),
+        ("gamma(1e8)", "out of range"),
+        ("Max(" + ",".join(f"{n}*x*v" for n in range(9)) + ")", "at most 8"),
+    ],
+)
+def test_a_refusal_says_where_what_and_what_instead(text: str, said: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text, {"x", "v", "k1", "kn1", "k", "Ff"})
+    checked_message(caught.value)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [None, 5, 1.5, True, ["x"], b"x"])
+def test_only_text_is_read(text: object) -> None:
+    with pytest.raises(ExpressionError, match="a formula is text in quotes"):
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    "name", ["k1", "kn1", "Ff", "gamma", "zeta", "E", "I", "lambda_", "e", "i", "max", "x1"]
+)
+def test_customary_parameter_names_are_legal(name: str) -> None:
+    assert check_name(name) == name
+    assert parse(name, {name}) == symbol(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("x", "v", "X", "X0", "omega", "t", "F"),
+        *("sin", "abs", "Piecewise", "besselj", "pi", "inf", "nan"),
+        *(
+            "lambda",
+            "True",
+            "None",
+            "and",
+            "__class__",
+            "_a",
+            "",
+            " ",
+            "a b",
+            "k-1",
+            "1k",
+            "µ",
+            "k1\n",
+            "\ud800",
+        ),
+        *("a" * 41, None, 3, "<b>"),
+    ],
+)
+def test_names_with_a_meaning_of_their_own_are_refused(name: object) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        check_name(name)
+    checked_message(caught.value)
+
+
+def test_gamma_is_a_function_only_where_it_is_called() -> None:
+    assert parse("gamma*gamma(3)", {"gamma"}) == 2 * symbol("gamma")
+
+
+def test_symbols_are_canonical() -> None:
+    assert symbol("X").is_positive
+    assert symbol("omega").is_positive
+    assert all(symbol(name).is_real and symbol(name).is_positive is None for name in ("x", "v", "X0", "k1"))
+    assert parse("k1*x").free_symbols == {symbol("k1"), symbol("x")}
+    with pytest.raises(ExpressionError):
+        symbol("sin")
+
+
+def test_numbers_are_exact() -> None:
+    assert parse("0.75") == sympy.Rational(3, 4)
+    assert parse("5.92e3") == 5920
+    assert parse("4.697e21") == 4697 * 10**18
+    assert parse("0.1 + 0.2") == sympy.Rational(3, 10)
+
+
+@pytest.mark.parametrize(("read", "written"), LAWS.items())
+def test_formulas_are_written_as_a_person_types_them(read: str, written: str) -> None:
+    assert write(parse(read)) == written
+    assert parse(written) == parse(read)
+
+
+def test_long_numbers_are_written_so_that_they_can_be_read() -> None:
+    number = sympy.Integer(7) ** 100
+    assert parse(write(number * symbol("x"))) == number * symbol("x")
+    assert parse(write(symbol("x") / number)) == symbol("x") / number
+    assert parse(write(sympy.Float(0.1) * symbol("x"))) == symbol("x") / 10
+
+
+@pytest.mark.parametrize(
+    "expr",
+    [
+        sympy.oo,
+        sympy.I,
+        sympy.Derivative(sympy.Function("f")(symbol("x")), symbol("x")),
+        sympy.Piecewise((1, symbol("x") > 0)),
+        sympy.Piecewise((1, sympy.Eq(symbol("x"), 0)), (2, True)),
+        sympy.Heaviside(symbol("x"), 0),
+        sympy.zeta(symbol("x")),
+    ],
+)
+def test_what_is_not_in_the_language_is_not_written(expr: sympy.Expr) -> None:
+    with pytest.raises(ExpressionError, match=r"language|no value"):
+        write(expr)
+
+
+# ---------------------------------------------------------------------------------------------- laws
+
+NUMBERS = st.sampled_from(["2", "3", "0.5", "1/3", "7", "0.1", "1.25e1", "pi"])
+LEAVES = st.one_of(st.sampled_from(["x", "v", "X", "omega", "k1", "k2", "b", "gamma"]), NUMBERS)
+COMPARE = st.sampled_from(["<", "<=", ">", ">="])
+ONE_ARGUMENT = [
+    "abs",
+    "sign",
+    "Heaviside",
+    "sqrt",
+    "exp",
+    "log",
+    "ln",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+]
+
+
+def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    exponent = st.sampled_from(["2", "3", "0.5", "(1/3)", "-1", "-2", "1.5", "b"])
+    comparison = st.tuples(inner, COMPARE, inner).map(" ".join)
+    condition = st.one_of(
+        comparison,
+        st.tuples(comparison, st.sampled_from(["and", "or"]), comparison).map(" ".join),
+        st.tuples(comparison, comparison).map("({0[0]}) & ({0[1]})".format),
+    )
+    return st.one_of(
+        st.tuples(inner, st.sampled_from("+-"), inner).map(" ".join),
+        st.tuples(inner, st.sampled_from("*/"), inner).map("({0[0]}){0[1]}({0[2]})".format),
+        st.tuples(inner, exponent).map("({0[0]})**{0[1]}".format),
+        inner.map("-({})".format),
+        st.tuples(st.sampled_from(ONE_ARGUMENT), inner).map("{0[0]}({0[1]})".format),
+        st.tuples(st.sampled_from(["Min", "Max", "atan2"]), inner, inner).map(
+            "{0[0]}({0[1]}, {0[2]})".format
+        ),
+        st.tuples(st.sampled_from(["besselj", "besseli"]), st.integers(0, 4), inner).map(
+            "{0[0]}({0[1]}, {0[2]})".format
+        ),
+        st.tuples(inner, condition, inner).map("Piecewise(({0[0]}, {0[1]}), ({0[2]}, True))".format),
+    )
+
+
+FORMULAS = st.recursive(LEAVES, grown, max_leaves=8)
+VALUES = {"x": 0.37, "v": -1.21, "X": 0.83, "omega": 2.3, "k1": 1.7, "k2": -0.6, "b": 0.45, "gamma": 0.9}
+
+
+def python_value(text: str) -> float:
+    """The meaning of a formula by Python itself: trusted text made here, an independent way to its value."""
+    from scipy import special
+
+    def piecewise(*branches: tuple[float, bool]) -> float:
+        return next(value for value, holds in branches if holds)
+
+    table = {name: getattr(math, name) for name in ONE_ARGUMENT if hasattr(math, name)}
+    table |= {
+        "abs": abs,
+        "sign": lambda a: (a > 0) - (a < 0),
+        "Heaviside": lambda a: (1 + (a > 0) - (a < 0)) / 2,
+    }
+    table |= {
+        "ln": math.log,
+        "Min": min,
+        "Max": max,
+        "atan2": math.atan2,
+        "pi": math.pi,
+        "Piecewise": piecewise,
+    }
+    table |= {"besselj": special.jv, "besseli": special.iv, "__builtins__": {}}
+    value = eval(text, table, dict(VALUES))
+    if isinstance(value, complex) or not math.isfinite(value) or abs(value) > 1e12:
+        raise ArithmeticError
+    return float(value)
+
+
+def sympy_value(expr: sympy.Expr) -> complex:
+    return complex(
+        expr.subs({symbol(name): sympy.Float(value, 30) for name, value in VALUES.items()}).evalf(15)
+    )
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(FORMULAS)
+@example("(x + v)**2*k1 - Piecewise((x, abs(x) <= b), (b*sign(x), True))")
+def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
+    try:
+        expr = parse(text)
+    except ExpressionError:
+        return
+    try:
+        expected = python_value(text)
+    except (ArithmeticError, ValueError):
+        return
+    assert sympy_value(expr) == pytest.approx(expected, rel=ROUNDING, abs=ROUNDING)
+
+
+@settings(max_examples=500, deadline=None, derandomize=True)
+@given(FORMULAS)
+@example("abs(x/b)**3*Min(x, b)/(2*(x + b))")
+@example("-(x + b)*(k1 + k2)/(2*v)")
+@example("1.2345678901234567890123456789e-71*x")
+@example("abs(Max(b, 1/3 - k1, 10))")
+@example("(x**64)**(k1 + 64)")
+def test_what_is_written_reads_back_as_the_same(text: str) -> None:
+    try:
+        expr = parse(text)
+    except ExpressionError:
+        return
+    again = parse(write(expr))
+    if again != expr:  # SymPy does not reach one form for everything; then at least the value is the same
+        assert sympy_value(again) == pytest.approx(sympy_value(expr), rel=ROUNDING, abs=ROUNDING)
+    assert write(again) == write(parse(write(again)))
+
+
+WORDS = (
+    "x v k1 pi True and or not if else lambda ( ) ( ) , , + - * / ** // < <= == = & | . ... 1 2.5 1e9 1e999"
+)
+MORE = "1_0 9**9 abs( sin( Max( Piecewise( Piecewise((x,x<1), ,True)) __class__ .real [ ] { } ' : ; # @ % ! ~"
+FUNNY = 'gamma( besselj( 1/0 0**0 oo inf nan zoo I E S( " \\'
+TOKENS = st.sampled_from([*WORDS.split(), *MORE.split(), *FUNNY.split(), "\n", "\t", "\0", " "])
+
+
+@settings(max_examples=1500, deadline=None, derandomize=True)
+@given(
+    st.one_of(
+        st.text(max_size=60),
+        st.lists(TOKENS, max_size=25).map("".join),
+        st.lists(TOKENS, max_size=15).map(" ".join),
+    )
+)
+@example("\ud800")
+@example("x" + "\u0301")
+@example("-" * 1999 + "x")
+@example("x" + "**x" * 600)
+@example("(" * 900 + "x")
+@example("a<" * 900 + "a")
+@example("1 and " * 300 + "1")
+def test_whatever_the_text_only_an_expression_error_comes_out(text: str) -> None:
+    try:
+        expr = parse(text)
+    except ExpressionError as error:
+        checked_message(error)
+    else:
+        assert not expr.has(sympy.zoo, sympy.oo, sympy.nan, sympy.I)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.text(max_size=45))
+def test_a_name_is_legal_or_refused_in_a_sentence(name: str) -> None:
+    try:
+        assert check_name(name) == name
+    except ExpressionError as error:
+        checked_message(error)
+    else:
+        assert name.isascii()
+        assert name.isidentifier()
+
+
+def test_reading_deep_in_a_call_stack_is_refused_not_a_crash() -> None:
+    def deeper(levels: int) -> sympy.Expr | ExpressionError:
+        if levels:
+            return deeper(levels - 1)
+        return outcome("sin(" * 39 + "x" + ")" * 39, None)[0]
+
+    import inspect
+    import sys
+
+    free = sys.getrecursionlimit() - len(inspect.stack())
+    assert isinstance(deeper(free - 80), ExpressionError)

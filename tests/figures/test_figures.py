@@ -1,0 +1,261 @@
+"""Figures: every one draws, says what it shows in numbers, and is the same file for the same data."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import fields, replace
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen import figures
+from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
+from rsgen.figures.equivalent import backbone, refined_band, values_of
+from rsgen.identification import Estimate
+from rsgen.law.element import make_element
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+from tests.oracles.first_order import (
+    C1,
+    K1,
+    KN1,
+    MASS,
+    cubic_identification,
+    cubic_prediction,
+    cubic_surface,
+)
+
+TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
+SURFACE = cubic_surface()
+IDENTIFICATION = cubic_identification(SURFACE)
+PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
+
+DRAWINGS: dict[str, Callable[[], Drawing]] = {
+    "surface": lambda: figures.draw_surface(SURFACE),
+    "map": lambda: figures.draw_map(SURFACE),
+    "thumbnail": lambda: figures.draw_thumbnail(SURFACE),
+    "resonance": lambda: figures.draw_resonance(IDENTIFICATION),
+    "stiffness": lambda: figures.draw_stiffness(IDENTIFICATION, TRUTH),
+    "damping": lambda: figures.draw_damping(IDENTIFICATION, TRUTH),
+    "collapse": lambda: figures.draw_collapse(IDENTIFICATION),
+    "forces": lambda: figures.draw_forces(IDENTIFICATION, TRUTH),
+    "responses": lambda: figures.draw_responses(SURFACE, PREDICTION),
+    "held-out": lambda: figures.draw_held_out(PREDICTION),
+    "time-history": lambda: figures.draw_time_history(SURFACE),
+}
+
+UNIT = re.compile(r"\[[^\]]+\]$")
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_drawing_is_whole(name: str) -> None:
+    drawing = DRAWINGS[name]()
+    assert drawing.name == name
+    assert drawing.caption.endswith(".")
+    assert re.search(r"\d", drawing.alternative)
+    assert not re.search(r"\bnan\b", drawing.alternative)
+    for axes in drawing.figure.axes:
+        labels = [axis.get_label_text() for axis in axes._axis_map.values()]
+        assert all(UNIT.search(label) for label in labels if label), labels
+        if name != "thumbnail" and len(axes.get_lines()) > 1:
+            assert axes.get_ylabel()
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_or_no_resonances_are_said_as_they_are(count: int) -> None:
+    few = replace(IDENTIFICATION, resonances=IDENTIFICATION.resonances[:count])
+    unknown = {name: float("nan") for name in TRUTH}
+    words = [figures.draw_stiffness(few, unknown).alternative, figures.draw_resonance(few).alternative]
+    assert not re.search(r"\binf\b|\bnan\b|1 levels|1 resonances", " ".join(words))
+    assert ("No level could be read" if count == 0 else "The one level") in words[0]
+    assert ("No level has" if count == 0 else "One resonance") in words[1]
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_same_data_same_bytes(name: str) -> None:
+    first, second = DRAWINGS[name](), DRAWINGS[name]()
+    svg = first.render("svg")
+    assert svg == second.render("svg")
+    ElementTree.fromstring(svg)
+    assert len(svg) < 250_000  # eleven of them must fit into a page of 2 MB
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_settings_of_the_caller_do_not_matter(name: str) -> None:
+    plain = DRAWINGS[name]().render("svg")
+    with mpl.rc_context({"text.usetex": True, "font.size": 20, "lines.linewidth": 9, "svg.fonttype": "path"}):
+        assert DRAWINGS[name]().render("svg") == plain
+
+
+def test_figures_belong_to_no_window() -> None:
+    import matplotlib.pyplot as plt
+
+    before = plt.get_fignums()
+    for draw in DRAWINGS.values():
+        draw()
+    assert plt.get_fignums() == before
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        cubic_surface(gaps=True),
+        cubic_surface(sweep="up", gaps=True),
+        cubic_surface(levels=1),
+        cubic_surface(levels=1, frequencies=1),
+    ],
+    ids=["gaps", "up with gaps", "one level", "one point"],
+)
+def test_any_surface_can_be_drawn(surface: ResponseSurface) -> None:
+    for draw in (figures.draw_surface, figures.draw_map, figures.draw_thumbnail, figures.draw_time_history):
+        assert draw(surface).render("png").startswith(b"\x89PNG")
+
+
+def test_points_that_did_not_settle_leave_holes() -> None:
+    outcome = np.where(np.arange(len(SURFACE)) % 7 == 0, 1, 0)
+    from dataclasses import replace
+
+    surface = replace(SURFACE, outcome=outcome)
+    assert f"{int(outcome.sum())} points did not settle" in figures.draw_map(surface).alternative
+    for draw in (figures.draw_surface, figures.draw_map, figures.draw_thumbnail):
+        draw(surface).render("svg")
+
+
+def test_both_sweeps_give_two_panels() -> None:
+    up, down = cubic_surface(sweep="up"), cubic_surface(sweep="down")
+    columns = [f.name for f in fields(up) if isinstance(getattr(up, f.name), np.ndarray)]
+    both = replace(up, **{name: np.concatenate([getattr(up, name), getattr(down, name)]) for name in columns})
+    titles = [axes.get_title(loc="left") for axes in figures.draw_map(both).figure.axes]
+    assert titles[:2] == ["sweep up", "sweep down"]
+
+
+def test_stable_parts_are_solid_and_unstable_parts_dashed() -> None:
+    drawing = figures.draw_responses(SURFACE, PREDICTION)
+    curve = PREDICTION.curves[-1]
+    assert not curve.stable.all()
+    lines = [line for line in drawing.figure.axes[0].get_lines() if line.get_marker() == "None"]
+    dashed = [line for line in lines if line.get_linestyle() == "--"]
+    assert dashed
+    drawn = np.concatenate([np.asarray(line.get_xdata(), dtype=float) for line in dashed])
+    unstable = np.concatenate([c.frequency[~c.stable] for c in PREDICTION.curves])
+    assert set(np.round(unstable, 9)) <= set(np.round(drawn, 9))
+    assert "unstable" in drawing.alternative
+
+
+def test_backbone_of_a_cubic_spring_is_the_closed_formula() -> None:
+    amplitude = np.linspace(0.001, 0.05, 7)
+    model = backbone(IDENTIFICATION, TRUTH, amplitude)
+    # k1 + 3/4 kn1 X^2: Liu et al., Eq. (14)
+    np.testing.assert_allclose(model.stiffness, K1 + 0.75 * KN1 * amplitude**2, rtol=1e-13)
+    np.testing.assert_allclose(model.damping, C1, rtol=1e-13)
+    np.testing.assert_allclose(model.omega**2 * 1.5, model.stiffness, rtol=1e-12)
+
+
+def test_band_is_linear_propagation_of_the_covariance() -> None:
+    amplitude = np.linspace(0.001, 0.05, 7)
+    _, stiffness, damping = refined_band(IDENTIFICATION, amplitude)
+    variance = np.diag(IDENTIFICATION.covariance)  # c1, k1, kn1
+    expected = 1.959964 * np.sqrt(variance[1] + (0.75 * amplitude**2) ** 2 * variance[2])
+    np.testing.assert_allclose(stiffness, expected, rtol=1e-6)
+    np.testing.assert_allclose(damping, 1.959964 * np.sqrt(variance[0]), rtol=1e-6)
+
+
+def test_a_parameter_that_is_not_told_leaves_the_points() -> None:
+    from dataclasses import replace
+
+    refined = tuple(
+        replace(e, value=float("nan"), remark="too little amplitude") if e.name == "kn1" else e
+        for e in IDENTIFICATION.refined
+    )
+    unknown = replace(IDENTIFICATION, refined=refined)
+    for draw in (figures.draw_stiffness, figures.draw_damping, figures.draw_collapse, figures.draw_resonance):
+        draw(unknown).render("svg")
+    assert np.isnan(values_of(refined)["kn1"])
+
+
+@settings(derandomize=True, max_examples=200)
+@given(st.floats(1e-11, 1e5), st.sampled_from(["m", "N", "N/m", "N*s/m", "kg"]))
+def test_engineering_scale_keeps_the_value(value: float, unit: str) -> None:
+    scale = choose_scale([value, -value / 3, np.nan], unit)
+    assert np.log10(scale.factor) % 3 == pytest.approx(0, abs=1e-9)
+    shown = value / scale.factor
+    prefixes = {"m": 1e-12, "N": 1e-12, "N/m": 1e-6, "N*s/m": 1e-12, "kg": 1e-12}
+    if value >= prefixes[unit]:
+        assert shown >= 0.999
+
+
+@settings(derandomize=True, max_examples=300)
+@given(st.floats(-1e30, 1e30, allow_subnormal=False), st.integers(2, 8))
+def test_printed_numbers_can_be_read_back(value: float, digits: int) -> None:
+    text = number_text(value, digits).replace("\u202f", "").replace("−", "-")
+    if "×" in text:
+        mantissa, power = text.split(" × 10")
+        exponent = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+        text = f"{mantissa}e{exponent}"
+    assert float(text) == pytest.approx(value, rel=0.5001 * 10 ** (1 - digits), abs=1e-300)
+
+
+def test_units_are_printed_as_written_by_hand() -> None:
+    assert unit_text("N*s^2/m^2") == "N·s²/m²"
+    assert quantity_text(5920.0, "N/m") == "5.92 kN/m"
+    assert quantity_text(0.0, "m") == "0 m"
+    assert quantity_text(float("nan"), "m") == "not known m"
+
+
+def test_text_of_a_figure_is_never_mathematics() -> None:
+    figure = figures.draw_thumbnail(SURFACE).figure
+    drawing = figures.draw_stiffness(IDENTIFICATION)
+    with mpl.style.context(figures.STYLE):
+        assert mpl.rcParams["text.usetex"] is False
+        assert mpl.rcParams["text.parse_math"] is False
+    assert not any(text.get_parse_math() for text in drawing.figure.axes[0].texts)
+    assert figure is not drawing.figure
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-12])
+def test_every_level_gets_its_own_curve(size: float) -> None:
+    """However small the forces are: those of a wire are piconewtons."""
+    surface = replace(SURFACE, level=SURFACE.level * size, force=SURFACE.force * size)
+    curves = tuple(replace(curve, level=curve.level * size) for curve in PREDICTION.curves)
+    drawing = figures.draw_responses(surface, replace(PREDICTION, curves=curves))
+    handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
+    assert len(set(labels)) == len(labels) == 6
+    assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
+
+
+def test_the_curve_is_drawn_where_single_parameters_are_not_told() -> None:
+    told, *others = IDENTIFICATION.refined
+    lost = [replace(estimate, value=float("nan"), remark="not told") for estimate in others]
+    known = replace(IDENTIFICATION, refined=(told, *lost))
+    for draw in (figures.draw_stiffness, figures.draw_resonance, figures.draw_forces):
+        lines = [
+            line for line in draw(known).figure.axes[0].get_lines() if "refined" in str(line.get_label())
+        ]
+        assert lines
+        assert np.isfinite(np.asarray(lines[0].get_ydata(), dtype=float)).all()
+
+
+@pytest.mark.parametrize(
+    ("force", "over_velocity"),
+    [("k*x + c*v", False), ("k*x + c*v + d*v*abs(v)", True), ("k*x + c*v + Ff*sign(v)", True)],
+)
+def test_damping_collapses_over_velocity_where_the_damper_acts_on_it(force: str, over_velocity: bool) -> None:
+    model = Model((make_element("law", force),), mass=MASS)
+    values = {"k": 5920.0, "c": 3.8, "d": 1.0, "Ff": 0.5}
+    refined = tuple(Estimate(name, values[name], 0.0, (0.0, 0.0)) for name in model.parameters)
+    exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
+    known = replace(IDENTIFICATION, model=model, refined=refined, **exact)
+    lower = figures.draw_collapse(known).figure.axes[1]
+    assert ("ωX [m/s]" in lower.get_xlabel()) is over_velocity
+    # and there the model is one curve: c + 8/(3 pi) d omega X, c + 4 Ff/(pi omega X)
+    (line,) = lower.get_lines()
+    place, damping = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    if "d*" in force:
+        assert damping == pytest.approx(3.8 + 8 / (3 * np.pi) * place)
+    elif "Ff" in force:
+        assert damping == pytest.approx(3.8 + 4 * 0.5 / (np.pi * place))

@@ -1,0 +1,352 @@
+"""Swept sines: the law found from the force, envelopes, the sweep's own dynamics, files of real tests."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.case import load_case
+from rsgen.errors import MeasurementError
+from rsgen.history import SweepLaw, TimeHistory, demodulate_sweep
+from rsgen.history.envelope import NOISE_WIDTH, demodulate, place_windows
+from rsgen.history.tracking import find_sweeps
+from rsgen.law.element import make_element
+from rsgen.oscillator import Oscillator
+from rsgen.steady_state import solve_steady_states
+from rsgen.surface import ResponseSurface
+from tests.oracles.swept import sweep
+
+CASES = Path(__file__).parents[2] / "cases"
+
+AS_STEPPED = 5e-3
+"""The figure of the requirement: k(X), c(X) of a sweep against stepped sine."""
+
+MASS, STIFFNESS, DAMPING = 1.5, 1.5 * (2 * np.pi * 10) ** 2, 2 * 0.01 * 1.5 * 2 * np.pi * 10
+"""A linear oscillator at 10 Hz with a half width of 0.1 Hz."""
+
+
+def linear(mass: float = MASS) -> Oscillator:
+    return Oscillator(mass, (make_element("all", "k*x + c*v"),), {"k": STIFFNESS, "c": DAMPING})
+
+
+def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> TimeHistory:
+    t = np.arange(int(duration * rate)) / rate
+    return TimeHistory(rate, level * np.cos(law.phase_at(t)), np.sin(law.phase_at(t)))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    kind=st.sampled_from(["linear", "logarithmic"]),
+    low=st.floats(2, 20),
+    ratio=st.floats(1.5, 8),
+    down=st.booleans(),
+    phase=st.floats(0, 6),
+)
+def test_the_law_is_found_from_the_force(
+    kind: str, low: float, ratio: float, down: bool, phase: float
+) -> None:
+    duration = 400 / low
+    first, last = (low * ratio, low) if down else (low, low * ratio)
+    pace = (last - first if kind == "linear" else np.log2(last / first)) / duration
+    law = SweepLaw(kind, first, float(pace), phase)
+    (found,) = find_sweeps(forced(law, 12 * low * ratio, duration))
+    assert found.law.kind == kind
+    assert found.law.direction == ("down" if down else "up")
+    assert found.law.frequency == pytest.approx(law.frequency, rel=1e-6)
+    assert found.law.rate == pytest.approx(law.rate, rel=1e-6)
+
+
+def test_a_law_is_its_own_integral_and_derivative() -> None:
+    t = np.linspace(0, 30, 4001)
+    for law in (SweepLaw("linear", 15, -0.4), SweepLaw("logarithmic", 3, 0.1, 1.0)):
+        f = np.gradient(law.phase_at(t), t, edge_order=2) / (2 * np.pi)
+        np.testing.assert_allclose(f[1:-1], law.frequency_at(t)[1:-1], rtol=1e-5)
+        np.testing.assert_allclose(np.gradient(f[1:-1], t[1:-1])[2:-2], law.slope_at(t)[3:-3], rtol=1e-3)
+        assert law.time_of(float(law.frequency_at(np.array(7.0)))) == pytest.approx(7.0)
+
+
+def test_up_and_down_in_one_history_are_told_apart() -> None:
+    law = SweepLaw("linear", 5.0, 0.2, 0.3)
+    there = forced(law, 400, 100).force
+    quiet = np.zeros(4000)
+    history = TimeHistory(400, np.concatenate([quiet, there, there[::-1], quiet]), np.zeros(2 * 40000 + 8000))
+    up, down = find_sweeps(history)
+    assert (up.law.direction, down.law.direction) == ("up", "down")
+    assert up.law.rate == pytest.approx(0.2, rel=1e-5)
+    assert down.law.rate == pytest.approx(-0.2, rel=1e-5)
+    assert 10 <= up.begin < up.end <= 110 <= down.begin < down.end <= 210
+
+
+def test_other_harmonics_do_not_leak_into_an_envelope() -> None:
+    rate, f = 2000.0, 10.0
+    t = np.arange(40000) / rate
+    window = place_windows(np.array([20000.0]), np.array([10 * rate / f]), np.array([rate / f]), 5, len(t))
+    for order in range(7):
+        signal = 0.7 * np.cos(order * 2 * np.pi * f * t)
+        taken = demodulate(signal, lambda i: 2 * np.pi * f * i / rate, window, tuple(range(7)))[0, :, 0]
+        assert taken[order] == pytest.approx(0.7, rel=2e-4)
+        # 70 dB next to it, more beyond; a constant leaks into h = 1 and back
+        assert np.abs(np.delete(taken, order)).max() < 0.7 * 3e-4
+
+
+def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() -> None:
+    rate, f = 1000.0, 20.0
+    i = np.arange(4000.0)
+    shape = np.polynomial.Polynomial([1, 2e-4 + 1e-4j, -1e-7j, 3e-11])
+    signal = (shape(i) * np.exp(2j * np.pi * f * i / rate)).real
+    window = place_windows(np.array([2000.0]), np.array([500.0]), np.array([rate / f]), 1, len(i))
+
+    def phase(i: np.ndarray) -> np.ndarray:
+        return 2 * np.pi * f * i / rate
+
+    place = window.middle[0]
+    value, first, second = demodulate(signal, phase, window, (1,))[0, 0]
+    # the mirror image at -f leaks by 1e-5
+    assert value == pytest.approx(shape(place), rel=1e-5)
+    assert first == pytest.approx(shape.deriv()(place), rel=1e-3)
+    assert second == pytest.approx(shape.deriv(2)(place), rel=1e-2)
+    # white noise of variance 1 spreads over rate/2: |Y|^2 = 2 * 2 B/rate
+    many = place_windows(np.arange(300, 400_000, 600.0), np.array([500.0]), np.array([rate / f]), 1, 400_000)
+    noise = np.random.default_rng(1).normal(size=400_000)
+    taken = demodulate(noise, phase, many, (1,))[:, 0, 0]
+    width = NOISE_WIDTH / (many.step[0] * many.count[0] / rate)
+    assert np.mean(np.abs(taken) ** 2) == pytest.approx(4 * width / rate, rel=0.12)
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None:
+    # the receptance of a linear oscillator is known; at rate/(half width)^2 = 5 it is shifted by a half width
+    law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
+    o = linear()
+    x = np.asarray(sweep(o, 1.0, law, 12.5, rate).response)[:n]
+    force = np.cos(law.phase_at(np.arange(n) / rate))
+
+    # by differences of high order, not by the rule that is tested
+    def slope(y: np.ndarray) -> np.ndarray:
+        weights = np.array([-1 / 280, 4 / 105, -1 / 5, 4 / 5, 0, -4 / 5, 1 / 5, -4 / 105, 1 / 280])
+        return np.convolve(y, weights, "same") * rate
+
+    response = x if quantity == "displacement" else slope(x) if quantity == "velocity" else slope(slope(x))
+    history = TimeHistory(rate, force, response, quantity)
+    surface = demodulate_sweep(history, band=(8.5, 12))
+    chosen = surface.select(surface.settled)
+    assert len(chosen) > 0.9 * len(surface)
+    dynamic = chosen.force / chosen.harmonics[:, 1]
+    k, c = dynamic.real + MASS * chosen.omega**2, dynamic.imag / chosen.omega
+    near = np.abs(dynamic.real) < 5 * np.abs(dynamic.imag)
+    assert np.max(np.abs(k / STIFFNESS - 1)) < 5e-4
+    assert np.max(np.abs(c[near] / DAMPING - 1)) < AS_STEPPED
+    assert "which shifts it by 0.8 half widths" in surface.notes[0]
+    # and without correction it is as wrong as the literature says
+    raw = demodulate_sweep(history, band=(8.5, 12), mass=1e-12)
+    dynamic = raw.force / raw.harmonics[:, 1]
+    apparent = (dynamic.imag / raw.omega)[np.abs(raw.frequency - 10) < 0.1]
+    assert np.max(np.abs(apparent / DAMPING - 1)) > 0.2
+
+
+def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray, np.ndarray]:
+    """Relative differences of k and c from stepped sine at the same force, frequency and branch."""
+    swept = surface.select(surface.settled)
+    swept = swept.select(swept.frequency > 0)
+    harmonics = np.nan_to_num(swept.harmonics)
+    order = np.arange(harmonics.shape[1])
+    start = np.stack(
+        [harmonics.real.sum(1), (1j * order * swept.omega[:, None] * harmonics).real.sum(1)], axis=1
+    )
+    states = solve_steady_states(o, swept.force, swept.frequency, harmonics=5, accuracy=1e-6, start=start)
+    stepped = swept.force / states.harmonics[:, 1]
+    own = swept.force / swept.harmonics[:, 1]
+    same = (states.outcome == 0) & (np.abs(stepped / own - 1) < 0.03)
+    assert np.mean(same) > 0.99
+    near = np.abs(stepped.real) < 5 * np.abs(stepped.imag)
+    inertia = o.mass * swept.omega**2
+    k = (own.real + inertia) / (stepped.real + inertia) - 1
+    return np.abs(k[same]), np.abs(own.imag / stepped.imag - 1)[same & near]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cubic",
+        "coulomb",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("cubic-hardening", "quintic", "piecewise", "bilinear", "combined", "joint")
+        ),
+    ],
+)
+def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None:
+    o = load_case(CASES / f"{name}.toml").oscillator
+    first, last, pace, levels = (36, 62, 0.2, (2, 10)) if name == "joint" else (8, 12, 0.02, (2, 12))
+    histories = [sweep(o, level, SweepLaw("linear", first, pace), last) for level in levels]
+    surface = demodulate_sweep(histories, points=150)
+    assert surface.levels.tolist() == list(levels)
+    assert set(surface.sweep) == {"up"}
+    k, c = against_stepped(o, surface)
+    assert k.max() < AS_STEPPED
+    assert c.max() < AS_STEPPED
+
+
+def test_another_mode_in_the_band_is_told() -> None:
+    law, rate, n = SweepLaw("linear", 6.0, 0.1), 400.0, 40000
+    force = np.cos(law.phase_at(np.arange(n) / rate))
+    other = Oscillator(1.0, (make_element("a", "k*x + c*v"),), {"k": (2 * np.pi * 8) ** 2, "c": 1.0})
+    both = sum(np.asarray(sweep(o, 1.0, law, 16.0, rate).response)[:n] for o in (linear(), other))
+    surface = demodulate_sweep(TimeHistory(rate, force, both, label="a.mat"))
+    assert any("a.mat: response over force has another maximum near 10" in note for note in surface.notes)
+    alone = demodulate_sweep(TimeHistory(rate, force, both), band=(9.6, 11), mass=MASS)
+    assert "given" in alone.notes[0]
+    assert not any("another maximum" in note for note in alone.notes)
+
+
+def test_harmonics_above_the_sampling_rate_are_unknown() -> None:
+    history = forced(SweepLaw("linear", 8.0, 0.05), 60.0, 80)
+    surface = demodulate_sweep(history, harmonics=5)
+    assert np.isfinite(surface.harmonics[:, :3]).all()
+    assert np.isnan(surface.harmonics[:, 3:]).all()
+
+
+def test_a_distorted_force_is_noted() -> None:
+    clean = forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80)
+    law = find_sweeps(clean)[0].law
+    t = np.arange(len(clean)) / 400
+    distorted = TimeHistory(
+        400, clean.force + 0.1 * np.cos(3 * law.phase_at(t)), clean.response, label="a.mat"
+    )
+    notes = demodulate_sweep(distorted).notes
+    assert any(note.startswith("a.mat: harmonics of the force reach 10%") for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("history", "options", "message"),
+    [
+        (TimeHistory(400, None, np.ones(4000)), {}, "no force"),
+        (TimeHistory(400, np.zeros(4000), np.ones(4000)), {}, "no sweep found"),
+        (TimeHistory(400, np.cos(np.arange(4000) * 0.1), np.ones(4000)), {}, "no sweep found"),
+        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"band": (20.0, 30.0)}, "does not pass the band"),
+        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"bandwidth": 9.0}, "harmonics of .* mix"),
+        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"law": "cubic"}, "must be one of linear"),
+    ],
+)
+def test_what_is_no_sweep_is_refused(history: TimeHistory, options: dict[str, object], message: str) -> None:
+    with pytest.raises(MeasurementError, match=message):
+        demodulate_sweep(history, **options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rate": 0.0}, "rate: 0.0 Hz"),
+        ({"level": -1.0}, "level: -1.0 N"),
+        ({"quantity": "strain"}, "must be one of displacement"),
+        ({"force": np.zeros(20)}, "20 samples of force, 30 of response"),
+        ({"response": np.zeros(8), "force": None}, "at least 16"),
+        ({"response": np.full(30, np.nan)}, "sample 1 is not finite"),
+        ({"response": np.zeros(30, dtype=complex)}, "floating point"),
+        ({"response": np.zeros((30, 2))}, "one row of samples"),
+        ({"start": np.inf}, "start: inf s"),
+    ],
+)
+def test_a_time_history_is_checked(changes: dict[str, object], message: str) -> None:
+    good = {"rate": 400.0, "force": np.zeros(30), "response": np.zeros(30), "label": "a.csv"}
+    with pytest.raises(MeasurementError, match=f"a.csv: .*{message}"):
+        TimeHistory(**{**good, **changes})
+
+
+def test_a_time_history_is_not_copied_and_cannot_be_written_to() -> None:
+    samples = np.zeros(100, dtype=np.float32)
+    history = TimeHistory(400, samples, samples)
+    assert np.shares_memory(history.response, samples)
+    with pytest.raises(ValueError, match="read-only"):
+        history.response[0] = 1
+
+
+LONG = 12_500_000
+"""Samples of force and of response in 200 MB."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is counted in other units elsewhere")
+def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
+    law, rate, resonance = SweepLaw("linear", 20.0, 180.0 / 1250), 10_000.0, 63.0
+    samples = np.empty((2, LONG))
+    k, c = (2 * np.pi * resonance) ** 2, 0.04 * 2 * np.pi * resonance
+    for first in range(0, LONG, 2**20):
+        t = np.arange(first, min(first + 2**20, LONG)) / rate
+        omega, turn = 2 * np.pi * law.frequency_at(t), np.exp(1j * law.phase_at(t))
+        samples[0, first : first + 2**20] = turn.real
+        samples[1, first : first + 2**20] = (turn / (k - omega**2 + 1j * omega * c)).real
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    begin = time.process_time()
+    surface = demodulate_sweep(TimeHistory(rate, samples[0], samples[1]))
+    # process time, for other tests run beside this one
+    assert time.process_time() - begin < 10
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert grown < 300_000  # kB besides the samples
+    dynamic = surface.force / surface.harmonics[:, 1]
+    near = np.abs(surface.frequency - resonance) < 5
+    # quasi-steady by construction: no correction may be larger than its own size
+    assert np.median(np.abs(dynamic.imag / surface.omega / c - 1)[near]) < 0.02
+
+
+def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
+    law = SweepLaw("logarithmic", 12.0, -0.008)
+    random = np.random.default_rng(2)
+    histories = []
+    for level in (1.0, 3.0):
+        clean = sweep(linear(), level, law, 8.0, 400.0)
+        noise = 0.01 * random.normal(size=(2, len(clean)))
+        histories.append(
+            TimeHistory(
+                400.0,
+                clean.force + noise[0] * np.std(clean.force),
+                clean.response + noise[1] * np.std(clean.response),
+            )
+        )
+    surface = demodulate_sweep(histories)
+    assert surface.levels.tolist() == [1.0, 3.0]
+    assert set(surface.sweep) == {"down"}
+    dynamic = surface.force / surface.harmonics[:, 1]
+    near = surface.settled & (np.abs(dynamic.real) < np.abs(dynamic.imag))
+    k, c = dynamic.real + MASS * surface.omega**2, dynamic.imag / surface.omega
+    # the noise of one row is 0.5 %, and there are some tens
+    assert np.count_nonzero(near) > 20
+    assert np.median(k[near]) == pytest.approx(STIFFNESS, rel=2e-4)
+    assert np.median(c[near]) == pytest.approx(DAMPING, rel=AS_STEPPED)
+
+
+def test_a_narrower_bandwidth_leaves_less_noise() -> None:
+    clean = sweep(linear(), 1.0, SweepLaw("linear", 9.0, 0.01), 11.0, 400.0)
+    noise = 0.03 * np.std(clean.response) * np.random.default_rng(4).normal(size=len(clean))
+    history = TimeHistory(400.0, clean.force, clean.response + noise)
+
+    def scatter(bandwidth: float) -> float:
+        surface = demodulate_sweep(history, bandwidth=bandwidth, band=(9.7, 10.3), mass=MASS)
+        dynamic = surface.force / surface.harmonics[:, 1]
+        return float(np.std((dynamic.imag / surface.omega / DAMPING - 1)[surface.settled]))
+
+    # white noise: by the root of the bandwidth, and what asks for differences by more
+    assert scatter(1.0) < 0.7 * scatter(3.0)
+
+
+def test_what_lies_in_a_drop_out_is_set_aside() -> None:
+    """The rest identifies the oscillator all the same, and nothing is divided by zero."""
+    law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
+    o = linear()
+    x = np.array(sweep(o, 1.0, law, 12.5, rate).response)[:n]
+    force = np.cos(law.phase_at(np.arange(n) / rate))
+    # 6 s at 9.5 Hz, aside of the resonance
+    x[int(30 * rate) : int(36 * rate)] = 0.0
+    surface = demodulate_sweep(TimeHistory(rate, force, x), mass=MASS)
+    chosen = surface.select(surface.settled)
+    assert 0.9 * len(surface) < len(chosen) < len(surface)
+    dynamic = chosen.force / chosen.harmonics[:, 1]
+    assert np.abs((dynamic.real + MASS * chosen.omega**2) / STIFFNESS - 1).max() < AS_STEPPED

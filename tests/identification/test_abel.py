@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.identification.abel import invert_curve
+from rsgen.identification.result import EquivalentCurve
+
+M = 1.5
+SPLINE = 1e-2
+"""Largest deviation, relative to the largest force, that a corner or jump leaves in the spline."""
+
+
+def curve(stiffness, damping, points: int = 1200, noise: float = 0.0) -> EquivalentCurve:
+    """Points of given k(X) and c(V) (describing functions of Liu et al.) over a test."""
+    generator = np.random.default_rng(1)
+    size = generator.uniform(5e-4, 0.03, points)
+    omega = 2 * np.pi * generator.uniform(8, 12, points)
+    k, c = stiffness(size) * np.ones(points), damping(omega * size) * np.ones(points)
+    k = k + noise * np.abs(k - M * omega**2 + 1j * omega * c) * generator.normal(size=points)
+    return EquivalentCurve(size, omega / 2 / np.pi, np.ones(points), k, c, np.ones(points, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "spring"),
+    [
+        (lambda X: 5920 + 0 * X, lambda x: 5920 * x),
+        (lambda X: 5920 + 0.75 * 1e6 * X**2, lambda x: 5920 * x + 1e6 * x**3),
+        (lambda X: 5920 + 0.625 * 1e9 * X**4, lambda x: 5920 * x + 1e9 * x**5),
+        (lambda X: 5920 + 8 * 4e4 * X / (3 * np.pi), lambda x: 5920 * x + 4e4 * x * np.abs(x)),
+    ],
+)
+def test_smooth_springs_come_back(stiffness, spring) -> None:
+    found = invert_curve(curve(stiffness, lambda V: 3.8), M)
+    exact = spring(found.displacement)
+    assert np.abs(found.stiffness_force - exact).max() < 1e-4 * exact.max()
+
+
+def test_a_gap_comes_back() -> None:
+    k4, k5, b = 5920, 8000, 0.01
+
+    def stiffness(X):  # twice the root of the printed Eq. (20), see METHOD.md 2
+        s = np.minimum(b / X, 1)
+        return k5 - (k5 - k4) / np.pi * (2 * np.arcsin(s) + 2 * s * np.sqrt(1 - s**2))
+
+    found = invert_curve(curve(stiffness, lambda V: 3.8), M)
+    x = found.displacement
+    exact = np.where(x < b, k4 * x, k5 * x + (k4 - k5) * b)
+    assert np.abs(found.stiffness_force - exact).max() < SPLINE * exact.max()
+
+
+def test_friction_comes_back_with_its_jump() -> None:
+    found = invert_curve(curve(lambda X: 5920, lambda V: 3.8 + 4 * 0.8 / (np.pi * V)), M)
+    exact = 0.8 + 3.8 * found.velocity
+    assert np.abs(found.damping_force - exact).max() < 1e-3 * exact.max()
+
+
+def test_bands_hold_the_force() -> None:
+    found = invert_curve(curve(lambda X: 5920 + 0.75 * 1e6 * X**2, lambda V: 3.8, noise=0.01), M)
+    exact = 5920 * found.displacement + 1e6 * found.displacement**3
+    inside = np.abs(found.stiffness_force - exact)[1:] <= found.stiffness_band[1:]
+    assert inside.mean() > 0.8  # neighbouring points share their errors
+    assert found.stiffness_band[1:].max() < 0.05 * exact.max()
+
+
+def test_too_few_points_draw_nothing() -> None:
+    assert invert_curve(curve(lambda X: 5920, lambda V: 3.8, points=10), M) is None

@@ -1,0 +1,125 @@
+"""Laws of repeats: joined to means they give the same estimate, and standard errors from their scatter."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.case import load_case
+from rsgen.identification import identify
+from rsgen.identification.repeats import gather_repeats
+from rsgen.law.element import make_element
+from rsgen.measurement import read_measurement
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+from tests.oracles.virtual_test import changed, model, noisy, surface, truth
+
+DATA = Path(os.environ.get("RSGEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+READINGS, NOISE = 8, 0.01
+
+
+def repeated(table: ResponseSurface, seed: int, noise: float = NOISE) -> ResponseSurface:
+    """Every point read several times, with noise anew and the clock at another moment each time."""
+    random = np.random.default_rng(seed)
+    parts = []
+    for reading in range(READINGS):
+        part = noisy(table, noise, 100 * seed + reading)
+        turn = np.exp(2j * np.pi * random.random(len(part)))
+        orders = np.arange(part.harmonics.shape[1])
+        parts.append(
+            changed(part, force=part.force * turn, harmonics=part.harmonics * turn[:, None] ** orders)
+        )
+    together = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(ResponseSurface)
+        if isinstance(getattr(table, f.name), np.ndarray)
+    }
+    return changed(table, **together)
+
+
+@pytest.fixture(scope="module")
+def cubic() -> ResponseSurface:
+    return surface("cubic")
+
+
+def test_readings_become_means_with_their_scatter(cubic):
+    means, repeats = gather_repeats(repeated(cubic, 1))
+    assert repeats is not None
+    assert len(means) == len(cubic)
+    assert set(repeats.count) == {READINGS}
+    # noise of force and response, each of relative size NOISE
+    assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+    order = np.lexsort((cubic.frequency, cubic.level))
+    again = np.lexsort((means.frequency, means.level))
+    receptance = [t.harmonics[o, 1] / t.force[o] for t, o in ((cubic, order), (means, again))]
+    assert np.abs(receptance[1] / receptance[0] - 1).max() < 6 * NOISE / np.sqrt(READINGS)
+
+
+def test_exact_copies_are_no_measure_of_noise(cubic):
+    table, repeats = gather_repeats(repeated(cubic, 1, noise=0.0))
+    assert repeats is None
+    assert len(table) == READINGS * len(cubic)
+    assert gather_repeats(cubic) == (cubic, None)
+
+
+def test_readings_on_two_branches_are_not_averaged(cubic):
+    double = repeated(cubic, 2)
+    harmonics = np.array(double.harmonics)
+    first = (double.level == double.level[0]) & (double.frequency == double.frequency[0])
+    harmonics[np.flatnonzero(first)[0]] *= 3
+    means, repeats = gather_repeats(changed(double, harmonics=harmonics))
+    assert len(means) == len(cubic) - 1 + READINGS
+    assert np.count_nonzero(repeats.count == 1) == READINGS
+
+
+def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
+    table = repeated(cubic, 3)
+    harmonics = np.array(table.harmonics)
+    harmonics[0] *= 1.3
+    _, repeats = gather_repeats(changed(table, harmonics=harmonics))
+    assert repeats.aside >= 1
+    assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+
+
+def test_standard_errors_are_those_of_doing_the_test_again(cubic):
+    distances = []
+    for seed in range(8):
+        found = identify(repeated(cubic, seed), model("cubic"))
+        distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
+        assert any("leaves nothing over" in sentence for sentence in found.warnings)
+    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
+
+
+def test_a_wrong_law_is_told_from_noise(cubic):
+    linear = Model((make_element("law", "k*x + c*v"),))
+    found = identify(repeated(cubic, 1), linear)
+    sentence = next(s for s in found.warnings if "readings" in s)
+    assert "model error beyond the noise" in sentence
+    assert found.residual > 3 * found.noise
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (DATA / "nlbeam" / "forced_data.mat").is_file(),
+    reason="the measured beam is not here; set RSGEN_DATA to the folder that holds nlbeam/forced_data.mat",
+)
+def test_the_beam_with_fifty_readings_a_point():
+    case = load_case(Path(__file__).parents[1] / "cases" / "nlbeam.toml", data=DATA)
+    table = read_measurement(case.test)
+    assert len(table) == 8000
+    # four parameters beside the mass; the exponent costs a search that the errors do not need
+    asked = replace(case.model, elements=(make_element("law", "k*x + kn*x*abs(x) + c*v + cn*v*abs(v)"),))
+    whole = identify(table, case.model)
+    assert whole.residual < 0.025
+    assert any("arbitrary scale" in sentence for sentence in whole.warnings)
+    parts = [identify(table.select(np.arange(len(table)) % 5 == k), asked) for k in range(5)]
+    spread = np.std([[e.value for e in part.refined] for part in parts], axis=0, ddof=1)
+    quoted = np.median([[e.standard_error for e in part.refined] for part in parts], axis=0)
+    # five numbers give a spread within a factor of two; readings in a row drift, which subsets share
+    assert np.all(spread < 2 * quoted)
+    assert np.all(spread > quoted / 5)

@@ -1,0 +1,105 @@
+"""Parameters in which a law is not linear: found over their whole range, of two signs the positive one."""
+
+from __future__ import annotations
+
+from math import isnan
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.expression import parse
+from rsgen.law.element import make_element
+from rsgen.law.numeric import compile_law
+from rsgen.oscillator import Model, Oscillator
+from rsgen.simulation import SimulatedTest
+from rsgen.simulation.noise import add_noise
+
+MASS = 1.5
+BASE = {"k": 5000.0, "c": 4.0}
+SATURATION = "Max(-Fm, Min(ks*x, Fm))"
+
+
+@pytest.mark.parametrize(
+    ("text", "groups"),
+    [
+        (f"k*x + {SATURATION}", [{"Fm", "ks"}]),
+        ("k*x + Max(0, ks*x - F0)", [{"F0", "ks"}]),
+        ("k*x + Max(0, ks*(x - b))", [{"ks"}]),
+        ("k*x + ks*Max(0, x - b)", []),
+        ("k*x + A*tanh(v/w)", []),
+        # numbers in a law hide what a parameter does
+        ("k*x + 4e8*x**5 + A*tanh(v/w)", []),
+        ("k*x + A*tanh(1e6*v/w)", []),
+        ("k*x + Max(0, ks*x - 500)", []),
+        ("k*x + kg*Max(-Fm, Min(ks*x, Fm))", []),
+        ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", [{"Fm", "ks"}]),
+    ],
+)
+def test_groups_of_degree_one_are_found(text: str, groups: list[set[str]]) -> None:
+    law = compile_law(parse(text))
+    assert [{law.parameters[i] for i in group} for group in law.scaled] == groups
+
+
+def identified(text: str, own: dict[str, float], level: tuple[float, float], noise: float, seed: int = 1):
+    """Identify a law beside a linear spring and damper; the mass is free."""
+    elements = (make_element("base", "k*x + c*v"), make_element("own", text))
+    test = SimulatedTest(np.linspace(*level, 7), np.linspace(7.0, 12.0, 45), harmonics=5, accuracy=1e-7)
+    surface = rsgen.simulate(Oscillator(MASS, elements, BASE | own), test)
+    found = rsgen.identify(add_noise(surface, noise, seed) if noise else surface, Model(elements))
+    return found, BASE | own | {"m": MASS}
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
+@pytest.mark.parametrize(
+    ("text", "own"),
+    [
+        (SATURATION, {"ks": 2000.0, "Fm": 20.0}),
+        ("Max(0, ks*x - F0)", {"ks": 3000.0, "F0": 15.0}),
+        # the same law with both signs turned
+        ("Ff*tanh(v/w)", {"Ff": 1.0, "w": 0.2}),
+        # the same law with both signs turned and a stiffer k
+        ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
+        # no other unknown multiplies what they switch
+        ("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}),
+        ("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}),
+    ],
+)
+def test_values_come_back_with_their_signs(text: str, own: dict[str, float], noise: float) -> None:
+    found, true = identified(text, own, (2.0, 12.0), noise)
+    for estimate in found.refined:
+        error = abs(estimate.value - true[estimate.name])
+        limit = 4.5 * estimate.standard_error if noise else 1e-6 * abs(true[estimate.name])
+        assert error < limit, (estimate, true[estimate.name])
+
+
+@pytest.mark.parametrize("besides", ["", " + Ff*tanh(v/w)"])
+def test_a_saturation_that_is_never_reached_is_no_number(besides: str) -> None:
+    own = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if besides else {})
+    found, true = identified(SATURATION + besides, own, (2.0, 12.0), 1e-3)
+    by_name = {estimate.name: estimate for estimate in found.refined}
+    # k + ks alone shows
+    assert all(isnan(by_name[name].value) for name in ("k", "ks", "Fm"))
+    assert "combination" in by_name["k"].remark
+    for name in set(true) - {"k", "ks", "Fm"}:
+        assert abs(by_name[name].value - true[name]) < 4.5 * by_name[name].standard_error
+
+
+@pytest.mark.parametrize("law", ["2000*Max(0, x - b)", "Max(0, ks*x - F0)", "2e5*x**3"])
+def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
+    elements = (make_element("base", "5000*x + 4*v"), make_element("own", law))
+    own = {"b": 0.006, "ks": 3000.0, "F0": 20.0}
+    true = {name: own[name] for element in elements for name in map(str, element.parameters)}
+    test = SimulatedTest(np.linspace(2.0, 12.0, 5), np.linspace(7.0, 12.0, 31), harmonics=3, accuracy=1e-7)
+    found = rsgen.identify(rsgen.simulate(Oscillator(MASS, elements, true), test), Model(elements, MASS))
+    assert {e.name: e.value for e in found.refined} == pytest.approx(true, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_two_switches_are_found_together() -> None:
+    # softening and then hardening: a few hundred trials of two parameters at once miss it
+    text = f"kg*(Max(0, x - b) + Min(0, x + b)) + {SATURATION}"
+    own = {"kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0}
+    found, true = identified(text, own, (2.0, 14.0), 1e-3)
+    for estimate in found.refined:
+        assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate

@@ -1,0 +1,424 @@
+"""What is in a file is shown, and the case that is proposed for it reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from rsgen.case import load_case
+from rsgen.cli import main
+from rsgen.cli.inspect_command import proposal_text
+from rsgen.errors import MeasurementError
+from rsgen.inspection.listing import list_contents
+from rsgen.inspection.proposal import Proposal, propose
+from rsgen.measurement import Layout, MeasuredTest, read_measurement
+from rsgen.measurement.text_columns import read_columns, text_lines
+
+ROOT = Path(__file__).parents[2]
+FORMATS = ROOT / "cases" / "formats"
+DATA = Path(os.environ.get("RSGEN_DATA") or ROOT.parent / "shared" / "data")
+MEASURED = sorted(
+    file for file in FORMATS.iterdir() if file.suffix not in (".toml", ".py") and file.is_file()
+)
+
+
+@pytest.fixture(autouse=True)
+def _keep_signals() -> object:
+    kept = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, kept)
+
+
+def call(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def proposed(path: Path) -> dict[str, Any]:
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    tree: dict[str, Any] = tomllib.loads(proposal_text(proposal))["test"]
+    return tree
+
+
+@pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
+def test_a_case_begun_from_a_file_reads_it(
+    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / file.name).write_bytes(file.read_bytes())
+    case = tmp_path / "new.toml"
+    assert call("init", "--from", tmp_path / file.name, case) == 0
+    if file.name == "decay.uff":
+        # a decay asks for the mass, and says so
+        assert call("check", case) == 2
+        assert "system.mass: is missing" in capsys.readouterr().err
+        case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert len(read_measurement(test)) > 10
+    assert call("init", "--from", tmp_path / file.name, case) == 2
+
+
+def test_units_and_names_tell_what_is_what() -> None:
+    table = proposed(FORMATS / "table.csv")
+    assert table["frequency"] == {"column": "frequency_Hz"}
+    assert table["force"] == {"amplitude": "force_N", "unit": "N"}
+    assert table["response"] == {
+        "quantity": "acceleration",
+        "unit": "g",
+        "amplitude": "acceleration_g",
+        "phase": "lag_deg",
+        "phase_sense": "lag",
+    }
+    frf = proposed(FORMATS / "frf.uff")
+    assert frf["response"]["per_force"] is True
+    assert frf["response"]["unit"] == "m/s^2/N"
+    assert len(frf["level"]["values"]) == 3
+    assert proposed(FORMATS / "table.mat")["level"] == {"column": "test/run/*/level"}
+    assert proposed(FORMATS / "steps.h5")["excitation"] == "stepped-sine"
+
+
+@pytest.mark.parametrize(
+    ("text", "layout", "column"),
+    [
+        ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
+        (
+            "made by a recorder\nserial 12, room 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n",
+            {"skip": 2},
+            "freq",
+        ),
+        ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
+        # a row of units below the names: columns go by their numbers
+        (
+            "recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
+            {"skip": 3},
+            2,
+        ),
+        ("% f F x\n1 1 2\n2 1 3\n", None, "f"),
+        ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
+    ],
+)
+def test_layouts_of_texts(
+    tmp_path: Path, text: str, layout: dict[str, Any] | None, column: int | str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    table = proposed(path)
+    assert table.get("layout") == layout
+    assert table["frequency"]["column"] == column
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == 0
+
+
+def test_what_is_inside_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("inspect", FORMATS / "steps.h5") == 0
+    shown = capsys.readouterr().out
+    for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
+        assert word in shown
+    assert call("inspect", FORMATS / "steps.h5", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["format"] == "hdf5"
+    assert told["entries"][0]["shape"] == [10880]
+    assert told["test"]["test.time"] == {"rate_column": "rate"}
+
+
+def test_faulty_files_are_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
+    assert call("inspect", path) == 2
+    assert capsys.readouterr().err.startswith("a.mat: ")
+    assert call("init", "--from", path, tmp_path / "b.toml") == 2
+    assert not (tmp_path / "b.toml").exists()
+
+
+def test_names_in_a_file_stay_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.h5"
+    evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
+    with h5py.File(path, "w") as file:
+        file["freq"] = np.arange(1.0, 20.0)
+        file[f"disp{evil}".replace("/", "_")] = np.sin(np.arange(1.0, 20.0))
+        file["force"] = np.ones(19)
+    assert call("inspect", path) == 0
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "\u202e" not in shown
+    case = tmp_path / "new.toml"
+    assert call("init", "--from", path, case) == 0
+    tree = tomllib.loads(case.read_text(encoding="utf-8"))
+    assert tree["test"]["file"] == "a.h5"
+    assert tree["test"]["response"]["amplitude"] == f"disp{evil}".replace("/", "_")
+
+
+def test_every_text_survives_toml() -> None:
+    for text in ('"', "\\", "\n\t\x00\x7f", "é µ ²", "\U0001f600", "#", "\u2028", "\U000e0001"):
+        tree = tomllib.loads(proposal_text(Proposal({"test": {"file": text}})))
+        assert tree["test"]["file"] == text
+    # what is no Unicode cannot stand in TOML
+    assert tomllib.loads(proposal_text(Proposal({"test": {"file": "a\udcff"}})))["test"]["file"] == "a\ufffd"
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (DATA / "uff").glob("*.uff")) or [""])
+def test_universal_files_of_others(name: str) -> None:
+    if not name:
+        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
+    contents = list_contents(DATA / "uff" / name)
+    assert contents.format == "uff"
+    faults = [entry.fault for entry in contents.entries]
+    if "psd" in name:
+        assert all("is a power spectral density, which is no response" in fault for fault in faults)
+    else:
+        assert not any(faults)
+        assert contents.entries[0].order == "rising"
+
+
+def test_ascii_and_binary_of_one_record_agree() -> None:
+    if not (DATA / "uff").is_dir():
+        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
+    from rsgen.measurement.sandbox import read_binary
+
+    first, second = (
+        read_binary(DATA / "uff" / name, "uff", ["1/abscissa", "1/ordinate"])
+        for name in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff")
+    )
+    np.testing.assert_allclose(first[0][0].values, second[0][0].values, rtol=1e-12)
+    # six digits in the text, single precision in the other
+    np.testing.assert_allclose(first[1][0].values, second[1][0].values, rtol=1e-5)
+
+
+def test_real_files_are_understood() -> None:
+    if not (DATA / "f16").is_dir():
+        pytest.skip("f16, nlbeam, wire: not here; RSGEN_DATA names the folder of measured data")
+    f16 = proposed(DATA / "f16" / "F16Data_SineSw_Level1.mat")
+    assert f16["time"] == {"rate_column": "Fs"}
+    assert f16["force"]["samples"] == "Force"
+    assert f16["response"]["samples"] == "Acceleration[1]"
+    beam = proposed(DATA / "nlbeam" / "forced_data.mat")
+    assert beam["response"]["real"] == "forced_data/Data/X1__V_/data"
+    assert beam["response"]["imaginary"] == "forced_data/Data/Y1__V_/data"
+    wire = proposed(DATA / "wire" / "example6.txt")
+    assert (wire["frequency"]["column"], wire["force"]["amplitude"]) == (2, 5)
+    assert (wire["response"]["real"], wire["response"]["imaginary"]) == (3, 4)
+
+
+def test_nothing_to_recognise(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\nmonday,tuesday\n", encoding="utf-8")
+    with pytest.raises(MeasurementError, match="no rows of numbers"):
+        list_contents(path)
+    path.write_text("", encoding="utf-8")
+    with pytest.raises(MeasurementError, match="no numbers"):
+        list_contents(path)
+
+
+GERMAN = "Prüfling: Träger\r\nFrequenz [Hz];Kraft [N];Weg [µm];Phase [°]\r\n" + "".join(
+    f"{f},5;1,0;{x},25;{-y},0\r\n" for f, x, y in ((9, 3, 20), (10, 5, 90), (11, 2, 160))
+)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "cp1250"])
+def test_a_text_of_a_german_laboratory_is_read(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "a.csv"
+    text = GERMAN.replace("µ", "u") if encoding == "cp1250" else GERMAN
+    path.write_bytes(text.encode(encoding))
+    table = proposed(path)
+    assert table["layout"] == {"decimal": ",", "skip": 1, "encoding": "cp1252"}
+    assert table["response"]["unit"] == "um"
+    assert table["response"]["phase"] == "Phase [°]"
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    # recognised without being told, too
+    case.write_text(case.read_text(encoding="utf-8").replace('encoding = "cp1252"', ""), encoding="utf-8")
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert read_measurement(test).amplitude[0] == pytest.approx(3.25e-6)
+
+
+def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes("f;F;\u5909\u4f4d\n1;1;2\n2;1;3\n".encode("shift_jis"))
+    assert proposed_column(path, "shift_jis") == "\u5909\u4f4d"
+    with pytest.raises(MeasurementError, match=r"line 1: not utf-8; .* test\.layout\.encoding"):
+        read_columns(path, Layout(encoding="utf-8"), [1])
+
+
+def proposed_column(path: Path, encoding: str) -> str:
+    with path.open("rb") as file:
+        _, text = next(text_lines(file, "a", hashlib.sha256(), True, encoding))
+    return text.split(";")[2]
+
+
+def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Else a table with a gap would begin below it, and the rows above would be lost without a word."""
+    path = tmp_path / "a.csv"
+    rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
+    rows[7] = "8.7,1,NaN,17,"
+    path.write_text("f_Hz,force_N,disp_um,lag_deg,coherence\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    contents = list_contents(path)
+    assert contents.layout is not None
+    assert contents.layout.skip == 0
+    assert [entry.shape for entry in contents.entries] == [(30,), (30,), (), (30,), ()]
+    assert call("inspect", path) == 0
+    assert (
+        "a.csv: line 9: column 3: 'NaN' is not finite; give a number, or take the row out\n"
+        in capsys.readouterr().out
+    )
+
+
+def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("f_Hz,force_N,disp_um\n1,1,2\n2,1,3\n3,1,3", encoding="utf-8")
+    assert proposed(path)["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == 0
+
+
+@pytest.mark.parametrize(
+    ("head", "force", "response", "level"),
+    [
+        # a nominal level beside the force that was measured
+        (
+            "Kraftstufe [N],Kraft [N],Weg [mm],f [Hz],phi [deg]",
+            {"amplitude": "Kraft [N]", "unit": "N"},
+            {"quantity": "displacement", "unit": "mm", "phase_sense": "lead"},
+            {"column": "Kraftstufe [N]", "unit": "N"},
+        ),
+        (
+            "level_N,force_lbf,disp_mil,rpm,phase_lag_deg",
+            {"amplitude": "force_lbf", "unit": "lbf"},
+            {"quantity": "displacement", "unit": "thou", "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        (
+            "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
+            {"nominal": True},
+            {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        (
+            "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
+            {"amplitude": "Force in N (rms)", "unit": "N", "scale": "rms"},
+            {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lag"},
+            {"column": "level_N", "unit": "N"},
+        ),
+        # no factor makes decibels linear: the case must not pass
+        (
+            "level_N,force_N,|X| [dB re 1 um],freq_Hz,phase_deg",
+            {"amplitude": "force_N", "unit": "N"},
+            {"unit": "dB re 1 um", "phase_sense": "lead"},
+            {"column": "level_N", "unit": "N"},
+        ),
+    ],
+)
+def test_what_a_header_tells(
+    tmp_path: Path, head: str, force: dict[str, Any], response: dict[str, Any], level: dict[str, Any]
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = [
+        f"{level},{level * 0.99},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}"
+        for level in (1, 2)
+        for f in range(40)
+    ]
+    path.write_text(head + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    table = proposed(path)
+    assert table["force"] == force
+    assert response.items() <= table["response"].items()
+    assert table["level"] == level
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    assert call("check", case) == (2 if "dB" in head else 0)
+
+
+def test_rounded_times_of_a_text_are_times(tmp_path: Path) -> None:
+    """At 2048 Hz times with six decimals are off by a thousandth of a step."""
+    path = tmp_path / "hammer_1.csv"
+    t = np.arange(400) / 2048
+    rows = [f"{a:.6f};{b:.3f};{c:.4f}" for a, b, c in zip(t, np.exp(-t), np.sin(500 * t), strict=True)]
+    text = "Time (s);Hammer (N);Accel [m/s²]\n" + "\n".join(rows) + "\n"
+    path.write_text(text.replace(".", ","), encoding="utf-8")
+    table = proposed(path)
+    assert table["time"] == {"column": "Time (s)"}
+    assert table["excitation"] == "ring-down"
+    # a unit in brackets is no channel
+    assert not any("channels" in doubt for doubt in doubts(path).values())
+
+
+def doubts(path: Path) -> dict[str, str]:
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    return proposal.doubts
+
+
+def test_names_of_variables_tell_units(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    t = np.arange(400) / 1024
+    scipy.io.savemat(path, {"t": t, "force_lbf": np.sin(t), "acc_g": np.cos(t)})
+    table = proposed(path)
+    assert table["force"]["unit"] == "lbf"
+    assert table["response"]["unit"] == "g"
+
+
+def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(20.0)
+        file["r"] = file["x"].ref
+    assert [entry.path for entry in list_contents(path).entries] == ["r/1", "x"]
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "told"),
+    [
+        (
+            "a.xlsx",
+            b"PK\x03\x04" + bytes(26) + b"[Content_Types].xml",
+            "is an Excel workbook; save its sheet as CSV",
+        ),
+        ("a.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "is an Excel workbook"),
+        ("a.tdms", b"TDSm" + bytes(100), "is a TDMS file; export it"),
+        ("a.wav", b"RIFF\x24\x00\x00\x00WAVEfmt " + bytes(100), "is a sound file"),
+        ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
+    ],
+)
+def test_what_laboratories_send_besides_is_named(tmp_path: Path, name: str, begin: bytes, told: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(begin)
+    with pytest.raises(MeasurementError, match=told):
+        list_contents(path)
+
+
+def test_a_damaged_file_is_told_in_words_of_the_user(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"f": np.arange(9.0)})
+    data = bytearray(path.read_bytes())
+    # the class of the array: 18 is none
+    data[data.index((6).to_bytes(4, "little") + (8).to_bytes(4, "little"), 128) + 8] = 18
+    path.write_bytes(data)
+    with pytest.raises(MeasurementError, match="its parts do not fit together; it is damaged"):
+        list_contents(path)
+
+
+def test_a_mil_is_a_length(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,{1 + f}\n" for f in range(1, 9)), encoding="utf-8"
+    )
+    case = tmp_path / "a.toml"
+    assert call("init", "--from", path, case) == 0
+    case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert read_measurement(test).amplitude[0] == pytest.approx(50.8e-6)

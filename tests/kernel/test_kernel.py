@@ -1,0 +1,258 @@
+"""Generated kernels: their force is the law, their names are rsgen's own, their cache survives damage."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from rsgen.errors import RsgenError
+from rsgen.expression import parse, symbol
+from rsgen.kernel import Kernel, compile_kernel, generate, parameter_order, store
+from rsgen.kernel.store import load_kernel
+from rsgen.law.element import normal_form
+
+# the same arithmetic in another order
+ROUNDING = 1e-12
+
+LAWS = [
+    "c*v + k*x + kn*x**3",
+    "c*v + k*x + kn*x**5",
+    "c*v + k*x + F_f*sign(v)",
+    "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+    "c*v + Piecewise((k6*x, x > 0), (k7*x, True))",
+    "c*v + cn*v*abs(v) + k*x + kn*x**3",
+    "a1*x + a2*x*abs(x) + a3*x**3 + a4*x**3*abs(x) + a5*x**5 + d1*v + d2*v*abs(v)",
+    "k*x + (F_f + mu*x**2)*sign(v)",
+    "k*Max(x - g, 0)**1.5 + c*v",
+    "k*abs(x)**1.5*sign(x) + c*v",
+    "k*tanh(x/d) + c*v/(1 + abs(x)/d)",
+    "k*sin(x/d) + a*sign(x + d*v)",
+    "k*exp(x/d)*x + F_f*sign(v - w)",
+]
+
+
+def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str, float]) -> list[float]:
+    """The gates that belong to (x, v), read from the comments of the kernel itself."""
+    gates = []
+    for line in source.splitlines():
+        if line.startswith("# gate "):
+            text = line.split(": ", 1)[1].split(" > 0")[0]
+            names = {symbol(name): value for name, value in values.items()}
+            value = parse(text).subs({symbol("x"): x, symbol("v"): v, **names})
+            gates.append(1.0 if float(value) > 0 else 0.0)
+    return gates
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("every", [False, True], ids=["events where needed", "events everywhere"])
+def test_force_of_the_kernel_is_the_force_of_the_law(law: str, every: bool) -> None:
+    force = parse(law)
+    names = parameter_order(force)
+    random = np.random.default_rng(7)
+    values = {name: float(random.uniform(0.2, 2.0)) for name in names}
+    source = generate(force, locate_all=every)
+    # plain Python on purpose: the arithmetic is what is tested, compilation is tested by the motions
+    space: dict[str, object] = {}
+    plain = source[: source.index("\n@njit(")] + _function_text(source, "force")
+    exec(compile(plain.replace("from numba import carray, cfunc, njit, types", ""), "kernel", "exec"), space)
+    for _ in range(40):
+        x, v = random.uniform(-2, 2, 2)
+        point = {symbol("x"): x, symbol("v"): v} | {symbol(name): value for name, value in values.items()}
+        expected = float(force.subs(point))
+        gates = _gates(force, source, x, v, values)
+        got = space["force"](x, v, *gates, *(values[name] for name in names))
+        assert got == pytest.approx(expected, rel=ROUNDING, abs=ROUNDING)
+
+
+def _function_text(source: str, name: str) -> str:
+    tree = ast.parse(source)
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            node.decorator_list = []
+            return "\n" + ast.unparse(node)
+    raise AssertionError(name)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_names_of_the_user_never_reach_the_code(law: str) -> None:
+    force = parse(law)
+    telltale = {symbol(name): symbol(f"user_{name}") for name in parameter_order(force)}
+    tree = ast.parse(generate(force.xreplace(telltale)))
+    tree.body = tree.body[1:]  # the docstring lists them
+    assert "user_" not in ast.dump(tree)
+
+
+def test_smooth_laws_pay_nothing_for_events() -> None:
+    source = generate(parse("c*v + k*x + kn*x**3"))
+    assert "GATE" not in source
+    assert "split_step" not in source
+
+
+def test_jumps_of_the_curvature_are_located_on_demand_only() -> None:
+    law = parse("c*v*abs(v) + k*x")
+    assert "split_step" not in generate(law)
+    assert "split_step" in generate(law, locate_all=True)
+
+
+def test_only_a_jump_in_v_is_friction() -> None:
+    assert "dry friction" in generate(parse("F_f*sign(v) + k*x"))
+    assert "dry friction" in generate(parse("mu*x**2*sign(v) + k*x"))
+    assert "dry friction" not in generate(parse("F_f*sign(x) + c*v + k*x"))
+    assert "dry friction" not in generate(parse("c*Max(v, 0) + k*x"))
+
+
+def test_several_friction_terms_share_one_switch() -> None:
+    form = normal_form(parse("F_f*sign(v) + mu*x**2*sign(v) + k*x"))
+    assert len(form.switches) == 1
+
+
+def _one_step_further(source: str) -> np.ndarray:
+    kernel = Kernel(("c", "k"), load_kernel(source))
+    # as a new process would: from the cache, if there is one
+    store._loaded.clear()
+    values = np.array([0.3, 40.0])
+    return kernel.march(
+        np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
+        steps=32, periods=1,
+    ).state  # fmt: skip
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", ["code", "cut", "source", "missing", "list", "symbol"])
+def test_a_damaged_cache_is_rebuilt(own_cache: Path, damage: str) -> None:
+    source = generate(parse("c*v + k*x")) + f"\n# a kernel of this test alone, {damage}\n"
+    expected = _one_step_further(source)
+    (folder,) = [path for path in own_cache.iterdir() if path.is_dir()]
+    whole = (folder / "kernel.o").read_bytes()
+    if damage == "code":
+        content = bytearray(whole)
+        content[len(content) // 2] ^= 0xFF
+        (folder / "kernel.o").write_bytes(content)
+    elif damage == "cut":
+        (folder / "kernel.o").write_bytes(whole[:200])
+    elif damage == "source":
+        (folder / "kernel.py").write_text("raise SystemExit('not this')\n")
+    elif damage == "missing":
+        (folder / "kernel.o").unlink()
+    elif damage == "list":
+        (folder / "kernel.json").write_text("[]")
+    else:
+        (folder / "kernel.json").write_text('{"symbol": 3}')
+    assert np.array_equal(_one_step_further(source), expected)
+    assert not list(own_cache.glob(".building-*"))
+    assert store._read(folder, source) is not None
+
+
+def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
+    source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
+    expected = _one_step_further(source)
+    (file,) = own_cache.rglob("*.o")
+    before = file.stat().st_mtime_ns
+    assert np.array_equal(_one_step_further(source), expected)
+    assert file.stat().st_mtime_ns == before
+
+
+@pytest.mark.slow
+def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
+    program = (
+        "import sys; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "compile_kernel(parse('c*v + k*x')); print('numba' in sys.modules)"
+    )
+    for expected in ("True", "False"):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected
+
+
+def test_machine_code_is_never_told_what_is_not_so() -> None:
+    kernel = compile_kernel(parse("c*v + k*x"))
+    good = {
+        "points": np.arange(3), "state": np.zeros((2, 3)), "force": np.zeros((3, 2)), "omega": np.ones(3),
+        "mass": 1.0, "values": np.ones(2),
+    }  # fmt: skip
+    bad = {
+        "points": [np.arange(4), np.array([0, 1, 3]), np.array([0, -1, 2])],
+        "state": [np.zeros((3, 2)), np.zeros((2, 4))],
+        "force": [np.zeros((2, 3)), np.zeros((3, 2), np.float32)],
+        "omega": [np.ones(2)],
+        "values": [np.ones(3), np.ones(2, np.int64)],
+    }
+    assert kernel.march(**good, steps=16, periods=1).state.shape == (2, 3)
+    for name, faults in bad.items():
+        for fault in faults:
+            with pytest.raises(RsgenError, match="march"):
+                kernel.march(**(good | {name: fault}), steps=16, periods=1)
+
+
+@pytest.mark.slow
+def test_numba_is_left_as_it_was(own_cache: Path) -> None:
+    numba = pytest.importorskip("numba")
+    before = numba.njit(lambda a: a + 1)
+    assert before(1) == 2
+    load_kernel(generate(parse("c*v + k*x")) + "\n# a kernel among others\n")
+    assert before(1.5) == 2.5
+    assert numba.njit(lambda a: a * before(a))(2.0) == 6.0
+    assert numba.config.OPT == 3
+
+
+@pytest.mark.slow
+def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
+    law = (
+        "c*v + sin(x)*cos(x) + tan(x) + sinh(x) + cosh(x)*tanh(x) + exp(x) + log(2 + x) + asin(x/9)"
+        " + acos(x/9) + atan(x) + atan2(x, v) + abs(x)**1.3 + sqrt(abs(x)) + Max(x, v)*Min(x, 2) + sign(x)"
+    )
+    kernel = compile_kernel(parse(law))
+    march = kernel.march(
+        np.arange(2), np.full((2, 2), 0.1), np.ones((2, 2)), np.array([3.0, 4.0]), 1.0, np.array([0.5]),
+        steps=64, periods=2,
+    )  # fmt: skip
+    assert np.isfinite(march.state).all()
+
+
+def test_without_a_place_for_the_cache_kernels_still_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setenv("RSGEN_CACHE", str(occupied))
+    source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
+    assert np.isfinite(_one_step_further(source)).all()
+
+
+@pytest.mark.slow
+def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
+    program = (
+        "from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "print(compile_kernel(parse('c*v + k*x')).parameters)"
+    )
+    running = [
+        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
+    (folder,) = own_cache.iterdir()
+    assert (folder / "kernel.json").is_file()
+
+
+def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
+    kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))
+    values = np.array([0.5, 0.8, 40.0])
+    omega = np.linspace(4, 9, 150)
+    force = np.tile([2.0, 0.5], (150, 1))
+    points = np.arange(150)
+    together = kernel.march(points, np.zeros((2, 150)), force, omega, 1.0, values, steps=48, periods=9).state
+    for i in (0, 71, 149):
+        alone = kernel.march(
+            points[i : i + 1], np.zeros((2, 1)), force, omega, 1.0, values, steps=48, periods=9
+        )
+        assert np.array_equal(alone.state[:, 0], together[:, i])

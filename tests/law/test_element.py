@@ -1,0 +1,155 @@
+"""The normal form is the law, in as few pieces as can be."""
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.describing.numeric_formulas import compiled
+from rsgen.errors import ExpressionError
+from rsgen.expression import parse, symbol
+from rsgen.law.element import make_element, normal_form
+
+ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
+
+MINIMAL = {
+    # law: pieces as (term, switch functions)
+    "sign(v)": {("-1", ()), ("2", ("v",))},
+    "v*abs(v)": {("-v**2", ()), ("2*v**2", ("v",))},
+    "x*abs(x)": {("-x**2", ()), ("2*x**2", ("x",))},
+    "x**3*abs(x)": {("-x**4", ()), ("2*x**4", ("x",))},
+    "abs(k*x)": {("-abs(k)*x", ()), ("2*abs(k)*x", ("x",))},
+    "sign(b - a*x)": {("sign(a)", ()), ("-2*sign(a)", ("x - b/a",))},
+    "Piecewise((k6*x, x > 0), (k7*x, True))": {("k7*x", ()), ("k6*x - k7*x", ("x",))},
+    "Max(0, x - b)**1.5": {("abs(b - x)**1.5", ("x - b",))},
+    "Heaviside(x - a)*Heaviside(x - b)": {("1", ("x - Max(a, b)",))},
+    "Max(0, x)*Max(0, v)": {("x*v", ("x", "v"))},
+    "abs(x)*sign(x)": {("x", ())},
+    "cos(abs(x)) + abs(x)**2": {("cos(x) + x**2", ())},
+    "Max(x, v)": {("x", ()), ("v - x", ("v - x",))},
+    "k*abs(x)**2.5*sign(x)": {("-k*abs(x)**2.5", ()), ("2*k*abs(x)**2.5", ("x",))},
+    "v/abs(v)": {("-1", ()), ("2", ("v",))},
+}
+
+LAWS = (
+    *MINIMAL,
+    "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+    "Max(-F, Min(k*x, F))",
+    "Max(0, abs(x) - b)*sign(x)",
+    "abs(abs(k*x) - b)",
+    "abs(x**2 - a) + sign(k*x**2 + b*x + a)",
+    "exp(-abs(v)/(1 + w**2))*sign(v) + log(1 + abs(x))",
+    "Piecewise((k*(x - b), x > b), (k*(x + b), x < -b), (0, True))",
+    "Piecewise((k*x, (x < b) & (v > w)), (a*v, (x > 2) | (v < -1)), (b, True))",
+    "Min(Max(x, v), abs(x), k)",
+    "sign(x*v)*abs(x - b)*abs(v)",
+    "tanh(k*abs(x)) + tanh(Max(0, x - b))",
+    "(abs(x) + abs(v))**3 - 1/(1 + abs(x)**3)",
+    "abs(tanh(x) - 0.5) + sign(exp(v) - 2)",
+    "sign(x**3 - x) + sign(x**5 - 3)",
+    "sign(x**3 - 2*x**2 + x)",
+    "exp(Max(0, k*x - b)/10)",
+    "Piecewise((x, b > 0), (v, True))",
+    "Heaviside(v - abs(x))*x",
+)
+
+
+def sum_of_pieces(form, names, values):
+    total = 0.0
+    for piece in form.pieces:
+        on = True
+        for switch in piece.switches:
+            (level,) = compiled((switch.function,), names)(*values)
+            on = on & (level > 0)
+        (term,) = compiled((piece.term,), names)(*values)
+        total = total + np.where(on, term, 0.0)
+    return total
+
+
+@pytest.mark.parametrize("law", MINIMAL)
+def test_form_is_minimal(law):
+    found = {
+        (piece.term, frozenset(s.function for s in piece.switches))
+        for piece in normal_form(parse(law)).pieces
+    }
+    wanted = {(parse(term), frozenset(map(parse, switches))) for term, switches in MINIMAL[law]}
+    assert found == wanted
+
+
+@pytest.mark.parametrize("law", LAWS)
+@settings(max_examples=10, derandomize=True, deadline=None)
+@given(seed=st.integers(0, 10**6), positive=st.booleans())
+def test_sum_of_pieces_is_the_law(law, seed, positive):
+    force = parse(law)
+    names = tuple(sorted(force.free_symbols | {symbol("x"), symbol("v")}, key=str))
+    rng = np.random.default_rng(seed)
+    values = [rng.normal(0, 1.5, 64) for _ in names]
+    if positive:
+        values = [v if n.name in "xv" else np.abs(v) for n, v in zip(names, values, strict=True)]
+    known = frozenset(n.name for n in names if positive and n.name not in "xv")
+    (wanted,) = compiled((force,), names)(*values)
+    found = sum_of_pieces(normal_form(force, known), names, values)
+    np.testing.assert_allclose(found, wanted, rtol=ROUND_OFF, atol=ROUND_OFF)
+
+
+def test_thresholds_name_their_variable():
+    switches = normal_form(parse("sign(x - b) + sign(v - w) + sign(x + v)")).switches
+    assert [(s.variable, s.threshold) for s in switches if s.variable] == [
+        ("v", symbol("w")),
+        ("x", symbol("b")),
+    ]
+    assert [s.function for s in switches if s.variable is None] == [symbol("x") + symbol("v")]
+
+
+def test_one_switch_of_a_kind_in_a_piece():
+    form = normal_form(parse("Max(0, x - a)*Max(0, x - b)*Max(0, v - w)*Max(0, v)"))
+    assert [[s.variable for s in piece.switches] for piece in form.pieces] == [["x", "v"]]
+
+
+def test_switches_inside_functions_are_listed():
+    form = normal_form(parse("F*exp(-abs(v - w))"))
+    assert [s.threshold for s in form.switches] == [symbol("w")]
+    assert not form.pieces[0].switches
+
+
+def test_pieces_contain_no_switching_functions_of_the_state():
+    for law in LAWS:
+        for piece in normal_form(parse(law)).pieces:
+            for kind in (sympy.Max, sympy.Min, sympy.sign, sympy.Piecewise):
+                for atom in piece.term.atoms(kind):
+                    assert not atom.free_symbols & {symbol("x"), symbol("v")}, (law, piece.term)
+
+
+def test_saturation_of_positive_parameters_has_two_switches():
+    form = normal_form(parse("Max(-F, Min(k*x, F))"), frozenset(("F", "k")))
+    assert {s.threshold for s in form.switches} == {parse("F/k"), parse("-F/k")}
+
+
+@pytest.mark.parametrize(
+    ("law", "word"),
+    [
+        ("x**1.5", "not real for negative x"),
+        ("k*v**p", "not real for negative v"),
+        ("k*X", "variable of the describing function"),
+        ("abs(abs(abs(abs(x - a) - b) - c) - d)", "more than 7 switches of its own"),
+        (sympy.Mul(*(parse(f"abs(x - b{i})*sign(v - w{i})") for i in range(10))), "pieces behind switches"),
+    ],
+)
+def test_what_has_no_normal_form_is_refused(law, word):
+    with pytest.raises(ExpressionError, match=word):
+        make_element("spring", law)
+
+
+def test_foreign_symbols_are_refused():
+    with pytest.raises(ExpressionError, match="not a symbol of rsgen"):
+        make_element("spring", sympy.Symbol("k") * symbol("x"))
+
+
+def test_parameters_are_sorted_and_exclude_the_state():
+    assert make_element("joint", "k*x + c*v + b*x*v").parameters == ("b", "c", "k")
+
+
+def test_squares_and_products_of_signs_of_parameters_disappear():
+    (piece,) = normal_form(parse("k*sign(k)*sign(q)**2*x + abs(k)*sign(k)*v")).pieces
+    assert piece.term == parse("abs(k)*x + k*v")

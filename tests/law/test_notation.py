@@ -1,0 +1,185 @@
+"""Formulas for people: the customary form in text, LaTeX and MathML, and nothing else in the markup."""
+
+from xml.etree import ElementTree
+
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.errors import ExpressionError
+from rsgen.expression import parse
+from rsgen.law.notation import latex, mathml, readable
+
+EQUATION_20 = "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))"
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ("k1 + X**2*kn1*3/4", "k1 + 3/4 kn1 X^2"),
+        ("k2 + 5/8*kn2*X**4", "k2 + 5/8 kn2 X^4"),
+        ("c3 + 4*Ff/(pi*omega*X)", "c3 + 4 Ff/(pi omega X)"),
+        ("c6 + 8*cn6*omega*X/(3*pi)", "c6 + 8/(3 pi) cn6 omega X"),
+        ("k6/2 + k7/2", "(k6 + k7)/2"),
+        ("c*v*abs(v) + Ff*sign(v)", "Ff sign(v) + c v |v|"),
+        ("abs(b - abs(x))", "abs(b - |x|)"),
+        ("asin(b/X)", "asin(b/X)"),
+        ("7.244e5*x - 1.1770e10*x*abs(x)", "724400 x - 1.177e10 x |x|"),
+        ("k*abs(x)**1.5", "k |x|^(3/2)"),
+        ("besselj(1, q*X)*a", "a J1(q X)"),
+        ("k*Piecewise((1, x > b), (0, True))", "k {1 if x > b; 0 otherwise}"),
+        ("Piecewise((k6*x, x > 0), (k7*x, True))", "{ k6 x  if x > 0\n{ k7 x  otherwise"),
+        ("c*v + Piecewise((0, -b < x < b), (k, True))", "c v + { 0  if -b < x < b\n      { k  otherwise"),
+        (
+            EQUATION_20,
+            "{ k4                                                         if X <= b\n"
+            "{ k5 - (k5 - k4) (2 b sqrt(X^2 - b^2)/X^2 + 2 asin(b/X))/pi  otherwise",
+        ),
+    ],
+)
+def test_plain_text_reads_as_a_person_writes(formula: str, text: str) -> None:
+    assert readable(parse(formula)) == text
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ("k1 + X**2*kn1*3/4", r"k_{1} + \frac{3}{4}\,k_{n1} X^{2}"),
+        ("c3 + 4*Ff/(pi*omega*X)", r"c_{3} + \frac{4 F_{f}}{\pi \omega X}"),
+        ("(k6 + k7)/2", r"\frac{k_{6} + k_{7}}{2}"),
+        ("a*sin(q*x)**2", r"a\,\sin^{2}\left(q x\right)"),
+        ("exp(-x/b)", r"\mathrm{e}^{-x/b}"),
+        ("k*abs(x)**1.5", r"k \left|x\right|^{3/2}"),
+        ("(x + b)**2", r"\left(x + b\right)^{2}"),
+        ("1.177e10*x", r"1.177\times 10^{10}\,x"),
+        ("1e9*x", r"10^{9}\,x"),
+        ("k*sign(x)*x**(1/3)", r"k \sqrt[3]{x}\,\operatorname{sgn}\left(x\right)"),
+        ("-a*(b + c)*x/2", r"-\frac{a \left(b + c\right) x}{2}"),
+        ("1e9**p", r"\left(10^{9}\right)^{p}"),
+        (
+            "Piecewise((k6*x, x >= 0), (k7*x, True))",
+            r"\begin{cases} k_{6} x & \text{if } x \geq 0 \\ k_{7} x & \text{otherwise} \end{cases}",
+        ),
+    ],
+)
+def test_latex(formula: str, text: str) -> None:
+    assert latex(parse(formula)) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("k", "k"),
+        ("kn1", "k_{n1}"),
+        ("Ff", "F_{f}"),
+        ("v0", "v_{0}"),
+        ("X0", "X_{0}"),
+        ("omega", r"\omega"),
+        ("omega0", r"\omega_{0}"),
+        ("lambda_", r"\lambda"),
+        ("mu_s", r"\mu_{s}"),
+        ("gamma", r"\gamma"),
+        ("gap1", r"\mathrm{gap}_{1}"),
+        ("k_lin", r"k_{\mathrm{lin}}"),
+        ("k_1_2", r"k_{1,2}"),
+        ("Fmax", r"F_{\mathrm{max}}"),
+        ("stiffness", r"\mathrm{stiffness}"),
+    ],
+)
+def test_names_are_set_with_subscripts(name: str, text: str) -> None:
+    assert latex(parse(name)) == text
+
+
+HOSTILE = [
+    "<script>alert(1)</script>",
+    r"\input{x}",
+    "a}b",
+    "$x$",
+    "k&l",
+    "x\x1b[2J",
+    '"><img src=x>',
+    "\u202ek",
+]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_names_stay_text(name: str) -> None:
+    expr = sympy.Symbol(name) + sympy.Symbol("k")
+    assert latex(expr).isascii()
+    assert not set("<>&$#%") & set(latex(expr))
+    root = ElementTree.fromstring(mathml(expr))
+    assert {element.tag for element in root.iter()} <= {"math", "mrow", "mi", "mn", "mo", "mtext", "msub"}
+    assert "U+" in "".join(root.itertext())
+
+
+def test_cases_are_a_brace_and_left_aligned_rows() -> None:
+    root = ElementTree.fromstring(mathml(parse(EQUATION_20), display=True))
+    assert root.get("display") == "block"
+    assert len(root.findall(".//mtr")) == 2
+    assert all(cell.get("style") == "text-align:left" for cell in root.findall(".//mtd"))
+    brace = next(operator for operator in root.iter("mo") if operator.text == "{")
+    assert brace.get("stretchy") == "true"
+    text = "".join(root.itertext()).replace("\xa0", " ")
+    assert text.startswith("{k4if X≤b")
+    assert text.endswith("otherwise")
+
+
+def test_function_names_are_upright_and_without_operator_spacing() -> None:
+    markup = mathml(parse("Ff*sign(v) + Max(x, b) + Heaviside(x)"))
+    assert "<mi>sgn</mi>" in markup
+    assert "<mi>max</mi>" in markup
+    assert '<mi mathvariant="normal">H</mi>' in markup
+
+
+def test_what_is_not_in_the_language_is_still_shown() -> None:
+    x = sympy.Symbol("x", real=True)
+    assert readable(sympy.zeta(x) + 1) == "zeta(x) + 1"
+    assert latex(sympy.oo) == r"\infty"
+    assert "\u2260" in mathml(sympy.Piecewise((1, sympy.Ne(x, 0)), (2, True)))
+    assert readable(sympy.Piecewise((1, x > 0))) == "{ 1  if x > 0"
+
+
+def test_only_expressions_are_shown() -> None:
+    with pytest.raises((ExpressionError, sympy.SympifyError)):
+        readable("__import__('os')")
+
+
+LEAVES = st.sampled_from(["x", "v", "X", "omega", "k1", "kn1", "Ff", "gap", "2", "3/4", "0.1", "pi", "1e9"])
+CALLS = ["abs", "sign", "sqrt", "exp", "log", "sin", "asin", "tanh", "gamma", "Heaviside"]
+
+
+def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.one_of(
+        st.tuples(inner, st.sampled_from(["+", "-", "*", "/"]), inner).map("({0[0]}){0[1]}({0[2]})".format),
+        st.tuples(inner, st.sampled_from(["2", "0.5", "(1/3)", "-1", "k1"])).map("({0[0]})**{0[1]}".format),
+        st.tuples(st.sampled_from(CALLS), inner).map("{0[0]}({0[1]})".format),
+        st.tuples(st.sampled_from(["Min", "Max"]), inner, inner).map("{0[0]}({0[1]}, {0[2]})".format),
+        st.tuples(inner, inner, inner).map("Piecewise(({0[0]}, {0[1]} < {0[2]}), ({0[2]}, True))".format),
+    )
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.recursive(LEAVES, grown, max_leaves=7))
+def test_every_formula_gives_sound_markup(formula: str) -> None:
+    try:
+        expr = parse(formula)
+    except ExpressionError:
+        return
+    assert readable(expr).isascii()
+    text = latex(expr)
+    assert text.count("{") == text.count("}")
+    assert text.count(r"\left") == text.count(r"\right")
+    root = ElementTree.fromstring(mathml(expr))
+    assert root.tag == "math"
+    assert not [e for e in root.iter() if (e.text or "").startswith("\\")]  # every command was understood
+    names = {symbol.name for symbol in expr.free_symbols} - {"omega", "gap"}
+    plain = "".join(root.itertext())
+    assert all(name in plain for name in names)
+
+
+@pytest.mark.parametrize("display", [True, False])
+def test_markup_is_the_same_every_time(display: bool) -> None:
+    expr = parse(EQUATION_20)
+    assert mathml(expr, display) == mathml.__wrapped__(expr, display)
+    assert "xmlns" not in mathml(expr, display)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.expression import parse
+from rsgen.law.numeric import compile_law
+
+TEXTS = {
+    "cubic": "k*x + kn*x**3 + c*v",
+    "friction": "k*x + Ff*sign(v)",
+    "gap": "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+    "bilinear": "Piecewise((k6*x, x > 0), (k7*x, True))",
+    "quadratic": "cn*v*abs(v) + k*x",
+    "power": "kp*abs(x)**q*sign(x)",
+    "tanh": "A*tanh(v/w) + k*x",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "linear", "odd", "rough", "jumps"),
+    [
+        ("cubic", {"c", "k", "kn"}, True, False, False),
+        ("friction", {"Ff", "k"}, True, True, True),
+        ("gap", {"k4", "k5"}, True, True, False),
+        ("bilinear", {"k6", "k7"}, False, True, False),
+        ("quadratic", {"cn", "k"}, True, False, False),
+        ("power", {"kp"}, True, False, False),
+        ("tanh", {"A", "k"}, True, False, False),
+    ],
+)
+def test_what_kind_of_law_it_is(name: str, linear: set[str], odd: bool, rough: bool, jumps: bool) -> None:
+    law = compile_law(parse(TEXTS[name]))
+    assert {law.parameters[i] for i in law.linear} == linear
+    assert {law.parameters[i] for i in law.nonlinear} == set(law.parameters) - linear
+    assert (law.odd, law.rough, law.jumps) == (odd, rough, jumps)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_force_and_slopes_agree_with_the_law(name: str) -> None:
+    expression = parse(TEXTS[name])
+    law = compile_law(expression)
+    generator = np.random.default_rng(3)
+    x, v = generator.uniform(-2, 2, (2, 50))
+    values = generator.uniform(0.5, 1.5, len(law.parameters))
+    still = np.zeros_like(x)
+
+    def direct(x: float, v: float, values: np.ndarray) -> float:
+        known = dict(zip(law.parameters, values, strict=True)) | {"x": x, "v": v}
+        return float(expression.subs({s: known[s.name] for s in expression.free_symbols}))
+
+    for i in range(10):
+        assert law.force(x[i : i + 1], v[i : i + 1], values)[0] == pytest.approx(
+            direct(x[i], v[i], values), rel=1e-12
+        )
+    sample, h = law.sample(x, v, still, still, values), 1e-6
+    assert sample.by_x == pytest.approx(
+        (law.force(x + h, v, values) - law.force(x - h, v, values)) / (2 * h), rel=1e-6, abs=1e-8
+    )
+    assert sample.by_v == pytest.approx(
+        (law.force(x, v + h, values) - law.force(x, v - h, values)) / (2 * h), rel=1e-6, abs=1e-8
+    )
+    for j, slope in enumerate(sample.by_parameter):
+        step = h * np.eye(len(values))[j]
+        assert slope == pytest.approx(
+            (law.force(x, v, values + step) - law.force(x, v, values - step)) / (2 * h), rel=1e-6, abs=1e-8
+        )
+
+
+def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
+    law = compile_law(parse("Ff*sign(v)"))
+    shift, errors = 0.3, []
+    for samples in (64, 128, 256):
+        angle = 2 * np.pi * np.arange(samples) / samples + shift * 2 * np.pi / samples
+        x, v, a = np.sin(angle), np.cos(angle), -np.sin(angle)
+        n = law.sample(x, v, a, np.full(1, 2 * np.pi / samples), np.ones(1)).force
+        errors.append(abs(2 * np.mean(n * np.cos(angle)) - 4 / np.pi))  # Liu et al., Eq. (18)
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.2)

@@ -1,0 +1,374 @@
+"""Measured files: the same test, written in any way a laboratory does, gives the same surface."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.measurement.text_columns import read_columns
+from rsgen.surface import ResponseSurface
+
+# numbers are written with 17 digits; what remains is the round-off of the conversions
+ROUND_OFF = 1e-13
+CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "csv.json").read_text(encoding="utf-8"))
+
+LEVELS = np.repeat([1.0, 3.0], 14)
+FREQUENCY = np.tile(np.concatenate([np.linspace(8, 11, 7), np.linspace(11, 8, 7)]), 2)
+OMEGA = 2 * np.pi * FREQUENCY
+# the force drifts within a level and has a phase of its own, as from a real shaker
+FORCE = LEVELS * (1 + 0.02 * np.sin(FREQUENCY)) * np.exp(0.3j)
+MASS, STIFFNESS, DAMPING = 1.5, 5920.0, 3.8
+DISPLACEMENT = FORCE / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
+SWEEP = np.tile(["up"] * 7 + ["down"] * 7, 2)
+GRAVITY = 9.80665
+
+
+def write(path: Path, columns: dict[str, np.ndarray], delimiter: str = ",", header: bool = True) -> Path:
+    lines = [delimiter.join(columns)] if header else []
+    lines += [delimiter.join(f"{value:.17g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def plain(path: Path) -> MeasuredTest:
+    """Write and describe the test in the plainest way: SI, displacement, real and imaginary."""
+    write(
+        path,
+        {
+            "f": FREQUENCY,
+            "Fr": FORCE.real,
+            "Fi": FORCE.imag,
+            "Xr": DISPLACEMENT.real,
+            "Xi": DISPLACEMENT.imag,
+        },
+    )
+    return MeasuredTest(
+        files=path,
+        frequency="f",
+        force=Signal(real="Fr", imaginary="Fi"),
+        response=Signal(real="Xr", imaginary="Xi"),
+        quantity="displacement",
+        level=LevelRule(spread=0.2),
+    )
+
+
+def test_plain_file_gives_what_was_written(tmp_path: Path) -> None:
+    surface = read_measurement(plain(tmp_path / "a.csv"))
+    np.testing.assert_allclose(surface.harmonics[:, 1], DISPLACEMENT, rtol=ROUND_OFF)
+    np.testing.assert_allclose(surface.force, FORCE, rtol=ROUND_OFF)
+    assert surface.origin == "measured"
+    assert surface.settled.all()
+    assert surface.sweep.tolist() == SWEEP.tolist()
+    assert len(surface.levels) == 2
+    dynamic = surface.force / surface.harmonics[:, 1]
+    np.testing.assert_allclose(dynamic.imag / surface.omega, DAMPING, rtol=1e-9)
+
+
+def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
+    velocity = 1j * OMEGA * DISPLACEMENT * 1e3 / math.sqrt(2)
+    write(
+        path,
+        {
+            "omega": OMEGA,
+            "F": np.abs(FORCE),
+            "V": np.abs(velocity),
+            "lag": -np.degrees(np.angle(velocity / FORCE)),
+        },
+        delimiter=";",
+    )
+    return MeasuredTest(
+        files=path,
+        frequency="omega",
+        frequency_factor=1 / (2 * math.pi),
+        force=Signal(amplitude="F"),
+        response=Signal(amplitude="V", phase="lag", factor=1e-3 * math.sqrt(2), phase_factor=-math.pi / 180),
+        quantity="velocity",
+        level=LevelRule(spread=0.2),
+    )
+
+
+def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
+    acceleration = -(OMEGA**2) * DISPLACEMENT / GRAVITY
+    write(
+        path,
+        {
+            "a": np.arange(len(OMEGA)),
+            "b": acceleration.real,
+            "c": -acceleration.imag,
+            "d": FREQUENCY,
+            "e": FORCE.real,
+            "f": -FORCE.imag,
+            "up": np.where(SWEEP == "up", 1.0, -1.0),
+        },
+        delimiter="\t",
+        header=False,
+    )
+    return MeasuredTest(
+        files=path,
+        frequency=4,
+        force=Signal(real=5, imaginary=6, conjugate=True),
+        response=Signal(real=2, imaginary=3, conjugate=True, factor=GRAVITY),
+        quantity="acceleration",
+        sweep=SweepRule(column=7, up=1, down=-1),
+        level=LevelRule(spread=0.2),
+    )
+
+
+def _decimal_comma(path: Path) -> MeasuredTest:
+    test = plain(path)
+    path.write_text(
+        path.read_text().replace(",", ";").replace(".", ",").replace("f;Fr", "# kept: 1;5\nf;Fr"),
+        encoding="utf-8",
+    )
+    return MeasuredTest(
+        files=path,
+        frequency=1,
+        force=test.force,
+        response=test.response,
+        quantity="displacement",
+        layout=Layout(decimal=","),
+        level=test.level,
+    )
+
+
+def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
+    test = plain(path)
+    lines = path.read_text().splitlines()
+    body = [line.replace(",", "   ") for line in lines[1:]]
+    text = "\n".join(["made by hand", "", "% f Fr Fi Xr Xi", *body[:14], "", *body[14:]]) + "\n"
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    return MeasuredTest(
+        files=path,
+        frequency="f",
+        force=test.force,
+        response=test.response,
+        quantity="displacement",
+        layout=Layout(skip=1),
+        level=test.level,
+    )
+
+
+@pytest.mark.parametrize(
+    "mapping",
+    [
+        _velocity_mm_rms_deg_lag,
+        _acceleration_g_columns_by_number,
+        _decimal_comma,
+        _blanks_and_names_in_a_comment,
+    ],
+)
+def test_every_mapping_gives_the_same_surface(
+    tmp_path: Path, mapping: Callable[[Path], MeasuredTest]
+) -> None:
+    surface = read_measurement(mapping(tmp_path / "m.csv"))
+    np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=ROUND_OFF)
+    np.testing.assert_allclose(
+        surface.harmonics[:, 1] / surface.force, DISPLACEMENT / FORCE, rtol=100 * ROUND_OFF
+    )
+    np.testing.assert_allclose(np.abs(surface.force), np.abs(FORCE), rtol=ROUND_OFF)
+    assert surface.sweep.tolist() == SWEEP.tolist()
+
+
+@given(
+    rows=st.lists(
+        st.tuples(*[st.floats(1e-3, 1e6)] * 2, *[st.floats(-1e6, 1e6).filter(lambda v: abs(v) > 1e-6)] * 2),
+        min_size=1,
+        max_size=20,
+    ),
+    delimiter=st.sampled_from([",", ";", "\t", "|", "  "]),
+)
+@settings(max_examples=40, derandomize=True, deadline=None)
+def test_written_numbers_come_back(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]], delimiter: str
+) -> None:
+    path = tmp_path_factory.mktemp("numbers") / "n.txt"
+    path.write_text("".join(delimiter.join(map(repr, row)) + "\n" for row in rows))
+    test = MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "displacement")
+    surface = read_measurement(test)
+    table = np.array(rows)
+    assert surface.frequency.tolist() == table[:, 0].tolist()
+    assert surface.force.real.tolist() == table[:, 1].tolist()
+    assert surface.harmonics[:, 1].tolist() == (table[:, 2] + 1j * table[:, 3]).tolist()
+
+
+def _directions(frequency: list[float], blocks: str = "") -> list[str]:
+    from rsgen.measurement.runs import recognise_directions
+
+    numbers = np.array([int(b) for b in blocks] if blocks else [0] * len(frequency))
+    return [str(d)[0] for d in recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)]
+
+
+def test_directions_from_the_order() -> None:
+    assert _directions([1, 2, 3]) == ["u"] * 3
+    assert _directions([3, 2, 1]) == ["d"] * 3
+    assert _directions([1, 2, 3, 2, 1]) == ["u", "u", "u", "d", "d"]
+    assert _directions([5]) == ["r"]
+    assert _directions([2, 2, 2]) == ["r"] * 3
+    # a turning frequency tested twice ends one sweep and begins the other
+    assert _directions([1, 2, 3, 3, 2, 1]) == ["u"] * 3 + ["d"] * 3
+    # a jitter below 2 % of the range is no turn
+    assert _directions([1, 2, 1.99, 3, 4]) == ["u"] * 5
+    # the first point of a new block belongs to the new sweep, although it lies above the last one
+    assert _directions([1, 2, 3, 3.1, 2, 1], "000111") == ["u"] * 3 + ["d"] * 3
+
+
+# a receptance table has no time axis that could be uneven: these two belong to the readers of time histories
+_TIME_ONLY = {"data-nonmono.csv", "data-jitter.csv"}
+
+
+@pytest.mark.parametrize("entry", [e for e in CORPUS if e["id"] not in _TIME_ONLY], ids=lambda e: e["id"])
+def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
+    path = tmp_path / "data.csv"
+    content = base64.b64decode(entry.get("input_b64", ""))
+    path.write_bytes(content)
+    # empty files have no names; numbers then stand for the columns
+    names = content.split(b"\n")[0].decode("utf-8-sig", "replace").replace(";", ",").split(",")
+    columns: list[int | str] = list(names) if len(names) > 1 else [1, 1]
+    started = time.perf_counter()
+    if entry["expected"].startswith("accept"):
+        # the corpus holds time histories, read here as frequency, x and v; the row at 0 is passed over
+        response = columns[2] if len(columns) > 2 else columns[1]
+        test = MeasuredTest(
+            path,
+            columns[0],
+            Signal(amplitude=columns[0]),
+            Signal(real=columns[1], imaginary=response),
+            "velocity",
+        )
+        assert len(read_measurement(test)) >= 1
+    else:
+        test = MeasuredTest(
+            path,
+            columns[0],
+            Signal(amplitude=columns[-1]),
+            Signal(real=columns[1], imaginary=columns[-1]),
+            "velocity",
+        )
+        with pytest.raises(MeasurementError) as caught:
+            read_measurement(test)
+        assert str(caught.value).startswith("data.csv: ")
+        assert str(caught.value).isprintable()
+    assert time.perf_counter() - started < 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("f,F,a,b\n1,1,1,1\n2,1,1\n", "line 3: 3 values; every line must have 4"),
+        ("f,F,a,b\n1,1,nan,1\n", "line 2: column 3: 'nan' is not finite"),
+        ("f,F,a,b\n1,1,1e999,1\n", "line 2: column 3: '1e999' is too large"),
+        ("f,F,a,b\n1,1,,1\n", "line 2: column 3: is empty"),
+        ("f;F;a;b\n1;1;0,5;1\n", "for a decimal comma set test.layout.decimal"),
+        ("f,F,a,b\n-1,1,1,1\n", "line 2: frequency is negative"),
+        ("f,F,a,b\n1,-1,1,1\n", "line 2: force amplitude is negative"),
+        ("f,F,a,b\n1,0,1,1\n", "line 2: force is zero"),
+        ("f,F,a,b\n1,1,0,0\n", "line 2: response is zero"),
+        ("f,G,a,b\n1,1,1,1\n", "no column named 'F'; known: 'f', 'G'"),
+        ("f,F,F,a,b\n1,1,1,1,1\n", "2 columns are named 'F'"),
+        ("1,1,1,1\n", "no column named 'f'; known: none"),
+        ("f,F,a,b\n1,1,1,1", "has no line end"),
+        ("f,F,a,b\n1,1,1,١\n", "is no number"),
+        ("# nothing but a remark\n", "no numbers in it"),
+    ],
+)
+def test_faults_name_line_and_remedy(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    test = MeasuredTest(path, "f", Signal(amplitude="F"), Signal(real="a", imaginary="b"), "displacement")
+    with pytest.raises(MeasurementError) as caught:
+        read_measurement(test)
+    assert message in str(caught.value)
+
+
+def test_hash_is_checked_and_vouches_for_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "h.csv"
+    path.write_bytes(b"1 1 1 1\n2 1 1 1")
+
+    def reading(sha256: str | None) -> ResponseSurface:
+        return read_measurement(
+            MeasuredTest(
+                path,
+                1,
+                Signal(amplitude=2),
+                Signal(real=3, imaginary=4),
+                "displacement",
+                sha256=(sha256,) if sha256 else (),
+            )
+        )
+
+    assert len(reading(hashlib.sha256(path.read_bytes()).hexdigest())) == 2
+    with pytest.raises(MeasurementError, match="the case expects"):
+        reading("0" * 64)
+    with pytest.raises(MeasurementError, match="cut off"):
+        reading(None)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and devices are POSIX")
+def test_only_regular_files_are_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path, tmp_path / "absent.csv"):
+        with pytest.raises(MeasurementError):
+            read_measurement(
+                MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "velocity")
+            )
+
+
+def test_size_is_checked_before_reading(tmp_path: Path) -> None:
+    path = tmp_path / "huge.csv"
+    with path.open("wb") as file:
+        # sparse: takes no disk, but would take the memory
+        file.truncate(300 * 2**20)
+    with pytest.raises(MeasurementError, match="at most"):
+        read_measurement(MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "velocity"))
+
+
+def test_signal_needs_a_pair_of_columns() -> None:
+    for columns in ({}, {"real": 1}, {"amplitude": 1, "real": 2}, {"real": 1, "imaginary": 2, "phase": 3}):
+        with pytest.raises(MeasurementError, match="not one without the other"):
+            Signal(**columns)
+    with pytest.raises(MeasurementError, match="factor"):
+        Signal(amplitude=1, factor=0.0)
+    with pytest.raises(MeasurementError, match="quantity"):
+        MeasuredTest(Path("a"), 1, Signal(amplitude=2), Signal(amplitude=2), "jerk")
+
+
+def test_rows_in_no_order_are_no_sweeps() -> None:
+    rng = np.random.default_rng(1)
+    order = rng.permutation(200)
+    from rsgen.measurement.runs import recognise_directions
+
+    frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
+    assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        ("1,5;2,25;-3e-3", (1.5, 2.25, -3e-3)),
+        ("1.000,5;2;3", None),
+        ("1,000,5;2;3", None),
+        ("1_0;2;3", None),
+        ("1;;3", None),
+    ],
+)
+def test_decimal_commas(tmp_path: Path, row: str, told: tuple[float, ...] | None) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"a;b;c\n{row}\n", encoding="utf-8")
+    if told is None:
+        with pytest.raises(MeasurementError, match=r"line 2: column \d"):
+            read_columns(path, Layout(decimal=","), ["a", "b", "c"])
+    else:
+        assert read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values.tolist() == [list(told)]

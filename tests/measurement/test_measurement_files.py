@@ -1,0 +1,524 @@
+"""Files of every format: one test written in many ways gives one surface, and hostile files are refused."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import sys
+import zipfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.case import load_case
+from rsgen.errors import MeasurementError
+from rsgen.measurement import LevelRule, MeasuredTest, Signal, isolation, read_measurement
+from rsgen.measurement.data_files import recognise_format
+from rsgen.measurement.npy import walk_npy, walk_npz
+from rsgen.measurement.sandbox import list_binary, read_binary
+from rsgen.measurement.tree import LARGEST_BYTES
+from rsgen.measurement.uff import walk_universal
+from rsgen.surface import ResponseSurface
+
+ROOT = Path(__file__).parents[2]
+FORMATS = ROOT / "cases" / "formats"
+CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "binary.json").read_text(encoding="utf-8"))
+SHARED = ROOT.parent / "shared" / "corpus" / "hostile.json"
+# of the corpus: 2 s and 200 MB above what the reading process needs for a good file
+SECONDS = 2.0
+MEMORY_KB = 200 * 1024
+# formats that keep all 64 bits give the very numbers; what differs is the order of two multiplications
+ROUND_OFF = 1e-13
+# the text has six digits of the lag in degrees
+PRINTED = 1e-5
+
+
+def surface_of(name: str) -> ResponseSurface:
+    test = load_case(FORMATS / f"{name}.toml").test
+    assert isinstance(test, MeasuredTest)
+    return read_measurement(test)
+
+
+# ---------------------------------------------------------------- one test in every format
+
+
+@pytest.mark.parametrize(
+    ("name", "digits"),
+    [("csv-table", PRINTED), ("mat-v73", ROUND_OFF), ("npz-matrix", ROUND_OFF), ("uff-frf", 1e-11)],
+)
+def test_every_format_gives_the_same_surface(name: str, digits: float) -> None:
+    reference, surface = surface_of("mat-struct"), surface_of(name)
+    np.testing.assert_allclose(surface.frequency, reference.frequency, rtol=1e-12)
+    np.testing.assert_allclose(surface.level, reference.level, rtol=1e-12)
+    ratio = surface.harmonics[:, 1] / surface.force
+    np.testing.assert_allclose(ratio, reference.harmonics[:, 1] / reference.force, rtol=digits)
+    assert surface.sweep.tolist() == reference.sweep.tolist()
+
+
+def test_examples_obey_the_law_they_were_made_with() -> None:
+    surface = surface_of("mat-struct")
+    dynamic = surface.force / surface.harmonics[:, 1]
+    # METHOD: k(X) = k + 3/4 kn X^2 and c(X) = c, to first order; 1e-3 is the bias of the first harmonic here
+    stiffness = 5920 + 0.75 * 2e6 * surface.amplitude**2
+    np.testing.assert_allclose(dynamic.real + 1.5 * surface.omega**2, stiffness, rtol=1e-3)
+    np.testing.assert_allclose(dynamic.imag / surface.omega, 7.5, rtol=3e-3)
+
+
+def test_magnitudes_of_several_files_have_no_phase() -> None:
+    surface, reference = surface_of("csv-magnitude"), surface_of("mat-struct")
+    assert not surface.phase_known
+    assert surface.levels.tolist() == [1.0, 3.0, 6.0]
+    np.testing.assert_allclose(surface.amplitude, reference.amplitude, rtol=PRINTED)
+    assert any("nominal level stands for it" in note for note in surface.notes)
+
+
+def test_examples_stay_small() -> None:
+    assert sum(file.stat().st_size for file in FORMATS.iterdir() if file.is_file()) < 500_000
+
+
+# ---------------------------------------------------------------- addresses and shapes
+
+
+def tree(path: Path) -> Path:
+    """Write a file with channels of every shape, the same in each format."""
+    numbers = {"f": np.array([1.0, 2.0, 3.0]), "A": np.arange(1.0, 7.0).reshape(2, 3), "q": np.eye(3) + 1}
+    if path.suffix == ".mat":
+        scipy.io.savemat(path, {**numbers, "s": {"in": {"f": numbers["f"], "name": "text"}}})
+    elif path.suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for name, values in numbers.items():
+                file[name] = values
+            file["s/in/f"] = numbers["f"]
+            file["f"].attrs["units"] = "Hz"
+    else:
+        np.savez(path, **numbers, **{"s/in/f": numbers["f"]})
+    return path
+
+
+@pytest.mark.parametrize("ending", [".mat", ".h5", ".npz"])
+def test_addresses(tmp_path: Path, ending: str) -> None:
+    path = tree(tmp_path / f"tree{ending}")
+    wanted: list[int | str] = ["f", "A[2]", "A[:,2]", "A[1,:]", "s/in/f", "q[2,:]"]
+    found = read_binary(path, recognise_format(path), wanted)
+    rows = [channels[0].values.ravel().tolist() for channels in found]
+    assert rows == [[1, 2, 3], [4, 5, 6], [2, 5], [1, 2, 3], [1, 2, 3], [1, 2, 1]]
+    if ending == ".h5":
+        assert found[0][0].unit == "Hz"
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("g", "nothing is called 'g'; known: 'f', 'A', 'q', 's'"),
+        ("A[3]", "no channel 3; there are 2"),
+        ("A[0]", "no channel 0"),
+        ("q[1]", "is square; write"),
+        ("s/in/name", "is a text"),
+        (2, "a number alone is for tables"),
+    ],
+)
+def test_wrong_addresses_are_named(tmp_path: Path, address: int | str, message: str) -> None:
+    path = tree(tmp_path / "tree.mat")
+    with pytest.raises(MeasurementError) as caught:
+        read_binary(path, "mat", [address])
+    assert str(caught.value).startswith("tree.mat: ")
+    assert message in str(caught.value)
+
+
+def measured(path: Path, **keys: Any) -> MeasuredTest:
+    known: dict[str, Any] = {
+        "frequency": "f",
+        "force": Signal(amplitude="F"),
+        "response": Signal(amplitude="x"),
+        "quantity": "displacement",
+        "level": LevelRule(column="F"),
+    }
+    return MeasuredTest((path,), **known | keys)
+
+
+def test_sides_of_a_matrix_become_rows(tmp_path: Path) -> None:
+    path = tmp_path / "grid.npz"
+    f, force = np.array([5.0, 6.0, 7.0]), np.array([1.0, 2.0])
+    # three repeats of two levels at three frequencies
+    x = np.arange(1.0, 19.0).reshape(2, 3, 3)
+    np.savez(path, f=f[:, None], F=force, x=x[:, :, 0])
+    surface = read_measurement(measured(path))
+    assert surface.frequency.tolist() == [5, 6, 7, 5, 6, 7]
+    assert surface.level.tolist() == [1, 1, 1, 2, 2, 2]
+    assert surface.amplitude.tolist() == x[:, :, 0].ravel().tolist()
+    np.savez(path, f=f, F=force, x=np.ones((4, 5)))
+    with pytest.raises(MeasurementError, match="fit no side of 4 x 5"):
+        read_measurement(measured(path))
+    np.savez(path, f=f, F=force, x=np.ones(4))
+    with pytest.raises(MeasurementError, match="columns differ in length"):
+        read_measurement(measured(path))
+
+
+def test_entries_must_have_every_column(tmp_path: Path) -> None:
+    path = tmp_path / "runs.h5"
+    with h5py.File(path, "w") as file:
+        for run in ("drive_1", "drive_2", "drive_10"):
+            file[f"{run}/f"] = [1.0, 2.0]
+            file[f"{run}/F"] = float(run.removeprefix("drive_"))
+            if run != "drive_2":
+                file[f"{run}/x"] = [1.0, 1.0]
+    test = measured(
+        path, frequency="drive_*/f", force=Signal(amplitude="drive_*/F"), level=LevelRule(spread=0.1)
+    )
+    with pytest.raises(MeasurementError, match="every entry must have both"):
+        read_measurement(measured_response(test, "drive_*/x"))
+    with h5py.File(path, "a") as file:
+        file["drive_2/x"] = [1.0, 1.0]
+    # in the order of the numbers: 2 before 10
+    assert read_measurement(measured_response(test, "drive_*/x")).force.real.tolist() == [1, 1, 2, 2, 10, 10]
+
+
+def measured_response(test: MeasuredTest, column: str) -> MeasuredTest:
+    return MeasuredTest(
+        test.files, test.frequency, test.force, Signal(amplitude=column), "displacement", level=test.level
+    )
+
+
+def test_response_in_a_file_of_its_own(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", f=[1.0, 2.0], F=[3.0, 3.0])
+    np.savez(tmp_path / "b.npz", x=[4.0, 5.0])
+    surface = read_measurement(measured(tmp_path / "a.npz", response_files=(tmp_path / "b.npz",)))
+    assert surface.amplitude.tolist() == [4, 5]
+    np.savez(tmp_path / "b.npz", x=[4.0, 5.0, 6.0])
+    with pytest.raises(MeasurementError, match=r"3 rows; a\.npz has 2"):
+        read_measurement(measured(tmp_path / "a.npz", response_files=(tmp_path / "b.npz",)))
+
+
+def test_level_stands_in_the_name(tmp_path: Path) -> None:
+    path = tmp_path / "run_2.5kN.npz"
+    np.savez(path, f=[1.0], x=[4.0])
+    rule = LevelRule(name="run_{level}kN.npz", factor=1e3)
+    assert read_measurement(measured(path, force=None, level=rule)).force.tolist() == [2500]
+    with pytest.raises(MeasurementError, match="its name is not of the form"):
+        read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
+
+
+def test_response_over_force_is_multiplied_by_the_force(tmp_path: Path) -> None:
+    path = tmp_path / "frf.npz"
+    np.savez(path, f=[1.0, 2.0], F=[3.0, 5.0], x=np.array([1j, 2.0]))
+    surface = read_measurement(measured(path, response=Signal(complex="x"), per_force=True))
+    assert surface.harmonics[:, 1].tolist() == [3j, 10]
+    with pytest.raises(MeasurementError, match="'x' is complex"):
+        read_measurement(measured(path))
+
+
+def test_hash_of_each_file_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, f=[1.0], F=[1.0], x=[1.0])
+    with pytest.raises(MeasurementError, match="the case expects"):
+        read_measurement(measured(path, sha256=("0" * 64,)))
+
+
+def test_cells_and_structs_of_matlab_73(tmp_path: Path) -> None:
+    """MATLAB 7.3 keeps cells and struct arrays as references to arrays in a hidden group."""
+    path = tmp_path / "cells.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for number in range(3):
+            data = file.create_dataset(f"#refs#/{number}", data=np.full((4, 1), float(number)))
+            data.attrs["MATLAB_class"] = np.bytes_(b"double")
+        cell = np.array([[file[f"#refs#/{number}"].ref] for number in range(3)], dtype=h5py.ref_dtype)
+        file["runs"] = cell
+        file["runs"].attrs["MATLAB_class"] = np.bytes_(b"cell")
+        file["s/f"] = cell
+        file["s"].attrs["MATLAB_class"] = np.bytes_(b"struct")
+    with path.open("r+b") as raw_file:
+        raw_file.write(b"MATLAB 7.3 MAT-file, made by a test".ljust(124) + b"\x00\x02IM")
+    assert recognise_format(path) == "hdf5"
+    first, all_ = read_binary(path, "hdf5", ["runs/2", "s/f/*"])
+    assert first[0].values.tolist() == [[1, 1, 1, 1]]
+    assert [channel.values[0, 0] for channel in all_] == [0, 1, 2]
+    assert [entry.path for entry in list_binary(path, "hdf5").entries][:3] == ["runs/1", "runs/2", "runs/3"]
+
+
+# ---------------------------------------------------------------- universal files
+
+
+def universal(values: list[float], head: str = "", numbers: str = "", **keys: Any) -> bytes:
+    known: dict[str, Any] = {
+        "kind": 2,
+        "count": len(values),
+        "even": 1,
+        "start": 0.0,
+        "step": 0.5,
+        "function": 1,
+    }
+    known |= keys
+    lines = [
+        "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",
+        f"{known['function']:5d}{0:10d}    0         0 NONE               1   1 NONE               1   1",
+        f"{known['kind']:10d}{known['count']:10d}{known['even']:10d}{known['start']:13.5E}{known['step']:13.5E}"
+        f"{0:13.5E}",
+        "        17    0    0    0 Time                 s",
+        "         8    0    0    0 Motion               m",
+        *["         0    0    0    0 NONE                 NONE"] * 2,
+    ]  # fmt: skip
+    rows = ["".join(f"{v:13.5E}" for v in values[i : i + 6]) for i in range(0, len(values), 6)]
+    return ("\n".join([*lines, *(numbers.split("\n") if numbers else rows), "    -1"]) + "\n").encode()
+
+
+def arrays(content: bytes) -> list[list[Any]]:
+    return [node.load().tolist() for node in walk_universal(io.BytesIO(content), None, 2**20)]
+
+
+def test_universal_records() -> None:
+    assert arrays(universal([1.0, 2.0, 3.0])) == [[0, 0.5, 1.0], [1, 2, 3]]
+    # uneven: pairs; complex: pairs; both: triples
+    assert arrays(universal([1, 5, 2, 6], even=0, count=2)) == [[1, 2], [5, 6]]
+    assert arrays(universal([1, 5, 2, 6], kind=5, count=2)) == [[0, 0.5], [1 + 5j, 2 + 6j]]
+    assert arrays(universal([1, 5, 7, 2, 6, 8], kind=5, even=0, count=2)) == [[1, 2], [5 + 7j, 6 + 8j]]
+    # fields of fixed width that touch, and exponents of Fortran
+    assert arrays(universal([0, 0], numbers=" -1.00000E-01-2.00000D+00"))[1] == [-0.1, -2]
+    # other data sets are passed over
+    other = b"    -1\n   151\nanything\n    -1\n"
+    assert arrays(other + universal([1.0]) + other)[1] == [1]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("width", [4, 8])
+def test_binary_universal_records(order: str, width: int) -> None:
+    head = universal([], count=3, kind=2 if width == 4 else 4).split(b"\n")[2:13]
+    data = np.array([1.0, -2.5, 1e30]).astype(f"{order}f{width}")
+    first = f"    58b{1 if order == '<' else 2:6d}{2:6d}{11:12d}{3 * width:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    content = b"    -1\r\n" + first.encode() + b"\r\n" + b"\r\n".join(head) + b"\r\n" + data.tobytes()
+    assert arrays(content + b"    -1\r\n")[1] == data.tolist()
+    with pytest.raises(MeasurementError, match="the closing -1 is missing"):
+        arrays(content[:-2] + b"    -1\r\n")
+    # the abscissa of an uneven record of double precision may be single
+    if width == 8:
+        mixed = np.array([(0.5, 1.0), (1.5, 2.0)], dtype=[("x", f"{order}f4"), ("y", f"{order}f8")])
+        uneven = universal([], count=2, kind=4, even=0).split(b"\n")[2:13]
+        content = b"    -1\n" + first.encode() + b"\n" + b"\n".join(uneven) + b"\n" + mixed.tobytes()
+        assert arrays(content + b"\n    -1\n") == [[0.5, 1.5], [1, 2]]
+
+
+@given(st.data())
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_changed_universal_files_never_break_the_reader(data: st.DataObject) -> None:
+    content = bytearray((FORMATS / data.draw(st.sampled_from(["frf.uff", "decay.uff"]))).read_bytes()[:3000])
+    for _ in range(data.draw(st.integers(1, 6))):
+        place = data.draw(st.integers(0, len(content) - 1))
+        content[place] = data.draw(st.integers(0, 255))
+    with suppress(MeasurementError):
+        for node in walk_universal(io.BytesIO(bytes(content)), None, 2**20):
+            if not node.fault:
+                assert np.isfinite(node.load()).all()
+
+
+@given(st.data())
+@settings(max_examples=200, derandomize=True, deadline=None)
+def test_changed_numpy_files_never_break_the_reader(data: st.DataObject) -> None:
+    file = io.BytesIO()
+    np.save(file, np.arange(6.0).reshape(2, 3))
+    content = bytearray(file.getvalue())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    with suppress(MeasurementError):
+        for node in walk_npy(io.BytesIO(bytes(content)), None, 2**20):
+            assert node.load().nbytes <= 2**20
+
+
+def test_archives_hold_no_pickles_and_no_lies() -> None:
+    file = io.BytesIO()
+    np.savez(file, good=np.arange(3.0), bad=np.array([{}], dtype=object))
+    nodes = {node.path: node for node in walk_npz(file, None, 2**20)}
+    assert nodes["good"].load().tolist() == [0, 1, 2]
+    assert "pickle" in nodes["bad"].fault
+    with zipfile.ZipFile(file, "a") as archive:
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(
+            header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+        )
+        archive.writestr("huge.npy", header.getvalue())
+    assert "at most" in {node.path: node for node in walk_npz(file, None, 2**20)}["huge"].fault
+
+
+# ---------------------------------------------------------------- HDF5: nothing outside the file
+
+
+def secret(folder: Path) -> Path:
+    path = folder / "secret.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.full(4, 42.0)
+    return path
+
+
+def external(file: h5py.File, folder: Path) -> None:
+    file["x"] = h5py.ExternalLink(str(secret(folder)), "x")
+
+
+def soft(file: h5py.File, folder: Path) -> None:
+    file["y"] = np.ones(4)
+    file["x"] = h5py.SoftLink("/y")
+
+
+def virtual(file: h5py.File, folder: Path) -> None:
+    layout = h5py.VirtualLayout((4,), dtype="f8")
+    layout[:] = h5py.VirtualSource(str(secret(folder)), "x", shape=(4,))
+    file.create_virtual_dataset("x", layout)
+
+
+def raw(file: h5py.File, folder: Path) -> None:
+    (folder / "secret.bin").write_bytes(np.full(4, 42.0).tobytes())
+    file.create_dataset("x", shape=(4,), dtype="f8", external=[(str(folder / "secret.bin"), 0, 32)])
+
+
+def declared(file: h5py.File, folder: Path) -> None:
+    file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(1000,))
+
+
+def text(file: h5py.File, folder: Path) -> None:
+    file["x"] = ["a", "b"]
+
+
+def opaque(file: h5py.File, folder: Path) -> None:
+    file.create_dataset("x", data=np.void(b"\x80\x04cposix\nsystem\n"))
+
+
+def reference(file: h5py.File, folder: Path) -> None:
+    file["x"] = np.array([file.ref], dtype=h5py.ref_dtype)
+
+
+def deep(file: h5py.File, folder: Path) -> None:
+    file["/".join("x" * 40)] = np.ones(4)
+
+
+@pytest.mark.parametrize("trap", [external, soft, virtual, raw, declared, text, opaque, reference, deep])
+def test_traps_in_hdf5_are_refused(tmp_path: Path, trap: Callable[[h5py.File, Path], None]) -> None:
+    path = tmp_path / "trap.h5"
+    with h5py.File(path, "w") as file:
+        trap(file, tmp_path)
+    with pytest.raises(MeasurementError, match=r"^trap\.h5: "):
+        read_binary(path, "hdf5", ["x"])
+    # the listing says why, and shows nothing from elsewhere
+    for entry in list_binary(path, "hdf5").entries:
+        assert entry.fault or entry.path == "y"
+        assert "42" not in entry.first
+
+
+# ---------------------------------------------------------------- hostile files
+
+
+def child_seconds() -> float:
+    resource = pytest.importorskip("resource")
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return float(usage.ru_utime + usage.ru_stime)
+
+
+@pytest.fixture(scope="module")
+def _warm() -> None:
+    """Read good files, so that the memory of the first process is no part of what a hostile file takes."""
+    for name in ("table.mat", "steps.h5"):
+        list_binary(FORMATS / name, recognise_format(FORMATS / name))
+
+
+def child_memory() -> int:
+    resource = pytest.importorskip("resource")
+    return int(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+
+
+ADDRESSES: dict[str, list[int | str]] = {
+    "mat": ["t", "x"],
+    "hdf5": ["t", "x"],
+    "uff": ["1/abscissa", "1/ordinate"],
+    "npy": ["array"],
+    "npz": ["array"],
+}
+
+
+def entries() -> list[dict[str, str]]:
+    found = {entry["id"]: entry for entry in CORPUS}
+    if SHARED.is_file():
+        shared = json.loads(SHARED.read_text(encoding="utf-8"))
+        kinds = {entry["kind"] for entry in CORPUS}
+        found |= {entry["id"]: entry for entry in shared if entry["kind"] in kinds}
+    return list(found.values())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="work and memory of a process are counted as Linux does")
+@pytest.mark.usefixtures("_warm")
+@pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry["id"])
+def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
+    path = tmp_path / entry["id"].removeprefix("data-")
+    path.write_bytes(base64.b64decode(entry.get("input_b64", "")))
+    worked, base = child_seconds(), child_memory()
+    form = recognise_format(path)
+    fault = ""
+    try:
+        read_binary(path, form, ADDRESSES[form])
+    except MeasurementError as error:
+        fault = str(error)
+    assert fault.isprintable()
+    assert fault == "" or fault.startswith(f"{path.name}: ")
+    outcome = "reject" if fault else "accept"
+    if entry["expected"].split()[0] in ("accept", "reject") and " or " not in entry["expected"]:
+        assert outcome == entry["expected"].split()[0]
+    assert child_seconds() - worked < SECONDS
+    assert child_memory() - base < MEMORY_KB
+
+
+def test_a_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.mat"
+    scipy.io.savemat(path, {"x": np.zeros((1, 9_000_000))}, do_compression=True)
+    assert path.stat().st_size < 2**20
+    with pytest.raises(MeasurementError, match="declares 72000000 bytes"):
+        read_binary(path, "mat", ["x"])
+    with h5py.File(tmp_path / "bomb.h5", "w") as file:
+        file.create_dataset("x", data=np.zeros(9_000_000), compression="gzip", chunks=(100_000,))
+    with pytest.raises(MeasurementError, match="declares 72000000 bytes"):
+        read_binary(tmp_path / "bomb.h5", "hdf5", ["x"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["table.mat", "table-v73.mat", "steps.h5"])
+def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> None:
+    content = (FORMATS / name).read_bytes()
+    random = np.random.default_rng(7)
+    for number in range(8):
+        changed = bytearray(content)
+        for place in random.integers(0, min(len(content), 4000), 8):
+            changed[place] = random.integers(0, 256)
+        path = tmp_path / f"{number}-{name}"
+        path.write_bytes(bytes(changed[: random.integers(100, len(content))] if number % 3 == 0 else changed))
+        with suppress(MeasurementError):
+            list_binary(path, recognise_format(path))
+
+
+def test_waiting_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "long.npy"
+    np.save(path, np.zeros(6_000_000))
+    monkeypatch.setattr(isolation, "WAIT_SECONDS", 0.0)
+    monkeypatch.setattr(isolation, "WAIT_RATE", 1e12)
+    with pytest.raises(MeasurementError, match="reading was ended after"):
+        read_binary(path, "npy", ["array"])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes are POSIX")
+def test_only_regular_files_are_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mat")
+    for path in (tmp_path / "pipe.mat", tmp_path, tmp_path / "absent.mat"):
+        with pytest.raises(MeasurementError):
+            read_binary(path, "mat", ["x"])
+
+
+def test_size_is_checked_before_opening(tmp_path: Path) -> None:
+    path = tmp_path / "huge.mat"
+    with path.open("wb") as file:
+        # sparse: takes no disk
+        file.truncate(LARGEST_BYTES + 1)
+    with pytest.raises(MeasurementError, match="at most"):
+        read_binary(path, "mat", ["x"])

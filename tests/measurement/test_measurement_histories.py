@@ -1,0 +1,267 @@
+"""Time histories: read from any format into evenly sampled SI units, and turned into surfaces."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+
+from rsgen.case import load_case
+from rsgen.errors import MeasurementError
+from rsgen.measurement import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.measurement.histories import read_histories
+
+ROOT = Path(__file__).parents[2]
+FORMATS = ROOT / "cases" / "formats"
+DATA = Path(os.environ.get("RSGEN_DATA") or ROOT.parent / "shared" / "data")
+CSV = {
+    entry["id"]: entry
+    for entry in json.loads((Path(__file__).parents[1] / "corpus" / "csv.json").read_text(encoding="utf-8"))
+}
+# single precision in the files; the method itself is accurate to better than this
+SINGLE = 1e-3
+
+
+def history(path: Path, **keys: Any) -> MeasuredTest:
+    known: dict[str, Any] = {
+        "frequency": None,
+        "force": Signal(samples="F"),
+        "response": Signal(samples="a"),
+        "quantity": "acceleration",
+        "history": HistoryRule("swept-sine", rate_column="fs"),
+    }
+    return MeasuredTest((path,), **known | keys)
+
+
+N = 64
+T = np.arange(N) / 50.0
+FORCE = np.sin(T)
+ACCELERATION = np.array([np.cos(T), np.cos(2 * T), np.cos(3 * T)])
+
+
+def write(path: Path) -> Path:
+    if path.suffix == ".csv":
+        rows = [f"{t:.3f},{f:.17g},{a:.17g}" for t, f, a in zip(T, FORCE, ACCELERATION[1], strict=True)]
+        path.write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, {"F": FORCE[None], "a": ACCELERATION, "fs": 50.0, "t": T[:, None]})
+    else:
+        np.savez(path, F=FORCE, a=ACCELERATION.T, fs=[50.0], t=T)
+    return path
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz", ".csv"])
+def test_histories_come_as_written(tmp_path: Path, ending: str) -> None:
+    path = write(tmp_path / f"a{ending}")
+    channel = "a" if ending == ".csv" else "a[2]"
+    rules = [HistoryRule("swept-sine", time="t"), HistoryRule("swept-sine", rate=50.0)]
+    if ending != ".csv":
+        rules.append(HistoryRule("swept-sine", rate_column="fs"))
+    for rule in rules:
+        (got,) = read_histories(
+            history(
+                path, history=rule, response=Signal(samples=channel, factor=9.80665), level=LevelRule(2.0)
+            )
+        )
+        assert got.rate == pytest.approx(50, rel=1e-12)
+        assert got.level == 2
+        np.testing.assert_array_equal(got.force, FORCE)
+        np.testing.assert_allclose(got.response, ACCELERATION[1] * 9.80665, rtol=1e-15)
+
+
+def test_a_part_is_cut_out(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.npz")
+    rule = HistoryRule("swept-sine", time="t", start=0.2, stop=0.8)
+    (got,) = read_histories(history(path, response=Signal(samples="a[1]"), history=rule))
+    assert len(got) == 31
+    assert got.start == pytest.approx(0.2)
+    assert got.response.tolist() == ACCELERATION[0][10:41].tolist()
+    with pytest.raises(MeasurementError, match="nothing between start and stop"):
+        read_histories(
+            history(
+                path, response=Signal(samples="a[1]"), history=HistoryRule("swept-sine", time="t", start=9.0)
+            )
+        )
+
+
+def test_integers_of_a_recorder_are_scaled(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    counts = np.round(32767 * FORCE).astype("i2")
+    np.savez(path, F=counts, a=counts.astype("i4"), fs=50.0)
+    (got,) = read_histories(
+        history(path, force=Signal(samples="F", factor=0.5), response=Signal(samples="a", factor=2.0))
+    )
+    assert got.force is not None
+    assert got.force.dtype == np.float32
+    assert got.force.tolist() == (counts * 0.5).tolist()
+    assert got.response.tolist() == (counts * 2.0).tolist()
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({}, "name one channel, as in 'a[1]'"),
+        ({"response": Signal(samples="F")}, "is force and response"),
+        ({"response": Signal(samples="fs")}, "64 samples of force, 1 of response"),
+        (
+            {"response": Signal(samples="a[1]"), "history": HistoryRule("swept-sine", rate_column="t")},
+            "no sampling",
+        ),
+        (
+            {"response": Signal(samples="a[1]"), "history": HistoryRule("swept-sine", time="F")},
+            "is off the even",
+        ),
+    ],
+)
+def test_faults_of_histories(tmp_path: Path, keys: dict[str, Any], message: str) -> None:
+    path = write(tmp_path / "a.mat")
+    with pytest.raises(MeasurementError) as caught:
+        read_histories(history(path, **keys))
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("a.mat: ")
+
+
+@pytest.mark.parametrize("name", ["data-nonmono.csv", "data-jitter.csv"])
+def test_uneven_times_are_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(base64.b64decode(CSV[name]["input_b64"]))
+    test = history(
+        path,
+        force=None,
+        response=Signal(samples="x"),
+        history=HistoryRule("ring-down", time="t"),
+        layout=Layout(),
+    )
+    with pytest.raises(MeasurementError, match="off the even spacing"):
+        read_histories(test)
+
+
+# ---------------------------------------------------------------- the bundled examples
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "damping"), [("mat-sweep", 7.5), ("hdf5-steps", 7.5), ("uff-decay", 1.2)])
+def test_histories_give_the_curves_they_were_made_with(name: str, damping: float) -> None:
+    test = load_case(FORMATS / f"{name}.toml").test
+    assert isinstance(test, MeasuredTest)
+    surface = read_measurement(test)
+    surface = surface.select(surface.settled)
+    dynamic = surface.force / surface.harmonics[:, 1]
+    stiffness = 5920 + 0.75 * 2e6 * surface.amplitude**2
+    assert len(surface) > 10
+    np.testing.assert_allclose(dynamic.real + 1.5 * surface.omega**2, stiffness, rtol=SINGLE)
+    # c is told near resonance; elsewhere it is the small part of a large force
+    near = np.abs(dynamic.imag) > 0.3 * np.abs(dynamic)
+    np.testing.assert_allclose((dynamic.imag / surface.omega)[near], damping, rtol=5 * SINGLE)
+
+
+PROGRAM = """
+import resource, sys, time
+from pathlib import Path
+from rsgen.measurement import HistoryRule, MeasuredTest, Signal
+from rsgen.measurement.histories import read_histories
+test = MeasuredTest(
+    (Path(sys.argv[1]),), None, Signal(samples="F"), Signal(samples="a", factor=9.81), "acceleration",
+    history=HistoryRule("swept-sine", rate_column="fs"),
+)
+base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+begun = time.process_time()
+read_histories(test)
+usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+seconds = time.process_time() - begun + usage[1].ru_utime + usage[1].ru_stime
+print(seconds, usage[0].ru_maxrss - base, usage[1].ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is counted as Linux does")
+def test_long_histories_are_read_quickly_and_once(tmp_path: Path) -> None:
+    path = tmp_path / "long.mat"
+    samples = 1_500_000
+    scipy.io.savemat(path, {"F": np.ones((1, samples)), "a": np.ones((1, samples)), "fs": 2000.0})
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(path)], capture_output=True, text=True, check=True, timeout=120
+    )
+    seconds, here, there = map(float, done.stdout.split())
+    size = path.stat().st_size
+    # 24 MB; of 200 MB 10 s and 1 GB are allowed, and half of the memory is left to what comes after
+    assert seconds < 2
+    assert here * 1024 < 1.5 * size
+    assert there * 1024 < 1.5 * size + 150 * 2**20
+
+
+# ---------------------------------------------------------------- real files, where they are
+
+
+def real(name: str) -> Path:
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"{name}: not here; RSGEN_DATA names the folder of measured data")
+    return path
+
+
+def test_ground_vibration_test() -> None:
+    files = tuple(real(f"f16/F16Data_SineSw_Level{k}.mat") for k in (1, 3))
+    test = MeasuredTest(
+        files,
+        None,
+        Signal(samples="Force"),
+        Signal(samples="Acceleration[3]"),
+        "acceleration",
+        level=LevelRule(values=(4.8, 28.8)),
+        history=HistoryRule("swept-sine", rate_column="Fs"),
+    )
+    low, high = read_histories(test)
+    matrix = scipy.io.loadmat(files[0])
+    assert low.rate == 400
+    assert low.response.tolist() == matrix["Acceleration"][2].tolist()
+    assert low.force is not None
+    assert low.force.tolist() == matrix["Force"][0].tolist()
+    assert (low.level, high.level) == (4.8, 28.8)
+
+
+def test_nested_struct_of_a_lock_in() -> None:
+    path = real("nlbeam/forced_data.mat")
+
+    def at(name: str) -> str:
+        return f"forced_data/Data/{name}/data"
+
+    test = MeasuredTest(
+        (path,),
+        at("Frequency_of_MFLI__Hz_"),
+        Signal(amplitude=at("Amplitude_of_Excitation__V_")),
+        Signal(real=at("X1__V_"), imaginary=at("Y1__V_")),
+        "displacement",
+        level=LevelRule(column=at("Amplitude_of_Excitation__V_")),
+    )
+    surface = read_measurement(test)
+    # README of the data: 4 drives x 40 frequencies x 50 repeats
+    assert len(surface) == 4 * 40 * 50
+    levels, counts = np.unique(surface.level, return_counts=True)
+    assert len(levels) == 4
+    assert counts.tolist() == [2000] * 4
+    assert len(np.unique(surface.frequency.round(6))) == 40
+
+
+def test_input_and_output_in_files_of_their_own() -> None:
+    test = MeasuredTest(
+        (real("bouc_wen/uval_sinesweep.mat"),),
+        None,
+        Signal(samples="uval_sinesweep"),
+        Signal(samples="yval_sinesweep"),
+        "displacement",
+        response_files=(real("bouc_wen/yval_sinesweep.mat"),),
+        history=HistoryRule("swept-sine", rate=750.0),
+    )
+    (got,) = read_histories(test)
+    assert got.force is not None
+    assert np.abs(got.force).max() == pytest.approx(40, rel=1e-6)
+    assert len(got) == 153000

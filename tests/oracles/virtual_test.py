@@ -1,0 +1,86 @@
+"""Small virtual tests for identification: exact steady states, and noise on top of them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from rsgen.law.element import make_element
+from rsgen.oscillator import Model, Oscillator
+from rsgen.steady_state import solve_steady_states
+from rsgen.surface import ResponseSurface
+
+LAWS: dict[str, tuple[str, dict[str, float]]] = {
+    "cubic": ("k*x + kn*x**3 + c*v", {"k": 5920.0, "kn": -2.2e5, "c": 3.8}),
+    "quintic": ("k*x + kn*x**5 + c*v", {"k": 5920.0, "kn": 4e8, "c": 3.8}),
+    "coulomb": ("k*x + c*v + Ff*sign(v)", {"k": 5920.0, "c": 3.8, "Ff": 0.8}),
+    "piecewise": (
+        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True)) + c*v",
+        {"k4": 5920.0, "k5": 7000.0, "b": 0.01, "c": 3.8},
+    ),
+    "bilinear": ("Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 5000.0, "k7": 7000.0, "c": 3.8}),
+    "combined": ("k*x + kn*x**3 + c*v + cn*v*abs(v)", {"k": 5920.0, "kn": 3e5, "c": 2.0, "cn": 1.2}),
+    "power": ("k*x + kp*abs(x)**q*sign(x) + c*v", {"k": 5920.0, "kp": 5e4, "q": 2.4, "c": 3.8}),
+    "tanh": ("k*x + c*v + A*tanh(v/w)", {"k": 5920.0, "c": 3.8, "A": 0.7, "w": 0.3}),
+    "two-gaps": (
+        "k*x + c*v + Piecewise((0, x < b1), (k1*(x - b1), True))"
+        " + Piecewise((0, x > -b2), (k2*(x + b2), True))",
+        {"k": 5920.0, "k1": 1000.0, "k2": 2000.0, "b1": 0.01, "b2": 0.015, "c": 3.8},
+    ),
+}
+MASS = 1.5
+
+
+def model(law: str, mass: float | None = None, hold_out: tuple[float, ...] = ()) -> Model:
+    """The law of that name without its values."""
+    return Model((make_element("law", LAWS[law][0]),), mass, hold_out)
+
+
+def truth(law: str) -> dict[str, float]:
+    """Its values, with the mass."""
+    return {**LAWS[law][1], "m": MASS}
+
+
+def surface(
+    law: str,
+    levels: np.ndarray | None = None,
+    frequencies: np.ndarray | None = None,
+    accuracy: float = 1e-7,
+    values: dict[str, float] | None = None,
+) -> ResponseSurface:
+    """Steady states from rest over a small grid."""
+    levels = np.linspace(2, 12, 6) if levels is None else levels
+    frequencies = np.linspace(8, 12, 41) if frequencies is None else frequencies
+    level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
+    oscillator = Oscillator(MASS, (make_element("law", LAWS[law][0]),), values or LAWS[law][1])
+    states = solve_steady_states(oscillator, level.astype(complex), frequency, harmonics=7, accuracy=accuracy)
+    return ResponseSurface(
+        level=level,
+        frequency=frequency,
+        force=level.astype(complex),
+        harmonics=states.harmonics,
+        peak=states.peak,
+        sweep=np.full(len(level), "rest"),
+        outcome=states.outcome,
+        residual=states.residual,
+        error=states.error,
+        origin="simulated",
+    )
+
+
+def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
+    """The same surface with some columns replaced."""
+    return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)
+
+
+def noisy(table: ResponseSurface, relative: float, seed: int) -> ResponseSurface:
+    """Complex Gaussian noise on the force and on every harmonic, relative to |F| and |X_1|."""
+    generator = np.random.default_rng(seed)
+
+    def noise(shape: tuple[int, ...]) -> np.ndarray:
+        return (generator.normal(size=shape) + 1j * generator.normal(size=shape)) / np.sqrt(2)
+
+    harmonics = table.harmonics + relative * table.amplitude[:, None] * noise(table.harmonics.shape)
+    harmonics[:, 0] = harmonics[:, 0].real
+    return changed(table, harmonics=harmonics, force=table.force * (1 + relative * noise((len(table),))))

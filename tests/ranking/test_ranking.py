@@ -1,0 +1,335 @@
+"""Ranking: the true law comes first or ties, what no law describes is told, numbers mean what they say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import call
+from test_history_measured import CASES, DATA, needs
+
+import rsgen
+from rsgen.case import load_case
+from rsgen.errors import RsgenError
+from rsgen.identification import Ranking, identify
+from rsgen.identification.data import Points, select_points
+from rsgen.law.element import make_element
+from rsgen.law.library import LAWS as LIBRARY
+from rsgen.law.numeric import compile_law
+from rsgen.measurement import read_measurement
+from rsgen.oscillator import Model
+from rsgen.ranking import identify_best, rank
+from rsgen.ranking.balance import Rows
+from rsgen.ranking.candidate_terms import Sum, library_terms
+from rsgen.ranking.fitting import Guess, fit_rows
+from rsgen.ranking.reference import follow
+from rsgen.ranking.selection import search_sums
+from rsgen.surface import ResponseSurface, save_surface
+from tests.oracles.memory import bouc_wen, two_masses
+from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
+
+NOISE = 0.01
+BASE = Model((make_element("spring", "k*x"), make_element("damper", "c*v")))
+GRID = np.linspace(8, 12, 25)
+
+# as the library has them; a piecewise spring is a linear one and a dead zone
+NAMES = {
+    "cubic": "cubic-spring",
+    "coulomb": "coulomb",
+    "bilinear": "bilinear-spring",
+    "combined": "cubic-spring + quadratic-damper",
+    "piecewise": "dead-zone",
+}
+
+
+def measured(law: str, noise: float = NOISE) -> ResponseSurface:
+    table = surface(law, frequencies=GRID, accuracy=1e-6)
+    return noisy(table, noise, 1) if noise else table
+
+
+def winners(ranking: Ranking) -> set[str]:
+    return {" + ".join(sorted(c.name.split(" + "))) for c in ranking.candidates if c.tied}
+
+
+# ---------------------------------------------------------------- the true law
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "noise"), [*((law, NOISE) for law in NAMES), ("cubic", 0.0), ("coulomb", 0.0)]
+)
+def test_the_true_law_is_first_or_tied(law: str, noise: float) -> None:
+    ranking = rank(measured(law, noise), BASE)
+    assert NAMES[law] in winners(ranking)
+    assert ranking.fits
+    assert ranking.unexplained == 0
+    # among those that tie the one with fewest parameters stands first
+    tied = [c.parameters for c in ranking.candidates if c.tied]
+    assert tied == sorted(tied)
+    assert ranking.candidates[0].tied
+    if noise:
+        # the estimate of the noise has as many degrees of freedom as there are points
+        assert ranking.noise == pytest.approx(noise, rel=0.2)
+        assert ranking.candidates[0].held_out_error == pytest.approx(noise, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_law_that_is_not_needed_is_not_chosen() -> None:
+    linear = surface("cubic", frequencies=GRID, values={"k": 5920.0, "kn": 0.0, "c": 3.8})
+    ranking = rank(noisy(linear, NOISE, 3), BASE)
+    assert ranking.candidates[0].parameters == 3
+    assert {element.name for element in ranking.model.elements} <= {"spring", "damper"}
+
+
+def test_the_models_own_law_competes_and_keeps_its_names() -> None:
+    ranking = rank(measured("cubic"), model("cubic"))
+    best = ranking.candidates[0]
+    assert best.name == "cubic-spring"
+    assert set(best.values) == {*LAWS["cubic"][1], "m"}
+    assert ranking.model.elements == model("cubic").elements
+    assert [c.name for c in ranking.candidates].count("cubic-spring") == 1
+
+
+def test_a_given_mass_holds_for_all() -> None:
+    ranking = rank(measured("cubic"), Model(BASE.elements, MASS))
+    assert ranking.candidates[0].name == "cubic-spring"
+    assert all("m" not in candidate.values for candidate in ranking.candidates)
+    assert ranking.model.mass == MASS
+
+
+# ---------------------------------------------------------------- none of these fits
+
+
+@pytest.fixture(scope="module", params=["hysteresis", "two modes"])
+def beyond(request: pytest.FixtureRequest) -> ResponseSurface:
+    return bouc_wen() if request.param == "hysteresis" else two_masses()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_none_fits_where_the_structure_is_another(beyond: ResponseSurface, noise: float) -> None:
+    ranking = rank(noisy(beyond, noise, 1) if noise else beyond, BASE)
+    assert not ranking.fits
+    assert ranking.unexplained > 0.01
+    text = "; ".join(ranking.verdict)
+    assert "none of these fits" in text
+    assert "Hz" in text
+    assert "fundamental" in text
+
+
+@pytest.mark.slow
+def test_the_misfit_is_looked_for_where_it_is() -> None:
+    # a fault of the force in one band of frequencies only, the same at all levels: no law has that
+    table = measured("cubic")
+    inside = (table.frequency > 9.4) & (table.frequency < 10.4)
+    spoilt = changed(table, force=table.force * np.where(inside, 1.15, 1.0))
+    ranking = rank(spoilt, BASE)
+    assert not ranking.fits
+    (where,) = [sentence for sentence in ranking.verdict if "between" in sentence]
+    low, high = (float(part) for part in where.split("between ")[1].split(" Hz")[0].split(" and "))
+    assert 8.9 < low < high < 10.9
+
+
+# ---------------------------------------------------------------- what the numbers mean
+
+
+@pytest.fixture(scope="module")
+def along() -> tuple[Points, Rows, Guess]:
+    """The balance of a noisy test along the motion of its own law, in units of the true noise."""
+    points = select_points(measured("combined"), model("combined"))
+    guess = Guess("own", model("combined").elements, truth("combined"))
+    reference = follow(points, guess, None)
+    assert reference is not None
+    assert len(reference.kept) == len(points)
+    return points, reference.rows(np.full(10, NOISE)), guess
+
+
+def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) -> None:
+    points, rows, guess = along
+    fitted = fit_rows(guess, rows, points.level, None)
+    assert fitted is not None
+    # the sum of squares of N unit normals is N, give or take sqrt(2 N)
+    count = fitted.residual[:, rows.told].size
+    assert abs(fitted.misfit - count) < 5 * np.sqrt(2 * count)
+
+
+def test_the_fit_agrees_with_identification(along: tuple[Points, Rows, Guess]) -> None:
+    points, rows, guess = along
+    fitted = fit_rows(guess, rows, points.level, None)
+    assert fitted is not None
+    for estimate in identify(measured("combined"), model("combined")).refined:
+        # two ways to one maximum of the likelihood
+        assert abs(fitted.guess.values[estimate.name] - estimate.value) < 0.3 * estimate.standard_error
+
+
+def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, Rows, Guess]) -> None:
+    points, rows, guess = along
+    fitted = fit_rows(guess, rows, points.level, None)
+    assert fitted is not None
+    for level in np.unique(points.level)[[0, -1]]:
+        inside = np.flatnonzero(points.level != level)
+        rest = fit_rows(guess, rows.select(inside), points.level[inside], None)
+        assert rest is not None
+        law = compile_law(model("combined").force)
+        values = np.array([rest.guess.values[name] for name in law.parameters])
+        force, _ = rows.along(law, values)
+        residual = rows.right - force - rest.guess.values["m"] * rows.inertia
+        out = points.level == level
+        assert fitted.unseen[out] == pytest.approx(residual[out], abs=1e-4)
+
+
+def test_more_terms_never_miss_by_more(along: tuple[Points, Rows, Guess]) -> None:
+    _, rows, _ = along
+    terms = [term for term in library_terms() if not term.search and not term.dissipates]
+    trials = {
+        frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, None, 2)
+    }
+    assert len(trials) == 1 + len(terms) + len(terms) * (len(terms) - 1) // 2
+    for names, trial in trials.items():
+        for name in names:
+            # beside the ridge that keeps small problems regular
+            assert trial.misfit <= trials[names - {name}].misfit * (1 + 1e-6)
+
+
+def test_friction_never_feeds_energy() -> None:
+    ranking = rank(measured("combined"), BASE)
+    for candidate in ranking.candidates:
+        if "coulomb" in candidate.name:
+            assert candidate.values["Ff"] >= 0
+
+
+def test_every_law_of_the_library_takes_part() -> None:
+    terms = library_terms()
+    seen = {term.name for term in terms} | {name for term in terms for name in term.also}
+    # the base, and sums of others
+    composed = {"linear-spring", "linear-damper", "softening-hardening-spring", "viscous-coulomb"}
+    assert seen | composed == {law.name for law in LIBRARY}
+    for term in terms:
+        assert set(term.search) <= set(term.law.parameters)
+        assert term.linear
+
+
+def test_parameters_of_a_sum_have_names_of_their_own() -> None:
+    by_name = {term.name: term for term in library_terms()}
+    law = Sum((by_name["dead-zone"], by_name["one-sided-stop"], by_name["tanh-joint"]))
+    names = [name for element in law.elements for name in element.parameters]
+    assert len(names) == len(set(names))
+    assert not Sum((by_name["pendulum"],)).has_spring
+
+
+# ---------------------------------------------------------------- what a ranking sees
+
+
+def test_held_out_levels_are_not_seen() -> None:
+    table = measured("cubic")
+    out = table.level == table.levels[3]
+    held = Model(BASE.elements, hold_out=(float(table.levels[3]),))
+    spoilt = changed(table, force=np.where(out, 7 * table.force, table.force))
+    one, other = rank(table, held), rank(spoilt, held)
+    assert [c.name for c in one.candidates] == [c.name for c in other.candidates]
+    assert [c.bic for c in one.candidates] == [c.bic for c in other.candidates]
+
+
+def test_a_test_without_phase_is_refused() -> None:
+    with pytest.raises(RsgenError, match="phase"):
+        rank(changed(measured("cubic"), phase_known=False), BASE)
+
+
+def test_the_best_law_is_identified_with_intervals() -> None:
+    found = identify_best(measured("cubic"), BASE)
+    assert found.ranking is not None
+    assert found.ranking.candidates[0].name == "cubic-spring"
+    assert found.values["k3"] == pytest.approx(LAWS["cubic"][1]["kn"], rel=0.05)
+    assert rsgen.rank is rank
+
+
+# ---------------------------------------------------------------- case and command
+
+CASE = """
+schema = 1
+name = "ranked"
+title = "Which law?"
+model = "rank"
+
+[[element]]
+name = "all"
+force = "k*x + kn*x**3 + c*v"
+
+[system]
+mass = "1.5 kg"
+
+[truth]
+k = 5920
+kn = -2.2e5
+c = 3.8
+
+[test]
+kind = "simulated"
+level = { start = 2, stop = 12, count = 5 }
+frequency = { start = 8, stop = 12, count = 21 }
+noise = { relative = 0.01 }
+"""
+
+
+@pytest.mark.slow
+def test_a_case_asks_for_a_ranking(tmp_path: Path) -> None:
+    path = tmp_path / "ranked.toml"
+    path.write_text(CASE, encoding="utf-8")
+    assert load_case(path).ranked
+    assert call("run", path, "--out", tmp_path / "out") == 0
+    folder = tmp_path / "out" / "ranked"
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    assert result["ranking"]["fits"] is True
+    assert result["ranking"]["candidates"][0]["name"] == "cubic-spring"
+    # the case's own law won, so that its truth still holds
+    assert {row["name"]: row["true"] for row in result["parameters"]}["kn"] == -2.2e5
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert result["ranking"]["verdict"][0] in page
+    assert "rsgen.rank(surface, case.model)" in (folder / "notebook.ipynb").read_text(encoding="utf-8")
+
+
+def test_another_law_leaves_truth_and_formulas_behind(tmp_path: Path) -> None:
+    path = tmp_path / "ranked.toml"
+    path.write_text(CASE, encoding="utf-8")
+    case = load_case(path)
+    assert case.with_model(case.model) is case
+    other = case.with_model(BASE)
+    assert other.model is BASE
+    assert other.truth is None
+    assert set(other.units) == {"m"}
+
+
+def test_the_command_ranks_a_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "test.h5"
+    save_surface(path, measured("cubic"))
+    assert call("rank", path, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["candidates"][0]["name"] == "cubic-spring"
+    assert answer["fits"] is True
+    assert call("rank", path) == 0
+    text = capsys.readouterr().out
+    assert text.splitlines()[1].startswith("cubic-spring ")
+    assert "best: c*v + k*x + k3*x**3" in text
+    values = text.splitlines()[-1].removeprefix("with ").split(", ")
+    assert [value.split(" ", 3)[0] for value in values] == ["c", "k", "k3", "m"]
+    assert [value.split(" ", 3)[3] for value in values] == ["N*s/m", "N/m", "N/m^3", "kg"]
+
+
+# ---------------------------------------------------------------- real files
+
+
+@pytest.mark.slow
+@needs("bouc_wen")
+def test_no_memoryless_law_fits_the_hysteretic_benchmark(tmp_path: Path) -> None:
+    text = (CASES / "bouc_wen.toml").read_text(encoding="utf-8")
+    before, after = text.split("[[element]]", 1)[0], text[text.index("[test]") :]
+    path = tmp_path / "ranked.toml"
+    path.write_text(before.replace("schema = 1", 'schema = 1\nmodel = "rank"') + after, encoding="utf-8")
+    case = load_case(path, data=DATA)
+    # without elements the base of all candidates stands in
+    assert [element.name for element in case.model.elements] == ["linear-spring", "linear-damper"]
+    ranking = rank(read_measurement(case.test), case.model)
+    assert not ranking.fits
+    assert ranking.unexplained > 0.01

@@ -1,0 +1,142 @@
+"""Rankings of awkward tests: near sticking, spikes, a wrong sense of the phase, few points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_ranking import BASE, NOISE, measured
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.law.element import make_element
+from rsgen.oscillator import Model, Oscillator
+from rsgen.ranking import rank
+from rsgen.ranking.candidate_terms import library_terms
+from rsgen.ranking.fitting import Fitted
+from rsgen.ranking.verdict import Judgement, judge
+from rsgen.simulation import SimulatedTest
+from rsgen.simulation.noise import add_noise
+from rsgen.surface import ResponseSurface
+from tests.oracles.memory import two_masses
+from tests.oracles.virtual_test import MASS, changed, noisy
+
+STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
+"""A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""
+
+
+def simulated(law: str, frequencies: np.ndarray, **values: float) -> ResponseSurface:
+    """Six levels from a fifth of the force on; ``law`` is added to the linear spring and damper."""
+    values = {"k": STIFFNESS, "c": DAMPING, **values}
+    return rsgen.simulate(
+        Oscillator(MASS, (make_element("law", f"k*x + c*v + {law}"),), values),
+        SimulatedTest(FORCE * np.linspace(0.2, 1.5, 6), frequencies, harmonics=9, accuracy=1e-6),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_the_law_is_found_where_friction_nearly_sticks(noise: float) -> None:
+    # at the lowest level the truncated balance has another amplitude than the law
+    table = simulated(
+        "kb*Max(0, x) + Ff*sign(v)", np.linspace(8.5, 12, 36), kb=0.5 * STIFFNESS, Ff=0.15 * FORCE
+    )
+    ranking = rank(noisy(table, noise, 1) if noise else table, BASE)
+    assert ranking.fits
+    assert ranking.candidates[0].name == "bilinear-spring + coulomb"
+    assert ranking.candidates[0].held_out_error < max(1.2 * noise, 1e-5)
+
+
+def test_few_bad_points_decide_nothing() -> None:
+    table = measured("cubic")
+    chosen = np.random.default_rng(1).choice(len(table), len(table) // 40, replace=False)
+    factor = np.ones(len(table))
+    factor[chosen] = 3.0
+    ranking = rank(changed(table, force=table.force * factor), BASE)
+    assert ranking.fits
+    assert ranking.candidates[0].name == "cubic-spring"
+    assert ranking.noise == pytest.approx(NOISE, rel=0.2)
+    (aside,) = [sentence for sentence in ranking.verdict if "aside" in sentence]
+    assert aside.startswith(f"{len(chosen)} of {len(table)} points")
+
+
+@pytest.mark.slow
+def test_motions_that_the_simulation_misses_decide_nothing() -> None:
+    # the lowest level just overcomes the preload, where a force more or less is everything
+    speed = 2 * np.pi * 10 * AMPLITUDE
+    table = simulated("F0*sign(x) + cq*v*abs(v)", np.linspace(9, 13, 40), F0=0.2 * FORCE, cq=DAMPING / speed)
+    ranking = rank(table, BASE)
+    assert ranking.fits
+    assert ranking.candidates[0].name == "preload + quadratic-damper"
+
+
+@pytest.mark.parametrize("fault", ["sign", "sense"])
+@pytest.mark.parametrize("law", ["cubic", "coulomb"])
+def test_a_structure_that_feeds_the_exciter_is_doubted(law: str, fault: str) -> None:
+    table = measured(law)
+    spoilt = -table.harmonics if fault == "sign" else np.conj(table.harmonics)
+    ranking = rank(changed(table, harmonics=spoilt), BASE)
+    assert not ranking.fits
+    assert "feed energy into the exciter" in ranking.verdict[0]
+    assert "sense of the phase" in ranking.verdict[0]
+    assert ("mass comes out negative" in ranking.verdict[0]) == (fault == "sign")
+    assert not any("fits best" in sentence for sentence in ranking.verdict)
+
+
+def test_one_frequency_does_not_tell_the_mass() -> None:
+    table = measured("cubic")
+    one = table.select(table.frequency == table.frequency[12])
+    with pytest.raises(RsgenError, match="one frequency does not tell the mass"):
+        rank(one, BASE)
+    assert rank(one, Model(BASE.elements, MASS)).candidates
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_few_points_are_said_to_be_few() -> None:
+    table = measured("cubic")
+    few = rank(table.select(np.arange(0, len(table), len(table) // 4)[:4]), BASE)
+    assert any("few" in sentence for sentence in few.verdict)
+    assert any("neighbours" in sentence for sentence in few.verdict)
+    assert not any("fits best" in sentence for sentence in few.verdict)
+    level = rank(table.select(table.level == table.levels[-1]), BASE)
+    assert any("one level only" in sentence for sentence in level.verdict)
+    for sentence in (*few.verdict, *level.verdict):
+        assert sentence.count(",") <= 4
+
+
+@pytest.mark.slow
+def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def spy(best: Fitted, *rest: Any) -> Judgement:
+        seen.append((best.guess.name, rest[2][0].name))
+        return judge(best, *rest)
+
+    monkeypatch.setattr("rsgen.ranking.rank.judge", spy)
+    # of those that tie the one with fewest parameters is named: not the law whose motion it is
+    rank(add_noise(two_masses(), NOISE, 1), BASE)
+    assert len(seen) == 1
+    assert all(judged == named for judged, named in seen)
+
+
+def test_a_sum_stands_once_whatever_its_order() -> None:
+    for law in ("combined", "bilinear"):
+        ranking = rank(measured(law), BASE)
+        sums = [frozenset(candidate.name.split(" + ")) for candidate in ranking.candidates]
+        assert len(sums) == len(set(sums))
+        order = [term.name for term in library_terms()]
+        for candidate in ranking.candidates:
+            places = [order.index(name) for name in candidate.name.split(" + ") if name in order]
+            assert places == sorted(places)
+
+
+def test_levels_that_are_predicted_badly_are_told() -> None:
+    # a stop that the highest level alone reaches: the others cannot predict it
+    law = "kk*Max(0, x - b)"
+    table = simulated(law, np.linspace(9, 14, 40), kk=2 * STIFFNESS, b=1.08 * AMPLITUDE)
+    ranking = rank(noisy(table, NOISE, 1), BASE)
+    assert ranking.candidates[0].name == "one-sided-stop"
+    assert any("predicted from the others" in sentence for sentence in ranking.verdict)
+    well = rank(measured("cubic"), BASE)
+    assert not any("predict" in sentence for sentence in well.verdict)

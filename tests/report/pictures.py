@@ -1,0 +1,62 @@
+"""Make the README's pictures from the reports of this machine: ``.venv/bin/python tests/pictures.py``."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+from tests.oracles.browser import Page, find_browser, in_browser
+
+ROOT = Path(__file__).parents[2]
+REPORTS = ROOT / "reports"
+PICTURES = REPORTS / "pictures"
+
+# name, page, width and height [px], dark, print, the element that is at the top
+SHOTS = (
+    ("report", "cubic", 1000, 1560, False, "", "header"),
+    ("phone", "quintic", 360, 760, False, "", "header"),
+    ("dark", "coulomb", 1000, 760, True, "", "#equivalent"),
+    ("print", "bilinear", 700, 760, False, "print", "#laws"),
+)
+COLOURS = 256
+MOST_BYTES = 150_000
+
+
+async def shoot(page: Page) -> dict[str, bytes]:
+    pictures = {}
+    for name, case, width, height, dark, media, top in SHOTS:
+        await page.show((REPORTS / case / "report.html").as_uri(), width, height, dark=dark, media=media)
+        place = await page.ask(f"Math.round(document.querySelector('{top}').getBoundingClientRect().top)")
+        image = Image.open(io.BytesIO(await page.picture())).convert("RGB")
+        image = image.crop((0, place, width, place + height))
+        if media:
+            # the paper has a margin, which a screen does not show
+            image = ImageOps.expand(image, 40, "white")
+        file = io.BytesIO()
+        # few colours: the pages have few, and the repository keeps every version of a picture
+        image.quantize(COLOURS, dither=Image.Dither.NONE).save(file, "png", optimize=True)
+        pictures[name] = file.getvalue()
+    return pictures
+
+
+def main() -> None:
+    """Write one file a picture; end with a sentence where a report or a browser is missing."""
+    missing = [shot[1] for shot in SHOTS if not (REPORTS / shot[1] / "report.html").is_file()]
+    if missing:
+        sys.exit(f"reports/: no report of {', '.join(missing)}; `make reports` first")
+    browser = find_browser()
+    if browser is None:
+        sys.exit("no chromium here and none could be installed")
+    PICTURES.mkdir(exist_ok=True)
+    for name, content in in_browser(browser, shoot).items():
+        if len(content) > MOST_BYTES:
+            sys.exit(f"{name}: {len(content)} bytes; at most {MOST_BYTES}")
+        (PICTURES / f"{name}.png").write_bytes(content)
+        print(f"reports/pictures/{name}.png: {len(content)} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+"""The notebook: what comes from files is literal or prose, calls are public, failures are saved."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from ast import literal_eval
+from pathlib import Path
+
+import nbformat
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_report import hostile_titles
+
+import rsgen
+from rsgen import figures, load_case
+from rsgen.errors import RsgenError
+from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
+from tests.oracles.first_order import cubic_case
+
+CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
+SMALL = """\
+schema = 1
+name = "small"
+title = "Hardening spring <b>, $x$, [c](javascript:alert(1))"
+[system]
+mass = 1.5
+[[element]]
+name = "spring"
+force = "k*x + kn*x**3"
+[[element]]
+name = "damper"
+force = "c*v"
+[truth]
+k = 5920.0
+kn = 2e5
+c = 3.8
+[test]
+kind = "simulated"
+level = { start = 1, stop = 8, count = 3 }
+frequency = { start = 9, stop = 11, count = 25 }
+[accept]
+k = 1e-3
+"""
+
+
+def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
+    return [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+
+
+@settings(derandomize=True, max_examples=300)
+@given(st.text() | st.text("\"'\\\n\t\r{}%!?$\ud800\u202e\x00"))
+def test_literal_is_the_text_on_one_line(text: str) -> None:
+    written = literal(text)
+    assert literal_eval(written) == text
+    assert written.isprintable()
+
+
+@settings(derandomize=True, max_examples=300)
+@given(st.text("ab[](){}<>`*_\\$!|#:@~&.http\n"))
+def test_prose_has_no_markup(text: str) -> None:
+    written = prose(text)
+    # what is left of a special character is its number, between & and ;
+    plain = written.replace("&#", "").replace(";", "")
+    assert not set(plain) & set("[]{}<>`*_\\$|!@~&:\n")
+
+
+@pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
+def test_texts_of_a_case_are_never_code(title: str) -> None:
+    tame = build_notebook(cubic_case())
+    hostile = build_notebook(cubic_case(title=title, source=title, text=f"{title}\n"))
+    nbformat.validate(hostile)
+    json.dumps(hostile, ensure_ascii=True)
+
+    texts: list[str] = []
+
+    def shape(source: str) -> str:
+        tree = ast.parse(source)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "CASE":
+                texts.append(literal_eval(node.value))
+                node.value = ast.Constant("")
+        return ast.dump(tree)
+
+    assert list(map(shape, code_cells(hostile))) == list(map(shape, code_cells(tame)))
+    assert texts[0] == f"{title}\n".replace("\r\n", "\n")
+    for cell in hostile.cells:
+        if cell.cell_type == "markdown":
+            assert "<" not in cell.source
+            assert "](" not in cell.source
+    # magics and shell lines of IPython begin a line; nothing of a case does
+    for source in code_cells(hostile):
+        assert not any(line.lstrip().startswith(("!", "%", "?")) for line in source.splitlines())
+
+
+def test_only_the_public_interface_is_called() -> None:
+    for mean, held_out in ((False, False), (True, True)):
+        for source in code_cells(build_notebook(cubic_case(), mean=mean, held_out=held_out)):
+            for node in ast.walk(ast.parse(source)):
+                if isinstance(node, ast.Import):
+                    assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
+                elif isinstance(node, ast.ImportFrom):
+                    assert (node.module, [alias.name for alias in node.names]) == ("rsgen", ["figures"])
+                elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                    if node.value.id == "rsgen":
+                        assert node.attr in rsgen.__all__
+                    elif node.value.id == "figures":
+                        assert node.attr in figures.__all__
+
+
+def test_cells_have_stable_names() -> None:
+    names = [[cell.id for cell in build_notebook(cubic_case(title=t)).cells] for t in ("a", "b")]
+    assert names[0] == names[1]
+    assert len(set(names[0])) == len(names[0])
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_every_case_makes_a_notebook(path: Path) -> None:
+    case = load_case(path)
+    notebook = build_notebook(case)
+    nbformat.validate(notebook)
+    (first, *_) = code_cells(notebook)
+    assignment = next(node for node in ast.parse(first).body if isinstance(node, ast.Assign))
+    assert literal_eval(assignment.value) == case.text
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
+    file = tmp_path / "lesson.ipynb"
+    nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
+    for words in (("check",), ("format", "--diff")):
+        # as it is out of the box, not as this project sets it
+        done = subprocess.run(
+            [sys.executable, "-m", "ruff", *words, "--isolated", str(file)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_notebook_runs_in_any_folder_and_is_clean(tmp_path: Path) -> None:
+    source = tmp_path / "small.toml"
+    source.write_text(SMALL, encoding="utf-8")
+    case = load_case(source)
+    source.unlink()
+    target = tmp_path / "notebook.ipynb"
+    write_notebook(target, case)
+    notebook = nbformat.read(target, as_version=4)
+    nbformat.validate(notebook)
+    outputs = {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
+    pictures = [
+        output for cell in outputs.values() for output in cell if "image/png" in output.get("data", {})
+    ]
+    assert len(pictures) == 7
+    assert all("alt" in picture.metadata["image/png"] for picture in pictures)
+    assert outputs["comparison"][-1]["data"]["text/plain"] == "True"
+    assert not any(
+        output.output_type in ("error", "stream") and output.get("name") == "stderr"
+        for cell in outputs.values()
+        for output in cell
+    )
+    text = target.read_text(encoding="utf-8")
+    assert str(tmp_path) not in text
+    assert "iopub" not in text
+
+
+@pytest.mark.slow
+def test_failed_notebook_is_saved_and_says_which_cell(tmp_path: Path) -> None:
+    target = tmp_path / "notebook.ipynb"
+    with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
+        write_notebook(target, cubic_case(text="not a case"))
+    notebook = nbformat.read(target, as_version=4)
+    cell = next(cell for cell in notebook.cells if cell.id == "case")
+    assert cell.outputs[-1].output_type == "error"

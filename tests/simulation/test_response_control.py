@@ -1,0 +1,122 @@
+"""Response control: exact where linear, the motions of force control, folds where the force turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from rsgen import load_case, predict
+from rsgen.errors import RsgenError
+from rsgen.figures import draw_map, draw_responses, draw_surface
+from rsgen.identification import identify
+from rsgen.law.element import make_element
+from rsgen.oscillator import Model, Oscillator
+from rsgen.simulation import SimulatedTest, simulate
+from rsgen.simulation.response_control import solve_response_control
+from rsgen.steady_state import solve_steady_states
+from rsgen.surface import load_surface, save_surface
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def duffing(kn: float) -> Oscillator:
+    return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
+
+
+def test_linear_oscillator_needs_its_dynamic_stiffness() -> None:
+    f = np.linspace(5, 15, 41)
+    omega = 2 * np.pi * f
+    X = np.linspace(1e-4, 2e-2, 41)
+    states = solve_response_control(duffing(0.0), X, f, accuracy=1e-8)
+    exact = (5920 - 1.5 * omega**2 + 3.8j * omega) * X
+    assert np.abs(states.force / exact - 1).max() < 1e-8
+    assert states.stable.all()
+
+
+@pytest.mark.parametrize("name", ["cubic", "coulomb", "bilinear"])
+def test_force_control_finds_the_same_motions(name: str) -> None:
+    case = load_case(CASES / f"{name}.toml")
+    X, f = np.repeat([1e-3, 5e-3, 1.2e-2], 9), np.tile(np.linspace(7.5, 12.5, 9), 3)
+    held = solve_response_control(case.oscillator, X, f)
+    assert np.all(held.outcome == 0)
+    assert np.abs(held.harmonics[:, 1] / X - 1).max() < 1e-10
+    free = solve_steady_states(
+        case.oscillator, held.force[held.stable], f[held.stable], start=held.state[held.stable]
+    )
+    assert np.abs(free.harmonics[:, 1] / X[held.stable] - 1).max() < 2e-4
+
+
+def test_unstable_branch_is_where_more_motion_needs_less_force() -> None:
+    X = np.linspace(1e-3, 4e-2, 160)
+    states = solve_response_control(duffing(2.5e6), X, np.full(160, 11.3))
+    falls = np.gradient(np.abs(states.force), X) < 0
+    assert 10 < falls.sum() < 150
+    # the two points beside each fold may go either way
+    differs = np.flatnonzero(falls == states.stable)
+    turns = np.flatnonzero(np.diff(falls.astype(int)))
+    assert len(turns) == 2
+    assert all(np.min(np.abs(turns + 0.5 - i)) <= 1.5 for i in differs)
+
+
+def test_folds_are_where_sweeps_jump() -> None:
+    o, F = duffing(2.5e6), 8.0
+    frequency = np.arange(10.4, 11.8, 0.01)
+    up = simulate(o, SimulatedTest([F], frequency, sweep="up")).amplitude
+    jump = frequency[np.argmin(np.diff(up))]
+    X = np.linspace(2e-3, 3.2e-2, 400)
+    for f, solutions in ((jump - 0.02, 3), (jump + 0.03, 1)):
+        force = np.abs(solve_response_control(o, X, np.full(400, f)).force)
+        assert np.count_nonzero(np.diff(np.sign(force - F))) == solutions
+
+
+def test_surface_of_a_controlled_test_has_its_amplitudes_as_levels() -> None:
+    test = SimulatedTest([1e-3, 2e-3], np.linspace(9, 11, 5), control="response")
+    surface = simulate(duffing(2.5e6), test)
+    assert surface.settled.all()
+    assert np.allclose(surface.amplitude, surface.level)
+    assert np.ptp(np.abs(surface.force)) > 0
+    with pytest.raises(RsgenError, match=r"test\.method"):
+        simulate(duffing(2.5e6), replace(test, method="harmonic-balance"))
+    with pytest.raises(RsgenError, match="positive"):
+        solve_response_control(duffing(1.0), [0.0], [1.0])
+
+
+def held_amplitudes(kn: float) -> tuple[Oscillator, SimulatedTest]:
+    test = SimulatedTest(
+        np.linspace(2e-3, 2e-2, 8), np.linspace(7, 13, 61), control="response", accuracy=1e-6
+    )
+    return duffing(kn), test
+
+
+def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path: Path) -> None:
+    surface = simulate(*held_amplitudes(5e6))
+    assert (surface.control, surface.level_unit, surface.answer_unit) == ("response", "m", "N")
+    assert np.array_equal(surface.answer, np.abs(surface.force))
+    # a hardening spring this strong folds: between the folds no constant force holds the motion
+    assert 0 < np.count_nonzero(surface.stable) < len(surface)
+    save_surface(tmp_path / "surface.h5", surface)
+    with h5py.File(tmp_path / "surface.h5") as file:
+        assert file["level"].attrs["units"] == "m"
+    again = load_surface(tmp_path / "surface.h5")
+    assert again.control == "response"
+    assert np.array_equal(again.stable, surface.stable)
+
+
+def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None:
+    oscillator, test = held_amplitudes(-2e5)
+    surface = simulate(oscillator, test)
+    found = identify(surface, Model(oscillator.elements))
+    for estimate in found.refined:
+        true = {**oscillator.values, "m": oscillator.mass}[estimate.name]
+        assert estimate.value == pytest.approx(true, rel=1e-5)
+    # at resonance the force overcomes the damper: F = c omega X
+    needed = 3.8 * 2 * np.pi * 10 * test.level
+    assert found.levels == pytest.approx(needed, rel=0.02)
+    for drawing in (draw_surface(surface), draw_map(surface), draw_responses(surface, predict(found))):
+        labels = [axes.get_ylabel() + axes.get_xlabel() for axes in drawing.figure.axes]
+        assert any("Level X [mm]" in label for label in labels) or drawing.name == "responses"
+        assert drawing.figure.axes[0].lines or drawing.name == "surface"

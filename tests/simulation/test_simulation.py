@@ -1,0 +1,158 @@
+"""Virtual tests: the grid, sweeps and jumps, noise, and harmonic balance as a second way to one number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen import load_case
+from rsgen.errors import RsgenError
+from rsgen.law.element import make_element
+from rsgen.oscillator import Oscillator
+from rsgen.simulation import SimulatedTest, simulate
+from rsgen.simulation.harmonic_balance import solve_harmonic_balance
+
+CASES = Path(__file__).parents[2] / "cases"
+SAME = 1e-3  # two answers closer than this are on one branch; other branches differ by tens of per cent
+
+
+def duffing(kn: float = 2.5e6) -> Oscillator:
+    return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
+
+
+def test_points_come_level_by_level() -> None:
+    test = SimulatedTest(level=[3.0, 1.0], frequency=[12.0, 8.0, 9.0])
+    surface = simulate(duffing(), test)
+    assert surface.level.tolist() == [3.0] * 3 + [1.0] * 3
+    assert surface.frequency.tolist() == [12.0, 8.0, 9.0] * 2
+    assert surface.origin == "simulated"
+    assert set(surface.sweep) == {"rest"}
+    for sweep in ("up", "down"):
+        again = simulate(duffing(), replace(test, sweep=sweep))
+        assert again.frequency.tolist() == surface.frequency.tolist()
+        assert np.allclose(again.harmonics, surface.harmonics, rtol=0, atol=1e-4 * surface.amplitude.max())
+
+
+def test_up_and_down_differ_between_the_folds_only() -> None:
+    frequency = np.arange(9, 14, 0.05)
+    up, down = (
+        simulate(duffing(), SimulatedTest([2.0, 8.0], frequency, sweep=sweep)) for sweep in ("up", "down")
+    )
+    weak = up.level == 2
+    assert np.all(np.abs(up.amplitude / down.amplitude - 1)[weak] < SAME)
+    apart = np.flatnonzero(np.abs(up.amplitude / down.amplitude - 1)[~weak] > SAME)
+    # one band without gaps, in which a hardening spring holds the large branch on the way up
+    assert len(apart) > 5
+    assert np.all(np.diff(apart) == 1)
+    assert np.all(up.amplitude[~weak][apart] > 2 * down.amplitude[~weak][apart])
+    rest = simulate(duffing(), SimulatedTest([2.0, 8.0], frequency))
+    nearest = np.minimum(
+        np.abs(rest.amplitude / up.amplitude - 1), np.abs(rest.amplitude / down.amplitude - 1)
+    )
+    assert nearest.max() < SAME
+
+
+def test_a_softening_spring_jumps_the_other_way() -> None:
+    case = load_case(CASES / "cubic.toml")
+    test = replace(case.test, level=[12.5], frequency=np.arange(8.8, 10.4, 0.02), accuracy=1e-4)
+    up, down = (simulate(case.oscillator, replace(test, sweep=sweep)) for sweep in ("up", "down"))
+    apart = np.abs(up.amplitude / down.amplitude - 1) > SAME
+    assert apart.any()
+    assert np.all(down.amplitude[apart] > up.amplitude[apart])
+
+
+@pytest.mark.parametrize(
+    ("name", "harmonics", "agrees"),
+    [
+        # what the truncation at so many harmonics leaves
+        ("cubic", 9, 2e-6),
+        ("quintic", 9, 2e-6),
+        ("combined", 11, 2e-5),
+        ("piecewise", 31, 2e-5),
+        ("bilinear", 31, 1e-4),
+        ("joint", 15, 2e-5),
+    ],
+)
+def test_harmonic_balance_gives_the_same_surface(name: str, harmonics: int, agrees: float) -> None:
+    case = load_case(CASES / f"{name}.toml")
+    test = replace(
+        case.test,
+        level=case.test.level[[1, -1]],
+        frequency=case.test.frequency[::8],
+        harmonics=harmonics,
+        accuracy=1e-6,
+    )
+    time = simulate(case.oscillator, test)
+    balance = simulate(case.oscillator, replace(test, method="harmonic-balance", sweep="up"))
+    difference = np.abs(time.harmonics[:, :4] - balance.harmonics[:, :4]).max(axis=1) / time.amplitude
+    same = difference < 0.01
+    assert same.mean() > 0.9  # near a fold the two may be on different branches
+    assert difference[same].max() < agrees
+
+
+def test_harmonic_balance_of_a_linear_oscillator_is_its_receptance() -> None:
+    frequency = np.linspace(4, 16, 30)
+    omega = 2 * np.pi * frequency
+    force = np.full(30, 2.0 - 1.0j)
+    states = solve_harmonic_balance(duffing(kn=0.0), force, frequency, harmonics=3)
+    exact = force / (5920 - 1.5 * omega**2 + 3.8j * omega)
+    assert np.allclose(states.harmonics[:, 1], exact, rtol=1e-10)
+    assert states.residual.max() < 1e-10
+
+
+def test_noise_is_complex_gaussian_and_of_its_seed() -> None:
+    test = SimulatedTest(np.linspace(1, 3, 40), np.linspace(8, 12, 60), noise_relative=0.02, seed=5)
+    clean = simulate(duffing(), replace(test, noise_relative=0.0))
+    noisy = simulate(duffing(), test)
+    assert np.array_equal(noisy.harmonics, simulate(duffing(), test).harmonics)
+    assert not np.array_equal(noisy.harmonics, simulate(duffing(), replace(test, seed=6)).harmonics)
+    on_force = (noisy.force - clean.force) / np.abs(clean.force) / 0.02
+    on_third = (noisy.harmonics - clean.harmonics)[:, 3] / clean.amplitude / 0.02
+    for noise in (on_force, on_third):
+        # 2400 points: four standard errors of the mean and of the variance
+        assert np.mean(np.abs(noise) ** 2) == pytest.approx(1.0, abs=4 / np.sqrt(2400))
+        assert abs(noise.mean()) < 4 / np.sqrt(2400)
+        assert abs(np.mean(noise**2)) < 4 * np.sqrt(2 / 2400)
+    assert abs(np.mean(on_force * np.conj(on_third))) < 4 / np.sqrt(2400)
+    assert np.all(noisy.harmonics[:, 0].imag == 0)
+    assert np.array_equal(noisy.level, clean.level)
+
+
+def test_unsettled_points_stay_in_the_surface() -> None:
+    falling = Oscillator(1.5, (make_element("all", "c*v - k*x"),), {"c": 3.0, "k": 5920.0})
+    surface = simulate(falling, SimulatedTest([1.0], [8.0, 9.0]))
+    assert len(surface) == 2
+    assert not surface.settled.any()
+    assert np.isnan(surface.harmonics).all()
+
+
+def test_progress_ends_at_one() -> None:
+    for change in ({}, {"sweep": "up"}, {"sweep": "down", "method": "harmonic-balance"}):
+        shares: list[float] = []
+        test = replace(SimulatedTest([1.0], [8.0, 9.0, 10.0]), **change)
+        simulate(duffing(), test, progress=shares.append)
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"level": []}, "level"),
+        ({"level": [1.0, 1.0]}, "level"),
+        ({"frequency": [-1.0]}, "frequency"),
+        ({"sweep": "sideways"}, "rest, up, down"),
+        ({"method": "guess"}, "time, harmonic-balance"),
+        ({"control": "none"}, "force, response"),
+        ({"harmonics": 100}, "1 to 64"),
+        ({"accuracy": 1.0}, "accuracy"),
+        ({"noise_relative": -0.1}, "noise"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_faults_are_named(change: dict[str, object], says: str) -> None:
+    with pytest.raises(RsgenError, match=says):
+        SimulatedTest(**({"level": [1.0], "frequency": [8.0]} | change))

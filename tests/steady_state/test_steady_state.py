@@ -1,0 +1,330 @@
+"""Steady states against independent answers: DOP853 with events, closed forms, brute force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen import load_case
+from rsgen.errors import RsgenError
+from rsgen.kernel import compile_kernel
+from rsgen.law.element import make_element
+from rsgen.oscillator import Oscillator
+from rsgen.steady_state import solve_steady_states
+from tests.oracles import motion
+from tests.oracles.motion import Law
+
+CASES = Path(__file__).parents[2] / "cases"
+ASKED = 1e-4  # what the main job promises on every case
+POINTS = 12
+DOP853 = 2e-7  # what the reference itself is worth after it repeats to motion.REPEATS
+
+
+def x_itself(x: float, v: float) -> float:
+    return x
+
+
+def v_itself(x: float, v: float) -> float:
+    return v
+
+
+def _piecewise(c4: float, k4: float, k5: float, b: float) -> Law:
+    def n(x: float, v: float, modes: tuple[bool, ...]) -> float:
+        if modes[0]:
+            return c4 * v + k5 * x + (k4 - k5) * b
+        return c4 * v + (k4 * x if modes[1] else k5 * x - (k4 - k5) * b)
+
+    return Law(n, (lambda x, v: x - b, lambda x, v: x + b))
+
+
+# the laws once more, written by hand from the paper's equations (13) to (26)
+PAPER: dict[str, Callable[..., Law]] = {
+    "cubic": lambda c1, k1, kn1: Law(lambda x, v, _: c1 * v + k1 * x + kn1 * x**3),
+    "cubic-hardening": lambda c1, k1, kn1: Law(lambda x, v, _: c1 * v + k1 * x + kn1 * x**3),
+    "quintic": lambda c2, k2, kn2: Law(lambda x, v, _: c2 * v + k2 * x + kn2 * x**5),
+    "coulomb": lambda c3, k3, Ff: Law(
+        lambda x, v, modes: c3 * v + k3 * x + (Ff if modes[0] else -Ff), (v_itself,), 0
+    ),
+    "piecewise": _piecewise,
+    "bilinear": lambda c5, k6, k7: Law(
+        lambda x, v, modes: c5 * v + (k6 if modes[0] else k7) * x, (x_itself,)
+    ),
+    "combined": lambda c6, cn6, k8, kn8: Law(
+        lambda x, v, _: c6 * v + cn6 * v * abs(v) + k8 * x + kn8 * x**3, (v_itself,)
+    ),
+    "joint": lambda a1, a2, a3, a4, a5, d1, d2, d3, d4: Law(
+        lambda x, v, _: (
+            a1 * x + a2 * x * abs(x) + a3 * x**3 + a4 * x**3 * abs(x) + a5 * x**5
+            + d1 * v + d2 * v * abs(v) + d3 * v**3 + d4 * v**3 * abs(v)
+        ),
+        (x_itself, v_itself),
+    ),
+}  # fmt: skip
+
+
+def oscillator(law: str, mass: float = 1.5, **values: float) -> Oscillator:
+    return Oscillator(mass, (make_element("all", law),), values)
+
+
+def worst(
+    o: Oscillator, law: Law, force: np.ndarray, frequency: np.ndarray, accuracy: float, harmonics: int = 7
+) -> tuple[float, float, float]:
+    """Largest relative error of the fundamental, of all harmonics and of the peaks."""
+    asked = solve_steady_states(o, force, frequency, accuracy=accuracy, harmonics=harmonics)
+    # the reference starts close by, only to save its time: it goes on until it repeats by itself
+    near = solve_steady_states(o, force, frequency, accuracy=1e-9, harmonics=harmonics)
+    assert asked.settled.all()
+    errors = []
+    for i, (F, f) in enumerate(zip(force, frequency, strict=True)):
+        wave, _ = motion.settle(law, o.mass, F, 2 * np.pi * f, near.state[i])
+        X = np.array([motion.harmonic(wave, h) for h in range(harmonics + 1)])
+        peak = [wave[:, 0].max(), wave[:, 0].min()]
+        size = abs(X[1])
+        if size == 0:
+            assert np.all(asked.harmonics[i, 1:] == 0)
+            continue
+        change = np.abs(asked.harmonics[i] - X) / size
+        errors.append((change[1], change.max(), np.abs(asked.peak[i] - peak).max() / size))
+    return tuple(np.max(errors, axis=0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAPER)
+def test_cases_agree_with_dop853(name: str) -> None:
+    case = load_case(CASES / f"{name}.toml")
+    o, test = case.oscillator, case.test
+    law = PAPER[name](**o.values)
+    random = np.random.default_rng(11)
+    force = random.choice(test.level, POINTS)
+    frequency = random.choice(test.frequency, POINTS)
+    # always among them: the least level (light sticking) and the strongest resonance
+    force[:2] = test.level.min(), test.level.max()
+    grid = solve_steady_states(o, np.full(test.frequency.shape, test.level.max()), test.frequency)
+    frequency[1] = test.frequency[np.nanargmax(np.abs(grid.harmonics[:, 1]))]
+    fundamental, harmonics, peak = worst(o, law, force, frequency, ASKED)
+    assert fundamental <= ASKED
+    assert harmonics <= ASKED
+    assert peak <= ASKED + 2e-6  # the reference is sampled at 2048 times a period
+
+
+OTHERS = {
+    "friction that grows with x": (
+        oscillator("k*x + c*v + (Ff + mu*x**2)*sign(v)", k=6e3, c=4.0, Ff=0.5, mu=1e5),
+        Law(lambda x, v, m: 6e3 * x + 4 * v + (0.5 + 1e5 * x * x) * (1 if m[0] else -1), (v_itself,), 0),
+    ),
+    "friction of x alone": (
+        oscillator("k*x + c*v + mu*abs(x)*sign(v)", k=6e3, c=4.0, mu=300.0),
+        Law(lambda x, v, m: 6e3 * x + 4 * v + 300 * abs(x) * (1 if m[0] else -1), (v_itself, x_itself), 0),
+    ),
+    "a one-sided stop with friction": (
+        oscillator("k*x + c*v + Max(k2*(x - g), 0) + Ff*sign(v)", k=6e3, c=4.0, k2=2e4, g=1e-3, Ff=0.4),
+        Law(
+            lambda x, v, m: 6e3 * x + 4 * v + (2e4 * (x - 1e-3) if m[0] else 0) + (0.4 if m[1] else -0.4),
+            (lambda x, v: x - 1e-3, v_itself),
+            1,
+        ),
+    ),
+    "a switch in x and v together": (
+        oscillator("k*x + c*v + a*sign(x + d*v)", k=6e3, c=14.0, a=0.05, d=-0.002),
+        Law(lambda x, v, m: 6e3 * x + 14 * v + (0.05 if m[0] else -0.05), (lambda x, v: x - 0.002 * v,)),
+    ),
+    "a product of switches": (
+        oscillator("k*x + c*v + Piecewise((a*x, x*v > 0), (0, True))", k=6e3, c=4.0, a=400.0),
+        Law(lambda x, v, m: 6e3 * x + 4 * v + (400 * x if m[0] == m[1] else 0), (x_itself, v_itself)),
+    ),
+    "Hertzian contact behind a gap": (
+        oscillator("k*x + c*v + a*Max(x - g, 0)**1.5", k=3e3, c=4.0, a=1e5, g=1e-3),
+        Law(lambda x, v, m: 3e3 * x + 4 * v + 1e5 * max(x - 1e-3, 0.0) ** 1.5, (lambda x, v: x - 1e-3,)),
+    ),
+    "a saturating spring": (
+        oscillator("k*x + c*v + a*tanh(x/d)", k=3e3, c=4.0, a=2.0, d=1e-3),
+        Law(lambda x, v, m: 3e3 * x + 4 * v + 2 * np.tanh(x / 1e-3)),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_laws_agree_with_dop853(name: str) -> None:
+    o, law = OTHERS[name]
+    force, frequency = np.array([0.9, 2.0, 5.0]), np.array([9.0, 10.2, 12.5])
+    fundamental, harmonics, _ = worst(o, law, force, frequency, 1e-5)
+    assert fundamental <= 1e-5
+    assert harmonics <= 1e-5
+
+
+@pytest.mark.parametrize("name", ["cubic", "piecewise", "coulomb", "combined"])
+def test_tight_accuracy_is_reached(name: str) -> None:
+    case = load_case(CASES / f"{name}.toml")
+    o, test = case.oscillator, case.test
+    force, frequency = test.level[[1, -1]], np.full(2, test.frequency.mean())
+    fundamental, _, _ = worst(o, PAPER[name](**o.values), force, frequency, 1e-8)
+    assert fundamental <= 1e-8 + DOP853 / 10
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6, 1e-9])
+def test_linear_oscillator_has_the_exact_receptance(accuracy: float) -> None:
+    o = oscillator("k*x + c*v", k=5920.0, c=3.8)
+    frequency = np.linspace(2, 20, 90)
+    omega = 2 * np.pi * frequency
+    force = np.linspace(0.5, 8, 90) * np.exp(1j * np.linspace(0, 6, 90))
+    exact = force / (5920 - 1.5 * omega**2 + 3.8j * omega)
+    states = solve_steady_states(o, force, frequency, accuracy=accuracy)
+    assert np.max(np.abs(states.harmonics[:, 1] / exact - 1)) <= accuracy
+    assert np.max(np.abs(states.harmonics[:, [0, 2, 3]])) <= accuracy * np.abs(exact).max()
+    assert np.allclose(states.state[:, 0], exact.real, rtol=0, atol=accuracy * np.abs(exact))
+    assert np.allclose(states.peak, np.abs(exact)[:, None] * [1, -1], rtol=2 * accuracy)
+    assert np.nanmax(states.error) <= accuracy
+
+
+def _one_period_error(law: str, values: dict[str, float], state: list[float], steps: list[int]) -> np.ndarray:
+    """Errors of one period of motion against one with many steps; fixed start, no fixed point involved."""
+    kernel = compile_kernel(make_element("all", law).force)
+    order = np.array([values[name] for name in kernel.parameters])
+    F, omega = np.array([[6.0, 1.0]]), np.array([2 * np.pi * 9])
+    y = np.array([[state[0]], [state[1] / omega[0]]])
+
+    def end(count: int) -> np.ndarray:
+        march = kernel.march(np.array([0]), y, F, omega, 1.5, order, steps=count, periods=1)
+        return march.state[:, 0]
+
+    best = end(16384)
+    return np.array([np.hypot(*(end(count) - best)) for count in steps])
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "state"),
+    [
+        ("c*v + k*x + kn*x**3", {"c": 4.0, "k": 5e3, "kn": 3e8}, [3e-3, 0.1]),
+        ("c*v + k*x + Max(k2*(x - g), 0)", {"c": 4.0, "k": 5e3, "k2": 1e4, "g": 1e-3}, [3e-3, 0.1]),
+        ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 2.0}, [3e-3, 0.1]),
+        ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 5.0}, [2e-4, 0.0]),
+    ],
+    ids=["smooth", "corner", "friction", "stick"],
+)
+def test_convergence_is_of_fourth_order(law: str, values: dict[str, float], state: list[float]) -> None:
+    steps = [64, 128, 256, 512, 1024]
+    errors = _one_period_error(law, values, state, steps)
+    # over all of the range: single halvings scatter with the place of the events within their steps
+    order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
+    assert 3.6 <= order <= 5.0
+
+
+@pytest.mark.parametrize("name", ["combined", "coulomb", "joint"])
+def test_work_of_the_force_is_dissipated(name: str) -> None:
+    case = load_case(CASES / f"{name}.toml")
+    o, test = case.oscillator, case.test
+    force, frequency = test.level[[-2, -1]], test.frequency[[20, 60]]
+    H = 40
+    states = solve_steady_states(o, force, frequency, accuracy=1e-6, harmonics=H)
+    phase = 2 * np.pi * np.arange(4096) / 4096
+    for i in range(2):
+        omega = 2 * np.pi * frequency[i]
+        h = np.arange(H + 1)
+        turning = states.harmonics[i][:, None] * np.exp(1j * h[:, None] * phase)
+        x = turning.sum(axis=0).real
+        v = (1j * omega * h[:, None] * turning).sum(axis=0).real
+        law = PAPER[name](**o.values)
+        n = np.array([law.n(a, b, (b > 0,) * len(law.switches)) for a, b in zip(x, v, strict=True)])
+        dissipated = np.mean(n * v) * 2 * np.pi / omega
+        done = np.pi * (force[i] * np.conj(states.harmonics[i, 1]) * 1j).real * -1
+        # the velocity of a friction law is cut off at the harmonic H
+        assert dissipated == pytest.approx(-done if done < 0 else done, rel=1e-4)
+
+
+def test_from_rest_ends_where_brute_force_ends() -> None:
+    o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
+    level, frequency = np.meshgrid(np.linspace(1, 10, 12), np.linspace(9, 13, 40), indexing="ij")
+    force, frequency = level.ravel().astype(complex), frequency.ravel()
+    fast = solve_steady_states(o, force, frequency)
+    kernel = compile_kernel(o.force)
+    values = np.array([o.values[name] for name in kernel.parameters])
+    slow = kernel.march(
+        np.arange(480), np.zeros((2, 480)), np.column_stack([force.real, force.imag]),
+        2 * np.pi * frequency, 1.5, values, steps=96, periods=1200, harmonics=1,
+    )  # fmt: skip
+    assert fast.settled.all()
+    other = np.abs(fast.harmonics[:, 1] / slow.harmonics[:, 1] - 1)
+    assert other.max() < 2e-4
+
+
+def test_a_start_on_a_branch_stays_on_it() -> None:
+    o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
+    # both branches of the fold at 11.3 Hz, reached from their own sides
+    up = down = None
+    for f in np.linspace(10, 11.3, 27):
+        up = solve_steady_states(o, [10.0], [f], start=None if up is None else up.state)
+    for f in np.linspace(14, 11.3, 27):
+        down = solve_steady_states(o, [10.0], [f], start=None if down is None else down.state)
+    assert abs(up.harmonics[0, 1]) > 2 * abs(down.harmonics[0, 1])
+    changed = oscillator("c*v + k*x + kn*x**3", c=3.81, k=5925.0, kn=2.49e6)
+    start = np.concatenate([up.state, down.state])
+    near = solve_steady_states(changed, [10.0, 10.0], [11.3, 11.3], start=start)
+    assert abs(near.harmonics[0, 1] / up.harmonics[0, 1] - 1) < 0.05
+    assert abs(near.harmonics[1, 1] / down.harmonics[0, 1] - 1) < 0.05
+
+
+def test_a_mass_that_friction_holds_does_not_move() -> None:
+    o = oscillator("c*v + k*x + Ff*sign(v)", c=3.8, k=5920.0, Ff=0.8)
+    states = solve_steady_states(o, [0.3, 0.79, 0.81], [10.0, 10.0, 10.0])
+    assert states.settled.all()
+    assert np.all(states.harmonics[:2] == 0)
+    assert np.abs(states.harmonics[2, 1]) > 0
+
+
+def test_what_never_settles_is_said_not_returned() -> None:
+    undamped = solve_steady_states(oscillator("k*x", k=5920.0), [1.0], [8.0])
+    assert list(undamped.outcome) == [1]
+    falling = solve_steady_states(oscillator("c*v - k*x", k=5920.0, c=3.0), [1.0], [8.0])
+    assert list(falling.outcome) == [3]
+    assert np.isnan(undamped.harmonics).all()
+    assert np.isnan(falling.peak).all()
+
+
+def test_period_two_is_recognised() -> None:
+    # the one-sided stop at twice its natural frequency: the classical period doubling of an impact oscillator
+    o = oscillator("k*x + c*v + Max(kw*x, 0)", k=600.0, c=1.0, kw=6e5)
+    states = solve_steady_states(o, np.full(60, 5.0), np.linspace(5, 16, 60))
+    two = np.flatnonzero(states.outcome == 2)
+    assert len(two)
+    kernel = compile_kernel(o.force)
+    values = np.array([o.values[name] for name in kernel.parameters])
+    omega = 2 * np.pi * np.linspace(5, 16, 60)[two]
+    march = kernel.march(
+        np.arange(len(two)), np.zeros((2, len(two))), np.tile([5.0, 0.0], (len(two), 1)),
+        omega, 1.5, values, steps=256, periods=3000,
+    )  # fmt: skip
+    size = np.hypot(*march.state)
+    twice = np.hypot(*(march.state - march.trail[0])) / size
+    once = np.hypot(*(march.state - march.trail[1])) / size
+    assert np.median(twice) < 1e-4
+    assert np.median(once) > 1e-2
+
+
+def test_points_are_independent_of_each_other() -> None:
+    o = load_case(CASES / "coulomb.toml").oscillator
+    force, frequency = np.linspace(1.2, 9, 7), np.linspace(8, 12, 7)
+    whole = solve_steady_states(o, force, frequency)
+    single = solve_steady_states(o, force[3:4], frequency[3:4])
+    assert np.array_equal(whole.harmonics[3], single.harmonics[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"frequency": [0.0]}, "frequency"),
+        ({"force": [np.nan]}, "force"),
+        ({"force": [1.0, 2.0]}, "shapes"),
+        ({"accuracy": 1e-12}, "accuracy"),
+        ({"harmonics": 0}, "harmonics"),
+        ({"start": [[0.0, np.inf]]}, "start"),
+        ({"start": [0.0, 0.0]}, "start"),
+    ],
+)
+def test_faults_are_named(change: dict[str, object], says: str) -> None:
+    arguments = {"force": [1.0], "frequency": [8.0]} | change
+    with pytest.raises(RsgenError, match=says):
+        solve_steady_states(oscillator("k*x + c*v", k=5920.0, c=3.8), **arguments)

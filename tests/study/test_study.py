@@ -1,0 +1,357 @@
+"""Running cases: a result is whole and verified, or it is no result."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.case import load_case
+from rsgen.errors import RsgenError
+from rsgen.measurement import read_measurement
+from rsgen.study import MANIFEST, CaseRun, read_manifest, rewrite_report, run_case, run_cases
+from rsgen.study.folder import recover, replaced_folder
+from rsgen.study.manifest import write_manifest
+from rsgen.study.run_case import current_result
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("RSGEN_DATA", ROOT.parent / "shared" / "data"))
+posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
+
+CASE = """\
+schema = 1
+name = "{name}"
+title = "A small case"
+system = {{ mass = "1.5 kg" }}
+
+[[element]]
+name = "spring"
+force = "k*x + kn*x**3"
+
+[[element]]
+name = "damper"
+force = "c*v"
+
+[truth]
+k = 5920.0
+kn = 2.2e5
+c = 8.0
+
+[test]
+kind = "simulated"
+level = {{ start = 2, stop = 10, count = 3 }}
+frequency = {{ start = 8, stop = 12, count = 21 }}
+harmonics = 5
+accuracy = 1e-5
+
+[accept]
+k = {accept}
+"""
+
+
+def write_case(folder: Path, name: str = "small", accept: str = "1e-2") -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(CASE.format(name=name, accept=accept), encoding="utf-8")
+    return path
+
+
+def fill(folder: Path, text: str) -> None:
+    (folder / "result.json").write_text(text)
+    (folder / "report.html").write_text(text * 2)
+    write_manifest(folder, {"case": "0"}, None, ["rsgen"])
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# ---------------------------------------------------------------- manifest
+
+
+def test_manifest_vouches_for_every_byte(tmp_path: Path) -> None:
+    fill(tmp_path, "text")
+    manifest = read_manifest(tmp_path)
+    assert manifest is not None
+    assert set(manifest["files"]) == {"result.json", "report.html"}
+    assert manifest["command"] == ["rsgen"]
+    (tmp_path / "report.html").write_text("texttexT")
+    assert read_manifest(tmp_path) is None
+    (tmp_path / "report.html").unlink()
+    assert read_manifest(tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        "[" * 100_000,
+        '{"schema": 1}',
+        '{"schema": 1, "files": {}}',
+        '{"schema": 2, "files": {"a": "b"}}',
+        '{"schema": 1, "files": {"../result.json": "b"}}',
+        '{"schema": 1, "files": {"/etc/hostname": "b"}}',
+        '{"schema": 1, "files": {"a\\u0000": "b"}}',
+    ],
+)
+def test_a_corrupted_manifest_is_none(tmp_path: Path, text: str) -> None:
+    fill(tmp_path, "text")
+    (tmp_path / MANIFEST).write_text(text)
+    assert read_manifest(tmp_path) is None
+
+
+# ---------------------------------------------------------------- the folder of a result
+
+
+def test_a_folder_takes_its_place_whole(tmp_path: Path) -> None:
+    for text in ("first", "second"):
+        with replaced_folder(tmp_path / "out", "case") as folder:
+            fill(folder, text)
+            assert folder.parent == tmp_path / "out"
+        assert (tmp_path / "out" / "case" / "result.json").read_text() == text
+        assert [path.name for path in (tmp_path / "out").iterdir()] == ["case"]
+    assert read_manifest(tmp_path / "out" / "case") is not None
+
+
+def test_a_fault_leaves_the_earlier_result(tmp_path: Path) -> None:
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+    before = content(tmp_path / "case")
+
+    def fail() -> None:
+        with replaced_folder(tmp_path, "case") as folder:
+            fill(folder, "half")
+            raise RsgenError("in the middle")
+
+    with pytest.raises(RsgenError, match="in the middle"):
+        fail()
+    assert content(tmp_path / "case") == before
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+
+
+def _hang_in_the_middle(out: str) -> None:
+    with replaced_folder(Path(out), "case") as folder:
+        fill(folder, "half")
+        (folder / "ready").touch()
+        time.sleep(60)
+
+
+@posix
+def test_a_killed_run_leaves_the_earlier_result(tmp_path: Path) -> None:
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+    before = content(tmp_path / "case")
+    process = multiprocessing.get_context("spawn").Process(target=_hang_in_the_middle, args=(str(tmp_path),))
+    process.start()
+    while not list(tmp_path.glob(".case.*.part/ready")):
+        assert process.is_alive()
+        time.sleep(0.01)
+    # while it runs, others leave its folder alone
+    recover(tmp_path, "case")
+    assert list(tmp_path.glob(".case.*.part"))
+    process.kill()
+    process.join()
+    assert content(tmp_path / "case") == before
+    recover(tmp_path, "case")
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+
+
+def _dead_process() -> int:
+    process = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
+    )
+    return int(process.stdout)
+
+
+@posix
+def test_a_kill_between_the_two_renames_loses_nothing(tmp_path: Path) -> None:
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+    dead = _dead_process()
+    (tmp_path / "case").rename(tmp_path / f".case.{dead}.old")
+    (tmp_path / f".case.{dead}.part").mkdir()
+    recover(tmp_path, "case")
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+    assert read_manifest(tmp_path / "case") is not None
+
+
+def test_a_file_in_the_way_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "case").write_text("precious")
+
+    def fail() -> None:
+        with replaced_folder(tmp_path, "case"):
+            pass
+
+    with pytest.raises(RsgenError, match="is no folder"):
+        fail()
+    assert (tmp_path / "case").read_text() == "precious"
+
+
+# ---------------------------------------------------------------- whole runs
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, CaseRun]:
+    """A small case that was run once, its results' folder, and what became of it."""
+    folder = tmp_path_factory.mktemp("run")
+    path = write_case(folder)
+    return path, folder / "out", run_case(path, folder / "out")
+
+
+@pytest.mark.slow
+def test_a_run_leaves_what_it_promises(finished: tuple[Path, Path, CaseRun]) -> None:
+    path, out, run = finished
+    assert run.faults == ()
+    assert run.passed
+    assert not run.skipped
+    wanted = {"surface.h5", "kernel.py", "result.json", "notebook.ipynb", "report.html", MANIFEST}
+    assert wanted <= set(content(out / "small"))
+    manifest = read_manifest(out / "small")
+    assert manifest is not None
+    assert manifest["inputs"] == {"case": load_case(path).sha256}
+    assert manifest["seed"] is None
+    result = json.loads((out / "small" / "result.json").read_text())
+    assert result["case"] == "small"
+    assert result["passed"] is True
+
+
+@pytest.mark.slow
+def test_unchanged_is_skipped_and_changed_is_not(
+    finished: tuple[Path, Path, CaseRun], tmp_path: Path
+) -> None:
+    path, out, _ = finished
+    case = load_case(path)
+    again = current_result(case, out)
+    assert again is not None
+    assert again.skipped
+    assert again.passed
+    changed = load_case(write_case(tmp_path, accept="2e-2"))
+    assert current_result(changed, out) is None
+    copied = tmp_path / "out"
+    for damage in ("result.json", "surface.h5", MANIFEST):
+        shutil.copytree(out, copied)
+        assert current_result(case, copied) is not None
+        (copied / "small" / damage).write_bytes(b"{}")
+        assert current_result(case, copied) is None
+        shutil.rmtree(copied)
+
+
+@pytest.mark.slow
+def test_a_faulty_case_stops_no_other(finished: tuple[Path, Path, CaseRun], tmp_path: Path) -> None:
+    path, out, _ = finished
+    bad = write_case(tmp_path, "bad", accept="'much'")
+    twin = write_case(tmp_path, "SMALL")
+    seen: list[str] = []
+    runs = run_cases([bad, path, twin], out, finished=lambda run: seen.append(run.name))
+    assert [run.passed for run in runs] == [None, True, None]
+    assert "accept.k" in runs[0].faults[0]
+    assert "is also the name of small.toml" in runs[2].faults[0]
+    assert sorted(seen) == ["SMALL", "bad", "small"]
+    assert runs[1].skipped
+    assert (out / "index.html").is_file()
+    assert "small" in (out / "table1.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_report_is_written_anew_from_its_surface(
+    finished: tuple[Path, Path, CaseRun], tmp_path: Path
+) -> None:
+    path, out, _ = finished
+    shutil.copytree(out, tmp_path / "out")
+    surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
+    run = rewrite_report(path, tmp_path / "out")
+    assert run.faults == ()
+    assert run.passed
+    assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
+    assert read_manifest(tmp_path / "out" / "small") is not None
+    # a surface of another case is not taken
+    other = write_case(tmp_path, accept="3e-2")
+    assert "holds no surface of this very case" in rewrite_report(other, tmp_path / "out").faults[0]
+
+
+def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
+    path = write_case(tmp_path)
+    assert "choose another --out" in run_case(path, tmp_path).faults[0]
+    inside = tmp_path / "small"
+    inside.mkdir()
+    assert "choose another --out" in run_case(write_case(inside), tmp_path).faults[0]
+    assert [file.name for file in inside.iterdir()] == ["small.toml"]
+
+
+def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
+    run = run_case(write_case(tmp_path, accept="-1"), tmp_path / "out")
+    assert run.passed is None
+    assert run.faults == ("small.toml: accept.k: is -1; a number above 0 is needed",)
+    assert not (tmp_path / "out").exists()
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("wait", [0.8, 2.5])
+def test_killing_the_command_keeps_the_earlier_result(
+    finished: tuple[Path, Path, CaseRun], tmp_path: Path, wait: float
+) -> None:
+    path, out, _ = finished
+    shutil.copytree(out, tmp_path / "out")
+    before = content(tmp_path / "out" / "small")
+    words = [sys.executable, "-c", "from rsgen.cli import main; main()", "run", str(path), "--force"]
+    process = subprocess.Popen(
+        [*words, "--out", str(tmp_path / "out")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    time.sleep(wait)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    if process.returncode == -signal.SIGKILL:
+        assert content(tmp_path / "out" / "small") == before
+    assert read_manifest(tmp_path / "out" / "small") is not None
+    recover(tmp_path / "out", "small")
+    assert not list((tmp_path / "out").glob(".small*"))
+
+
+# ---------------------------------------------------------------- a real structure
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (DATA / "wire" / "example6.txt").is_file(),
+    reason="the measured wire is not here; set RSGEN_DATA to the folder that holds wire/example6.txt",
+)
+def test_the_vibrating_wire_from_file_to_report(tmp_path: Path) -> None:
+    path = Path(__file__).parents[1] / "cases" / "wire.toml"
+    case = load_case(path, data=DATA)
+    surface = read_measurement(case.test)
+    # the head of the file: 12 drives, each up and down but the last, which was stopped after going up
+    assert len(surface.levels) == 12
+    runs = {(level, str(sweep)) for level, sweep in zip(surface.level, surface.sweep, strict=True)}
+    assert len(runs) == 23
+    # the resonance of the wire falls with the drive
+    peaks = [
+        surface.frequency[mask][np.argmax(surface.amplitude[mask])]
+        for mask in (surface.level == surface.levels[0], surface.level == surface.levels[-2])
+    ]
+    assert peaks[0] > peaks[1] > 1600
+    run = run_case(path, tmp_path / "out", data=DATA)
+    assert run.faults == ()
+    assert run.passed
+    result = json.loads((run.folder / "result.json").read_text())
+    assert result["surface"]["origin"] == "measured"
+    assert len(result["equivalent"]["stiffness"]) == len(result["equivalent"]["amplitude"]) > 1000
+    assert all(row["true"] is None for row in result["parameters"])
+    found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
+    assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=2.0)
+    assert found["kn"] < 0 < found["cn"]
