@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from math import isfinite
 from types import MappingProxyType
 
 import sympy
 
 from rsgen.errors import RsgenError
 from rsgen.law.element import Element
+from rsgen.observation import Observation
 
-__all__ = ["BACKGROUNDS", "Model", "Oscillator"]
-
-BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
-"""What may be seen besides the mode; each contains the ones before it."""
+__all__ = ["Model", "Oscillator"]
 
 
 def _total_force(elements: Iterable[Element]) -> sympy.Expr:
@@ -104,47 +102,27 @@ class Model:
         The candidate springs and dampers.
     mass
         m [kg] where it is known beforehand; None where it is to be identified.
-    hold_out
-        Nominal levels [N] that identification must not see; prediction is scored on them.
-    background
-        What a sensor sees besides the mode, fitted with it: "none"; "phase", a constant phase error between
-        force and response; "constant", and a response proportional to the force; "residuals", and its change
-        over the band, as modes below and above leave it; "neighbour", and one linear mode at the edge of the
-        band or inside it.
-    band
-        Lowest and highest frequency [Hz] that identification uses; None for all.
-    calibrated
-        False where force or response have no known scale (a drive in volts, a strain): parameters are then
-        per unit of the drive, and so is the mass, which cannot be given.
+    observation
+        How the structure was observed.
 
     Raises
     ------
     RsgenError
-        Mass not positive and finite, element names not unique, unknown background, band not ascending.
+        Mass not positive and finite, element names not unique, or a mass given of a test that is not
+        calibrated.
     """
 
     elements: tuple[Element, ...]
     mass: float | None = None
-    hold_out: tuple[float, ...] = ()
-    background: str = "none"
-    band: tuple[float, float] | None = None
-    calibrated: bool = True
+    observation: Observation = field(default_factory=Observation)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "elements", tuple(self.elements))
-        object.__setattr__(self, "hold_out", tuple(float(level) for level in self.hold_out))
         _check_elements(self.elements)
         if self.mass is not None and not (isfinite(self.mass) and self.mass > 0):
             raise RsgenError(f"mass: {self.mass!r} kg; must be positive and finite, or None to identify it")
-        if self.mass is not None and not self.calibrated:
+        if self.mass is not None and not self.observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
-        if self.background not in BACKGROUNDS:
-            raise RsgenError(f"background: {self.background!r}; must be one of {', '.join(BACKGROUNDS)}")
-        if self.band is not None:
-            low, high = map(float, self.band)
-            if not 0 <= low < high < inf:
-                raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and not negative")
-            object.__setattr__(self, "band", (low, high))
 
     @property
     def force(self) -> sympy.Expr:

@@ -161,7 +161,7 @@ def predict(
     """
     model = identification.model
     if levels is None:
-        levels = sorted({*map(float, identification.levels), *model.hold_out})
+        levels = sorted({*map(float, identification.levels), *model.observation.hold_out})
     for level in levels:
         if not (isfinite(level) and level > 0):
             raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")

@@ -11,6 +11,7 @@ import sympy
 
 from rsgen.errors import RsgenError
 from rsgen.law.element import Element
+from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 
 x, v, k, c = sympy.symbols("x v k c", real=True)
@@ -71,8 +72,15 @@ def test_elements_need_names_of_their_own():
 
 
 def test_a_model_has_no_place_for_values():
-    # laws, what is known of the scale, and which part of the test is meant: nothing that truth could hide in
-    assert {f.name for f in fields(Model)} == {
-        "elements", "mass", "hold_out", "background", "band", "calibrated"
-    }  # fmt: skip
+    # laws, a known mass, and facts about the test: nothing that truth could hide in
+    assert {f.name for f in fields(Model)} == {"elements", "mass", "observation"}
+    assert {f.name for f in fields(Observation)} == {"background", "hold_out", "band", "calibrated"}
     assert Model((SPRING, DAMPER)).parameters == ("c", "k")
+
+
+@pytest.mark.parametrize(
+    ("declared", "said"), [({"background": "smooth"}, "background"), ({"band": (5.0, 4.0)}, "ascending")]
+)
+def test_an_impossible_observation_is_refused(declared, said):
+    with pytest.raises(RsgenError, match=said):
+        Observation(**declared)

@@ -18,6 +18,7 @@ from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
 from rsgen.law.library import find_law
 from rsgen.measurement import MeasuredTest
+from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
@@ -333,9 +334,8 @@ class _Builder:
         # "1" is how units calls a plain number; downstream that is no unit
         parts.units = MappingProxyType({**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"})
         given = document.identify
-        parts.model = Model(
-            elements, None if simulated else mass, hold_out, given.background, band, given.calibrated
-        )
+        observation = Observation(given.background, hold_out, band, given.calibrated)
+        parts.model = Model(elements, None if simulated else mass, observation)
         if simulated and mass is not None:
             parts.oscillator = Oscillator(mass, elements, values)
             parts.truth = MappingProxyType({**values, MASS: mass})

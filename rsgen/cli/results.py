@@ -41,7 +41,7 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
         target,
         case,
         mean=describe_mean(surface) is not None,
-        held_out=bool(case.model.hold_out),
+        held_out=bool(case.model.observation.hold_out),
         surface_file=beside.name if beside else "surface.h5",
     )
     if json:

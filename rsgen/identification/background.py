@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
-from rsgen.oscillator import BACKGROUNDS
+from rsgen.observation import BACKGROUNDS
 from rsgen.surface import ResponseSurface
 
 __all__ = ["Shape", "shape_of"]

@@ -91,7 +91,7 @@ class Points:
 def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     """(n,) True where a point belongs to a level that identification must not see."""
     mask = np.zeros(len(surface), dtype=bool)
-    for level in model.hold_out:
+    for level in model.observation.hold_out:
         mask |= np.isclose(surface.level, level, rtol=_LEVEL_TOLERANCE, atol=0)
     return mask
 
@@ -117,10 +117,11 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     RsgenError
         A held-out level is not in the surface, or fewer than four points remain.
     """
-    for level in model.hold_out:
+    for level in model.observation.hold_out:
         if not np.isclose(surface.levels, level, rtol=_LEVEL_TOLERANCE, atol=0).any():
+            unit = surface.level_unit
             known = ", ".join(f"{value:g}" for value in surface.levels)
-            raise RsgenError(f"model.hold_out: no level {level:g} N in the surface; it has {known} N")
+            raise RsgenError(f"hold_out: no level {level:g} {unit} in the surface; it has {known} {unit}")
     harmonics = np.array(surface.harmonics)
     higher = ~np.isfinite(harmonics)
     higher[:, 1] = False
@@ -133,8 +134,8 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         & (np.abs(harmonics[:, 1]) > 0)
         & (np.abs(surface.force) > 0)
     )
-    if model.band is not None:
-        low, high = model.band
+    if model.observation.band is not None:
+        low, high = model.observation.band
         good &= (surface.frequency >= low) & (surface.frequency <= high)
     index = np.flatnonzero(good)
     if len(index) < _FEWEST:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,9 @@ from rsgen.identification.result import (
     RestoringForce,
 )
 from rsgen.identification.spline_force import invert_motion
+from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 
@@ -51,15 +54,25 @@ _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
 
 
-def identify(surface: ResponseSurface, model: Model) -> Identification:
-    """Identify every parameter of the model's laws, and the mass where it is not given.
+def identify(
+    surface: ResponseSurface,
+    law: Model | Element | str | Sequence[Element],
+    observation: Observation | None = None,
+    *,
+    mass: float | None = None,
+) -> Identification:
+    """Identify every parameter of a law, and the mass where it is not given.
 
     Parameters
     ----------
     surface
         Settled points of any test; unsettled and held-out ones are left aside.
-    model
-        Laws without values.
+    law
+        Without values: a formula, an element, a sequence of elements, or a model.
+    observation
+        How the structure was observed; None: as the model says.
+    mass
+        m [kg] where it is known; None: as the model says, and to be identified where that says nothing.
 
     Returns
     -------
@@ -71,6 +84,27 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
     RsgenError
         A held-out level is not in the surface, or fewer than four points can be used.
     """
+    model = _model_of(law, observation, mass)
+    return _identify(surface, model)
+
+
+def _model_of(
+    law: Model | Element | str | Sequence[Element], observation: Observation | None, mass: float | None
+) -> Model:
+    """Join law, mass and observation; what is given explicitly wins over the model's."""
+    if isinstance(law, str):
+        law = make_element("law", law)
+    if isinstance(law, Element):
+        law = (law,)
+    model = law if isinstance(law, Model) else Model(tuple(law))
+    return replace(
+        model,
+        mass=model.mass if mass is None else mass,
+        observation=model.observation if observation is None else observation,
+    )
+
+
+def _identify(surface: ResponseSurface, model: Model) -> Identification:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
     law = compile_law(model.force)
@@ -84,7 +118,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         besides = background.values
         surface = with_phase(surface, law, refined, background.shape(surface.omega), besides)
         points = with_phase(points, law, refined, background.shape(points.omega), besides)
-    elif model.background == "none":
+    elif model.observation.background == "none":
         refined, sharp = refine(points, law, start_values(points, law, model.mass), model.mass)
     else:
         refined, background, caused = fit_among_modes(points, law, model, repeats, start_values)
@@ -141,7 +175,7 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
-        background=background if model.background != "none" else None,
+        background=background if model.observation.background != "none" else None,
         warnings=(
             *notes,
             *find_warnings(
@@ -152,8 +186,8 @@ def identify(surface: ResponseSurface, model: Model) -> Identification:
                 refined,
                 resonances,
                 estimates,
-                calibrated=model.calibrated,
-                background=model.background,
+                calibrated=model.observation.calibrated,
+                background=model.observation.background,
             ),
         ),
     )

@@ -37,7 +37,7 @@ def fit_amplitudes(
 ) -> tuple[FittedModel, Background, Array]:
     """Fit amplitudes alone, where the phase was not recorded."""
     band = _band(points)
-    kind = "phase" if model.background == "none" else model.background
+    kind = "phase" if model.observation.background == "none" else model.observation.background
     shape = shape_of(kind, points.omega, band)
     start = start_magnitude(points, law, model.mass)
     refined, values = fit_magnitude(
@@ -64,7 +64,7 @@ def fit_among_modes(
 ) -> tuple[FittedModel, Background, Array]:
     """Fit law and background together; also the part of the law's covariance that the background causes."""
     band = _band(points)
-    kind, given = model.background, model.mass
+    kind, given = model.observation.background, model.mass
     values = begin_background(points, kind, band, given)
     begun = start(shape_of(kind, points.omega, band).subtract(points, values), law, given)
     few = points.select(points.spread(_QUICK)) if len(points) > 2 * _QUICK else points

@@ -151,7 +151,7 @@ def _points(surface: ResponseSurface, model: Model) -> Points:
             "ranking: the phase was not recorded; laws are told apart by force and phase together"
         )
     points = select_points(surface, model)
-    background = None if model.background == "none" else identify(surface, model).background
+    background = None if model.observation.background == "none" else identify(surface, model).background
     if background is not None:
         points = background.shape(points.omega).subtract(points, background.values)
     return points.select(points.spread(_POINTS))

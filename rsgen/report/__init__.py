@@ -130,7 +130,7 @@ def write_report(
     write_atomic(place / "kernel.py", kernel.generate(case.model.force))
     # where the test held the amplitude, its levels are no forces; those that the resonances needed are
     tested = choose_levels(surface, 5) if surface.control == "force" else identification.levels.tolist()
-    levels = sorted({*tested, *(case.model.hold_out if surface.control == "force" else ())})
+    levels = sorted({*tested, *(case.model.observation.hold_out if surface.control == "force" else ())})
     prediction = predict(identification, levels, surface)
     printed = check_printed(case, identification)
     spent = dict(durations or {})

@@ -99,7 +99,7 @@ def test_case_of_the_paper(path: Path) -> None:
     assert set(case.units) == set(case.truth)
     if case.name == "joint":
         assert dict(case.accept) == {"stiffness_force": 5e-4, "damping_force": 5e-4}
-        assert case.model.hold_out == (1.0, 3.0, 9.0)
+        assert case.model.observation.hold_out == (1.0, 3.0, 9.0)
     else:
         # the figure to reach of the main job
         assert dict(case.accept) == dict.fromkeys(case.truth, 1e-6)

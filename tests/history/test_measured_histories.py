@@ -56,7 +56,7 @@ def test_a_level_of_the_f16_is_predicted_from_the_others() -> None:
     oscillator = Oscillator(
         found.mass, case.model.elements, {e.name: e.value for e in found.refined if e.name != "m"}
     )
-    (history,) = (h for h in read_histories(case.test) if h.level in case.model.hold_out)
+    (history,) = (h for h in read_histories(case.test) if h.level in case.model.observation.hold_out)
     measured = uncorrected(history)
     x = driven(oscillator, np.asarray(history.force), history.rate)
     mode = uncorrected(replace(history, response=x, quantity="displacement"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
 from rsgen.measurement import read_measurement
-from rsgen.oscillator import Model
+from rsgen.observation import Observation
 from rsgen.prediction import predict
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
@@ -55,7 +54,7 @@ def cubic() -> ResponseSurface:
 )
 def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
     seen = among_others(cubic, psi, a, b)
-    found = identify(seen, replace(model("cubic"), background=kind))
+    found = identify(seen, model("cubic"), Observation(background=kind))
     assert max(errors(found, truth("cubic")).values()) < EXACT
     shape, values = found.background.shape(seen.omega), found.background.values
     assert values[0] == pytest.approx(psi, abs=EXACT)
@@ -69,7 +68,7 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
 
 def test_a_law_with_a_jump_is_polished_beside_a_background():
     seen = among_others(surface("coulomb"), PSI, FLEXIBILITY, 0)
-    found = identify(seen, replace(model("coulomb"), background="constant"))
+    found = identify(seen, model("coulomb"), Observation(background="constant"))
     # first order sees the jump only as its fundamental; the simulator repairs what the background fit left
     assert max(errors(found, truth("coulomb")).values()) < 5e-3
 
@@ -82,7 +81,7 @@ def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
         seen[:, 1] += cubic.force / mass / (own**2 - omega**2 + 2j * ratio * own * omega)
     table = changed(cubic, harmonics=seen)
     alone = errors(identify(table, model("cubic")), truth("cubic"))
-    found = identify(table, replace(model("cubic"), background="residuals", band=(8.8, 11.2)))
+    found = identify(table, model("cubic"), Observation(background="residuals", band=(8.8, 11.2)))
     beside = errors(found, truth("cubic"))
     assert max(alone.values()) > 0.1
     assert max(beside.values()) < 0.01
@@ -100,9 +99,9 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, rati
     harmonics = np.array(cubic.harmonics)
     harmonics[:, 1] += cubic.force / 1.5 / (own**2 - omega**2 + 2j * ratio * own * omega)
     table = changed(cubic, harmonics=harmonics)
-    rough = identify(table, replace(model("cubic"), background="residuals", band=band))
+    rough = identify(table, model("cubic"), Observation(background="residuals", band=band))
     assert max(errors(rough, truth("cubic")).values()) > 0.05
-    found = identify(table, replace(model("cubic"), background="neighbour", band=band))
+    found = identify(table, model("cubic"), Observation(background="neighbour", band=band))
     assert max(errors(found, truth("cubic")).values()) < 10 * EXACT
     neighbour = {e.name: e.value for e in found.background.estimates}
     assert neighbour["f_n"] == pytest.approx(frequency, rel=1e-4)
@@ -113,10 +112,10 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, rati
 @pytest.mark.slow
 def test_standard_errors_allow_for_the_background(cubic):
     seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
-    asked = replace(model("cubic"), background="residuals")
+    asked = Observation(background="residuals")
     distances = []
     for seed in range(8):
-        found = identify(noisy(seen, 0.02, seed), asked)
+        found = identify(noisy(seen, 0.02, seed), model("cubic"), asked)
         distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
     spread = np.sqrt(np.mean(np.square(distances)))
     # 32 numbers that are not independent: within a third of one
@@ -128,14 +127,14 @@ def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
     sentences = identify(seen, model("cubic")).warnings
     proposal = next(sentence for sentence in sentences if "band = [" in sentence)
     assert 'background = "phase"' in proposal
-    found = identify(seen, replace(model("cubic"), background="residuals"))
+    found = identify(seen, model("cubic"), Observation(background="residuals"))
     assert not any("band = [" in sentence for sentence in found.warnings)
 
 
 def test_predictions_are_of_what_the_sensor_sees(cubic):
     seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
     level = float(cubic.levels[3])
-    found = identify(seen, replace(model("cubic", hold_out=(level,)), background="residuals"))
+    found = identify(seen, model("cubic"), Observation("residuals", hold_out=(level,)))
     held = predict(found, surface=seen).held_out[0]
     assert held.error < 1e-4
     curve = predict(found, levels=[level]).curves[0]
@@ -149,9 +148,9 @@ def test_predictions_are_of_what_the_sensor_sees(cubic):
 
 def test_a_model_says_what_a_background_may_be():
     with pytest.raises(RsgenError, match="none, phase, constant, residuals, neighbour"):
-        Model(model("cubic").elements, background="smooth")
+        Observation(background="smooth")
     with pytest.raises(RsgenError, match="ascending"):
-        Model(model("cubic").elements, band=(5.0, 4.0))
+        Observation(band=(5.0, 4.0))
 
 
 @pytest.mark.slow

@@ -8,7 +8,8 @@ import pytest
 
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
-from tests.oracles.virtual_test import LAWS, changed, model, noisy, surface, truth
+from rsgen.observation import Observation
+from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
 
 EXACT = 1e-6
 """Refined parameters from steady states of accuracy 1e-7: their error, amplified by the fit."""
@@ -262,3 +263,18 @@ def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
     assert any("the law does not fit" in warning for warning in found.warnings)
     right = identify(table, model("combined"))
     assert not any("the law does not fit" in warning for warning in right.warnings)
+
+
+def test_a_law_is_a_formula_an_element_a_sequence_or_a_model():
+    table, asked = surface("cubic"), model("cubic", MASS)
+    ways = [asked.elements[0].force, asked.elements[0], asked.elements]
+    expected = [estimate.value for estimate in identify(table, asked).refined]
+    for law in (str(ways[0]), *ways[1:]):
+        assert [estimate.value for estimate in identify(table, law, mass=MASS).refined] == expected
+
+
+def test_an_explicit_observation_wins_over_the_models():
+    table = surface("cubic")
+    held = identify(table, model("cubic", hold_out=(8.0,)), Observation(hold_out=(4.0,)))
+    assert 8.0 in held.levels
+    assert 4.0 not in held.levels

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification import identify
 from rsgen.identification.amplitude_balance import AmplitudeBalance
 from rsgen.measurement import read_measurement
+from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
@@ -72,7 +72,7 @@ def test_a_background_lifts_one_side_of_the_resonance():
     harmonics = np.array(table.harmonics)
     harmonics[:, 1] += 2e-4 * table.force
     seen = without_phase(changed(table, harmonics=harmonics))
-    found = identify(seen, replace(model("cubic"), background="constant"))
+    found = identify(seen, model("cubic"), Observation(background="constant"))
     assert max(errors(found, truth("cubic")).values()) < 1e-4
     assert found.background.estimates[1].value == pytest.approx(2e-4, rel=1e-3)
     # the phase itself stays unknown
@@ -81,10 +81,10 @@ def test_a_background_lifts_one_side_of_the_resonance():
 
 def test_a_test_that_is_not_calibrated_says_so():
     table = surface("cubic")
-    found = identify(table, replace(model("cubic"), calibrated=False))
+    found = identify(table, model("cubic"), Observation(calibrated=False))
     assert any(sentence.startswith("arbitrary scale") for sentence in found.warnings)
     with pytest.raises(RsgenError, match="not calibrated"):
-        Model(model("cubic").elements, mass=1.0, calibrated=False)
+        Model(model("cubic").elements, mass=1.0, observation=Observation(calibrated=False))
 
 
 @pytest.mark.slow

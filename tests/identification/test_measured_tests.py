@@ -78,7 +78,7 @@ def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
     assert isinstance(case.test, MeasuredTest)
     assert case.test.force is not None
     assert case.test.force.factor == 1.0
-    assert not case.model.calibrated
+    assert not case.model.observation.calibrated
 
 
 def test_frequency_in_radians_is_not_hertz(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from rsgen.comparison import Comparison, Row
 from rsgen.expression import parse, symbol
 from rsgen.identification import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.law.element import Element
+from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.simulation import SimulatedTest
@@ -59,7 +60,11 @@ def cubic_surface(
 def cubic_model(hold_out: tuple[float, ...] = ()) -> Model:
     x, v = symbol("x"), symbol("v")
     spring = Element("spring", symbol("k1") * x + symbol("kn1") * x**3, ("k1", "kn1"))
-    return Model((spring, Element("damper", symbol("c1") * v, ("c1",))), mass=MASS, hold_out=hold_out)
+    return Model(
+        (spring, Element("damper", symbol("c1") * v, ("c1",))),
+        mass=MASS,
+        observation=Observation(hold_out=hold_out),
+    )
 
 
 def cubic_identification(surface: ResponseSurface) -> Identification:

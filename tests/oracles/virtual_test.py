@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from rsgen.law.element import make_element
+from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 from rsgen.steady_state import solve_steady_states
 from rsgen.surface import ResponseSurface
@@ -34,7 +35,7 @@ MASS = 1.5
 
 def model(law: str, mass: float | None = None, hold_out: tuple[float, ...] = ()) -> Model:
     """The law of that name without its values."""
-    return Model((make_element("law", LAWS[law][0]),), mass, hold_out)
+    return Model((make_element("law", LAWS[law][0]),), mass, Observation(hold_out=hold_out))
 
 
 def truth(law: str) -> dict[str, float]:

@@ -19,6 +19,7 @@ from rsgen.law.element import make_element
 from rsgen.law.library import LAWS as LIBRARY
 from rsgen.law.numeric import compile_law
 from rsgen.measurement import read_measurement
+from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking import identify_best, rank
 from rsgen.ranking.balance import Rows
@@ -225,7 +226,7 @@ def test_parameters_of_a_sum_have_names_of_their_own() -> None:
 def test_held_out_levels_are_not_seen() -> None:
     table = measured("cubic")
     out = table.level == table.levels[3]
-    held = Model(BASE.elements, hold_out=(float(table.levels[3]),))
+    held = Model(BASE.elements, observation=Observation(hold_out=(float(table.levels[3]),)))
     spoilt = changed(table, force=np.where(out, 7 * table.force, table.force))
     one, other = rank(table, held), rank(spoilt, held)
     assert [c.name for c in one.candidates] == [c.name for c in other.candidates]
