@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.identification import Identification, identify
-    from rsgen.law import library as laws
-    from rsgen.law.element import Element, make_element
+    from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
@@ -42,9 +41,10 @@ _PACKAGES = {
     "CaseError": "errors",
     "Comparison": "comparison",
     "DescribingFunction": "describing",
-    "Element": "law.element",
+    "Element": "law",
     "ExpressionError": "errors",
     "Identification": "identification",
+    "Law": "law",
     "MeasuredTest": "measurement",
     "MeasurementError": "errors",
     "Model": "oscillator",
@@ -58,10 +58,10 @@ _PACKAGES = {
     "derive": "describing",
     "figures": "figures",
     "identify": "identification",
-    "laws": "law.library",
+    "laws": "law",
     "load_case": "case",
     "load_surface": "surface",
-    "make_element": "law.element",
+    "make_element": "law",
     "predict": "prediction",
     "rank": "ranking",
     "read_measurement": "measurement",
@@ -79,6 +79,7 @@ __all__ = [
     "Element",
     "ExpressionError",
     "Identification",
+    "Law",
     "MeasuredTest",
     "MeasurementError",
     "Model",
@@ -110,7 +111,7 @@ def __getattr__(name: str) -> Any:
     if name not in _PACKAGES:
         raise AttributeError(f"module 'rsgen' has no attribute {name!r}")
     module = import_module(f"rsgen.{_PACKAGES[name]}")
-    value = module if name in ("figures", "laws") else getattr(module, name)
+    value = module if name == "figures" else getattr(module, name)
     globals()[name] = value
     return value
 

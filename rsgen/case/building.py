@@ -16,7 +16,7 @@ from rsgen.case.naming import name_fault, quote, suggest, text_fault
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
-from rsgen.law.library import find_law
+from rsgen.law.library import laws
 from rsgen.measurement import MeasuredTest
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
@@ -33,7 +33,7 @@ _STATES = ("x", "v", "X", "X0", "omega")
 def _make(table: ElementTable) -> Element:
     """Make a spring or damper from its formula, or from a law of the library."""
     if table.law is not None:
-        return find_law(table.law).element(table.name, table.parameters)
+        return laws[table.law].element(table.name, table.parameters)
     if table.force is None:
         raise RsgenError("is missing; a formula in x and v, or 'law' with the name of a law (rsgen laws)")
     if table.parameters:

@@ -12,7 +12,8 @@ from rsgen.cli.terminal import print_json, print_line
 from rsgen.errors import RsgenError
 
 if TYPE_CHECKING:
-    from rsgen.law.library import Law
+    from rsgen.law.element import Law
+    from rsgen.law.library import Library
 
 __all__ = ["laws_command"]
 
@@ -22,17 +23,17 @@ def laws_command(
 ) -> int:
     """Print the library, or the formula, parameters, describing function and source of one law."""
     from rsgen.describing import derive
-    from rsgen.law.library import LAWS, find_law
+    from rsgen.law.library import laws
 
     if name is None:
         if plot is not None or settings or largest:
             raise RsgenError("--plot, --set and --amplitude are for one law: give its name")
         if json:
-            print_json([_entry(law) for law in LAWS])
+            print_json([_entry(law) for law in laws])
         else:
-            _print_all(LAWS)
+            _print_all(laws)
         return 0
-    law = find_law(name)
+    law = laws[name]
     if plot is None and (settings or largest):
         raise RsgenError(PICTURE_ONLY)
     started = time.perf_counter()
@@ -55,14 +56,14 @@ def _entry(law: Law) -> dict[str, Any]:
         "title": law.title,
         "force": law.formula,
         "parameters": [
-            {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit} for entry in law.parameters
+            {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit} for entry in law.table
         ],
         "source": law.source,
         "own": law.own,
     }
 
 
-def _print_all(laws: Sequence[Law]) -> None:
+def _print_all(laws: Library) -> None:
     width = max(len(law.name) for law in laws)
     for law in laws:
         print_line(f"{law.name:<{width}}  {law.formula}")
@@ -72,7 +73,7 @@ def _print_all(laws: Sequence[Law]) -> None:
 
 def _print_law(law: Law) -> None:
     print_line(f"{law.name}: {law.title}")
-    for entry in law.parameters:
+    for entry in law.table:
         unit = f" [{entry.unit}]" if entry.unit else ""
         print_line(f"{'':<9}  {entry.name}: {entry.meaning}{unit}")
     own = "; the describing function is an own derivation" if law.own else ""

@@ -13,7 +13,7 @@ from rsgen.describing.arcs import Arc, End, make_arc
 from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.terms import read_addend
 from rsgen.expression import symbol
-from rsgen.law.element import NormalForm
+from rsgen.law.pieces import NormalForm
 
 __all__ = ["ClosedPart", "Triple", "close"]
 

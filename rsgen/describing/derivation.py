@@ -17,8 +17,9 @@ from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_tria
 from rsgen.describing.regimes import Reading, read
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
-from rsgen.law.element import Element, NormalForm, make_element, normal_form
+from rsgen.law.element import Element, make_element
 from rsgen.law.notation import readable
+from rsgen.law.pieces import NormalForm, normal_form
 
 __all__ = ["derive"]
 

@@ -16,8 +16,8 @@ from rsgen.describing.mean import solve_mean
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.law.element import normal_form
 from rsgen.law.notation import latex
+from rsgen.law.pieces import normal_form
 
 __all__ = ["DescribingFunction", "Equivalent", "variables_of"]
 

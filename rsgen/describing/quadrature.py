@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.describing.numeric_formulas import compiled
 from rsgen.expression import symbol
-from rsgen.law.element import NormalForm
+from rsgen.law.pieces import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]
 

@@ -17,8 +17,8 @@ from rsgen.figures.curves import REFINED
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.equivalent import calm_limits
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
-from rsgen.law.element import normal_form
 from rsgen.law.notation import readable
+from rsgen.law.pieces import normal_form
 
 __all__ = ["draw_derivation", "telling_amplitude"]
 

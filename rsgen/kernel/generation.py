@@ -10,7 +10,7 @@ import sympy
 
 from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
-from rsgen.law.element import NormalForm, Piece, Switch, normal_form
+from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form
 
 __all__ = ["generate", "parameter_order"]
 

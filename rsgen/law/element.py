@@ -1,92 +1,46 @@
-"""One spring or damper: a force law in x and v, its parameters, and its normal form.
-
-The normal form is the one idea that carries the house: a law is a sum of smooth terms, each behind the
-product of at most a few switches,  n(x, v) = sum_j d_j(x, v) * prod_i H(s_ji),  where H is the unit step.
-Describing functions integrate it piece by piece, the kernel compiles it with the switches as events, and
-identification differentiates it; nothing else takes a law apart.
-"""
+"""Elements and laws: a formula of the force in x and v, its parameters, and what is known about it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import sympy
 
-from rsgen.errors import ExpressionError
-from rsgen.expression import parse, symbol
-from rsgen.law.normal_form import Key
-from rsgen.law.rewriting import inner_switches, reduce_law
+from rsgen.errors import ExpressionError, RsgenError
+from rsgen.expression import check_name, parse, symbol, write
+from rsgen.law.notation import latex
+from rsgen.law.pieces import normal_form
 
-__all__ = ["Element", "NormalForm", "Piece", "Switch", "make_element", "normal_form"]
+__all__ = ["Element", "Law", "LawLike", "Parameter", "Range", "Search", "as_elements", "make_element"]
 
 NOT_PARAMETERS = ("X", "X0", "omega")
 """Names of the describing function's own variables; a law must not use them for its parameters."""
 
-
-@dataclass(frozen=True, slots=True)
-class Switch:
-    """A surface in the (x, v) plane on which a law changes its formula.
-
-    ``function`` is s in H(s): ``x - b`` (``variable`` "x", ``threshold`` b), ``v - w`` (``variable`` "v",
-    ``threshold`` w), or anything else that cannot be reduced to these (both None).
-    Thresholds contain parameters and numbers only, never x or v; they may contain Max, Min, Abs and sign of
-    parameters, since a law must hold for either sign of a parameter.
-    """
-
-    function: sympy.Expr
-    variable: str | None
-    threshold: sympy.Expr | None
-
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """A term d(x, v) and the switches it is multiplied with; it acts where all their functions are positive.
-
-    A piece has at most one switch in x and one in v; without any it acts always. Between the switches of the
-    normal form a term is smooth. It may contain every function of the expression language except Piecewise,
-    Max and Min of x or v, and where it depends on x or v it contains sign nowhere, and Abs and Heaviside only
-
-    * as ``Abs(g)**p`` with an exponent p that is no whole number (real on both sides of g = 0), and
-    * inside functions and denominators, where taking them apart would lose all digits: ``exp(-Abs(v)/w)``,
-      ``log(1 + Abs(x))``, ``v/(1 + Abs(v))``. What stands there belongs to switches of the normal form, so
-      in a known mode ``Abs(x - b)`` is plus or minus ``x - b`` and ``Heaviside(x - b)`` is one or zero.
-
-    Factors without x and v may contain Abs, sign, Max and Min of parameters. Where a term does not act it
-    need not be defined (a root of a negative number); do not evaluate it there.
-    """
-
-    term: sympy.Expr
-    switches: tuple[Switch, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class NormalForm:
-    """A force law as smooth pieces behind switches; the sum of the pieces is the law."""
-
-    pieces: tuple[Piece, ...]
-
-    @property
-    def switches(self) -> tuple[Switch, ...]:
-        """Every switch of the law once, in a stable order; those inside functions of a term included."""
-        return _all_switches(self.pieces)
-
-    @property
-    def base(self) -> sympy.Expr:
-        """The sum of the terms that act everywhere."""
-        return sympy.Add(*(piece.term for piece in self.pieces if not piece.switches))
+UNNAMED = "law"
+"""Name of the element that a formula without a name becomes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Element:
     """A spring or damper: its name and its force law [N] in x [m] and v [m/s]; symbolic only.
 
-    ``parameters`` are the free symbols of the law other than x and v, sorted by name.
+    ``parameters`` are the free symbols of the law other than x and v, sorted by name. ``+`` adds two elements
+    to a law.
     """
 
     name: str
     force: sympy.Expr
     parameters: tuple[str, ...]
+
+    def __add__(self, other: LawLike) -> Law:
+        return _sum(self, other)
+
+    def __radd__(self, other: LawLike) -> Law:
+        return _sum(other, self)
+
+    def _repr_latex_(self) -> str:
+        return f"$n(x, v) = {latex(self.force)}$"
 
 
 def make_element(name: str, force: str | sympy.Expr) -> Element:
@@ -127,66 +81,251 @@ def make_element(name: str, force: str | sympy.Expr) -> Element:
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")))
 
 
-def _switches(key: Key) -> tuple[Switch, ...]:
-    switches = []
-    if key.x is not None:
-        switches.append(Switch(symbol("x") - key.x, "x", key.x))
-    if key.v is not None:
-        switches.append(Switch(symbol("v") - key.v, "v", key.v))
-    others = sorted(key.others, key=sympy.default_sort_key)
-    return (*switches, *(Switch(function, None, None) for function in others))
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a law: its name, what it means, and its SI unit (empty: a number or of the power p).
+
+    ``example`` is a value [SI] at which a figure of the law shows what is special in it.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    example: float = 1.0
 
 
-def _renamed(key: Key, names: dict[sympy.Symbol, sympy.Symbol]) -> Key:
-    return Key(
-        None if key.x is None else key.x.xreplace(names),
-        None if key.v is None else key.v.xreplace(names),
-        frozenset(function.xreplace(names) for function in key.others),
-    )
-
-
-@lru_cache(maxsize=512)
-def _all_switches(pieces: tuple[Piece, ...]) -> tuple[Switch, ...]:
-    outer = [switch for piece in pieces for switch in piece.switches]
-    inner = [s for piece in pieces for key in inner_switches(piece.term) for s in _switches(key)]
-    return tuple(dict.fromkeys(outer + inner))
-
-
-def _order(key: Key) -> tuple[object, ...]:
-    places = [(p is not None, sympy.default_sort_key(p or sympy.S.Zero)) for p in (key.x, key.v)]
-    return (*places, tuple(sorted(map(sympy.default_sort_key, key.others))))
-
-
-@lru_cache(maxsize=512)
-def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> NormalForm:
-    """Reduce a law to smooth pieces behind switches (abs, sign, Heaviside, Piecewise, Min, Max disappear).
-
-    The value on a switch itself (sign(0), Heaviside(0)) is not kept: it has measure zero. A switch function
-    whose zero is not known as a value of x or of v alone, as in ``sign(x + v)``, gives a switch of its own
-    with ``variable`` None. Factors of switch functions that depend on parameters only are taken as not zero.
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Where a ranking looks for a parameter in which a law is not linear.
 
     Parameters
     ----------
-    force
-        The law n(x, v).
-    positive
-        Names of parameters known to be positive. A law whose pieces depend on the sign of a parameter has
-        fewer pieces then; without, the form holds for either sign.
+    scale
+        "x": values are shares of the largest displacement; "v": of the largest velocity; "1/x": of the
+        inverse of the largest displacement; "1": as they are.
+    values
+        Values to start from.
+    limits
+        Beyond these it changes the law into another one, or leaves the tested range.
+    """
+
+    scale: str
+    values: tuple[float, ...]
+    limits: tuple[float, float]
+
+    def factor(self, size: float, speed: float) -> float:
+        """SI value of 1 at largest displacement [m] and velocity [m/s]."""
+        return {"x": size, "v": speed, "1/x": 1 / size, "1": 1.0}[self.scale]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How a ranking tries a law beside a linear spring and a linear damper.
+
+    Parameters
+    ----------
+    formula
+        What the law adds to ``k*x + c*v``; by default the law without its linear spring and damper.
+    ranges
+        Of the parameters in which that is not linear.
+    dissipates
+        Parameters whose sum must not be negative: friction that feeds energy is no candidate.
+    spring
+        True where the law has a stiffness at rest: the linear spring is then left out.
+    same
+        Other laws of the library that are the same beside a linear spring.
+    """
+
+    formula: str = ""
+    ranges: Mapping[str, Range] = field(default_factory=dict, hash=False)
+    dissipates: tuple[tuple[str, ...], ...] = ()
+    spring: bool = False
+    same: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Law:
+    """A force law n(x, v) [N] in displacement x [m] and velocity v [m/s]; every other name is a parameter.
+
+    ``law + other`` adds two laws, where ``other`` may also be a formula or an element. Parameters of one name
+    are then one parameter; ``element(renames=...)`` gives them other names.
+
+    Parameters
+    ----------
+    formula
+        The force in the expression language, or as an expression of ``expression.symbol`` symbols.
+    name
+        Lower case, words joined by hyphens.
+    title
+        What it is, in a few words.
+    table
+        What is known about its parameters, in the order of a reader.
+    source
+        Where the law and its describing function stand in the literature.
+    own
+        Whether the describing function is rsgen's derivation, because the source gives none or a wrong one.
+    search
+        How a ranking tries it in sums; None: only alone.
+    elements
+        The springs and dampers that it consists of; by default one element with all of the formula.
 
     Raises
     ------
     ExpressionError
-        The law is not real for negative x or v, not defined everywhere, or has hundreds of switches.
+        As for ``make_element``.
 
     Examples
     --------
-    >>> from rsgen.expression import parse
-    >>> [(str(p.term), [str(s.function) for s in p.switches]) for p in normal_form(parse("sign(v)")).pieces]
-    [('-1', []), ('2', ['v'])]
+    >>> law = Law("k*x + c*v") + "Ff*sign(v)"
+    >>> law
+    Law('k*x + c*v + Ff*sign(v)')
+    >>> law.parameters
+    ('Ff', 'c', 'k')
     """
-    known = {symbol(name): sympy.Dummy(name, positive=True) for name in positive}
-    back = {dummy: free for free, dummy in known.items()}
-    form = {
-        _renamed(key, back): term.xreplace(back) for key, term in reduce_law(force.xreplace(known)).items()
-    }
-    return NormalForm(tuple(Piece(form[key], _switches(key)) for key in sorted(form, key=_order)))
+
+    formula: str
+    name: str = ""
+    title: str = ""
+    table: tuple[Parameter, ...] = ()
+    source: str = ""
+    own: bool = False
+    search: Search | None = None
+    elements: tuple[Element, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.elements:
+            object.__setattr__(self, "elements", (make_element(self.name or UNNAMED, self.formula),))
+        if not isinstance(self.formula, str):
+            object.__setattr__(self, "formula", write(self.formula))
+
+    @property
+    def force(self) -> sympy.Expr:
+        """n(x, v) [N] as an expression."""
+        return sympy.Add(*(element.force for element in self.elements))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, sorted."""
+        return tuple(sorted({name for element in self.elements for name in element.parameters}))
+
+    @property
+    def example(self) -> dict[str, float]:
+        """A value for each parameter of ``table``, SI, for a figure."""
+        return {parameter.name: parameter.example for parameter in self.table}
+
+    @property
+    def added(self) -> sympy.Expr:
+        """What it adds to a linear spring and a linear damper [N], for a ranking."""
+        if self.search is not None and self.search.formula:
+            return parse(self.search.formula)
+        states = (symbol("x"), symbol("v"))
+        force = self.force
+        for parameter in sorted(force.free_symbols - set(states), key=str):
+            if force.diff(parameter) in states:
+                force = force.subs(parameter, 0)
+        return force
+
+    def element(self, name: str | None = None, renames: Mapping[str, str] | None = None) -> Element:
+        """Make one spring or damper of this law.
+
+        Parameters
+        ----------
+        name
+            Name of the element; that of the law by default.
+        renames
+            New names of parameters, by their name in the law; the others keep theirs.
+
+        Raises
+        ------
+        RsgenError
+            The law has no parameter of this name, or the new name cannot be one.
+
+        Examples
+        --------
+        >>> Law("k*x + k3*x**3", "cubic-spring").element("spring", {"k3": "kn1"}).parameters
+        ('k', 'kn1')
+        """
+        renames = dict(renames or {})
+        unknown = sorted(set(renames) - set(self.parameters))
+        if unknown:
+            raise RsgenError(
+                f"law {self.name or self.formula!r} has no parameter {', '.join(unknown)}; "
+                f"it has {', '.join(self.parameters)}"
+            )
+        places = {symbol(old): symbol(check_name(new)) for old, new in renames.items()}
+        return make_element(name or self.name or UNNAMED, self.force.xreplace(places))
+
+    def __add__(self, other: LawLike) -> Law:
+        return _sum(self, other)
+
+    def __radd__(self, other: LawLike) -> Law:
+        return _sum(other, self)
+
+    def __repr__(self) -> str:
+        return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''})"
+
+    def _repr_latex_(self) -> str:
+        return f"$n(x, v) = {latex(self.force)}$"
+
+
+LawLike = str | Element | Law
+"""What can be taken as a law: a formula, an element, a law."""
+
+
+def _as_law(law: LawLike) -> Law:
+    if isinstance(law, Law):
+        return law
+    if isinstance(law, Element):
+        return Law(write(law.force), law.name, elements=(law,))
+    if isinstance(law, str | sympy.Expr):
+        return Law(law)
+    raise RsgenError(f"law: {law!r:.80} is none; a formula, an Element or a Law is needed")
+
+
+def _sum(first: LawLike, second: LawLike) -> Law:
+    a, b = _as_law(first), _as_law(second)
+    return Law(
+        f"{a.formula} + {b.formula}",
+        f"{a.name} + {b.name}" if a.name and b.name else "",
+        elements=as_elements((a, b)),
+    )
+
+
+def as_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
+    """Turn a law into the elements of a model, whatever it is given as.
+
+    Parameters
+    ----------
+    law
+        A formula, an element, a law, or a sequence of these, whose forces add up.
+
+    Returns
+    -------
+    tuple of Element
+        Elements that are given keep their names; those made of formulas and laws get names that stand once.
+
+    Raises
+    ------
+    RsgenError
+        Something is no law.
+
+    Examples
+    --------
+    >>> [element.name for element in as_elements(["k*x", "c*v"])]
+    ['law', 'law-2']
+    """
+    parts = law if isinstance(law, Sequence) and not isinstance(law, str) else (law,)
+    taken = {part.name for part in parts if isinstance(part, Element)}
+    elements: list[Element] = []
+    for part in parts:
+        if isinstance(part, Element):
+            elements.append(part)
+            continue
+        for element in _as_law(part).elements:
+            name, number = element.name, 1
+            while name in taken:
+                number += 1
+                name = f"{element.name}-{number}"
+            taken.add(name)
+            elements.append(replace(element, name=name))
+    return tuple(elements)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from difflib import get_close_matches
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
 
 from rsgen.errors import RsgenError
-from rsgen.expression import check_name, parse, symbol
-from rsgen.law.element import Element, make_element
+from rsgen.law.element import Law, Parameter, Range, Search
 
-__all__ = ["LAWS", "Law", "Parameter", "find_law"]
+__all__ = ["Library", "laws"]
 
 LIU = "Liu et al., Parameter identification by response surface plotting"
 GELB = "Gelb and Vander Velde, Multiple-Input Describing Functions (1968), App. B"
@@ -18,247 +20,228 @@ WORDEN = "Worden and Tomlinson, Nonlinearity in Structural Dynamics (2001), Ch. 
 NAYFEH = "Nayfeh and Mook, Nonlinear Oscillations (1979)"
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A parameter of a law: its name, what it means, and its SI unit (empty: a number or of the power p).
-
-    ``example`` is a value [SI] at which a picture of the law shows what is special in it.
-    """
-
-    name: str
-    meaning: str
-    unit: str
-    example: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Law:
-    """A force law by name.
-
-    Parameters
-    ----------
-    name
-        Lower case, words joined by hyphens.
-    title
-        What it is, in a few words.
-    formula
-        The force [N] in x [m] and v [m/s], in the expression language.
-    parameters
-        Its parameters with meaning and unit.
-    source
-        Where the law and its describing function stand in the literature.
-    own
-        Whether the describing function is our own derivation, because the source gives none or a wrong one.
-    """
-
-    name: str
+class _Row(NamedTuple):
     title: str
     formula: str
-    parameters: tuple[Parameter, ...]
     source: str
+    parameters: tuple[tuple[str, str, str] | tuple[str, str, str, float], ...]
+    search: Search | None = None
     own: bool = False
 
-    @property
-    def example(self) -> dict[str, float]:
-        """A value for each parameter, SI, for a picture."""
-        return {parameter.name: parameter.example for parameter in self.parameters}
 
-    def element(self, name: str | None = None, parameters: Mapping[str, str] | None = None) -> Element:
-        """Make a spring or damper of this law.
-
-        Parameters
-        ----------
-        name
-            Name of the element; that of the law by default.
-        parameters
-            New names of parameters, by their name in the law; the others keep theirs.
-
-        Raises
-        ------
-        RsgenError
-            The law has no parameter of this name, or the new name cannot be one.
-
-        Examples
-        --------
-        >>> find_law("cubic-spring").element("spring", {"k3": "kn1"}).parameters
-        ('k', 'kn1')
-        """
-        renamed = dict(parameters or {})
-        own = [parameter.name for parameter in self.parameters]
-        unknown = sorted(set(renamed) - set(own))
-        if unknown:
-            raise RsgenError(
-                f"law {self.name!r} has no parameter {', '.join(unknown)}; it has {', '.join(own)}"
-            )
-        places = {symbol(old): symbol(check_name(new)) for old, new in renamed.items()}
-        return make_element(name or self.name, parse(self.formula).xreplace(places))
-
-
-Row = tuple[str, str, str] | tuple[str, str, str, float]
-
-
-def _law(name: str, title: str, formula: str, source: str, own: bool, *rows: Row) -> Law:
-    return Law(name, title, formula, tuple(Parameter(*row) for row in rows), source, own)
-
-
+_ADDED = Search()
 _GAP = ("b", "half the gap, positive", "m")
 _SLOPE = ("k", "stiffness in contact", "N/m")
+_AT_REST = ("k", "stiffness at rest", "N/m")
+_CUBIC = ("k3", "cubic stiffness", "N/m^3")
+_FRICTION = ("Ff", "friction force", "N")
+_WITHOUT = ("k0", "stiffness without contact", "N/m")
 _STRIBECK = (
     ("Fc", "sliding friction force", "N"),
     ("Fs", "friction force at the onset of sliding", "N", 2.0),
     ("vs", "Stribeck velocity, positive", "m/s"),
 )
 
-LAWS: tuple[Law, ...] = (
-    _law("linear-spring", "Linear spring", "k*x", LIU + ", Eq. (1)", False, ("k", "stiffness", "N/m")),
-    _law("linear-damper", "Viscous damper", "c*v", LIU + ", Eq. (1)", False, ("c", "damping", "N*s/m")),
-    _law(
-        "cubic-spring", "Cubic spring (Duffing): hardening for k3 > 0, softening for k3 < 0", "k*x + k3*x**3",
-        LIU + ", Eqs. (13), (14)", False,
-        ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness", "N/m^3"),
+_SIDE = Range("x", tuple(np.linspace(0.1, 0.9, 6)), (0.02, 0.99))
+_SPEED = Range("v", tuple(np.geomspace(0.01, 1.0, 9)), (0.003, 3.0))
+_POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.0))
+_WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
+
+_STRIBECK_DISSIPATES = (("Fc",), ("Fc", "Fd"))
+
+_ROWS: dict[str, _Row] = {
+    "linear-spring": _Row("Linear spring", "k*x", LIU + ", Eq. (1)", (("k", "stiffness", "N/m"),)),
+    "linear-damper": _Row("Viscous damper", "c*v", LIU + ", Eq. (1)", (("c", "damping", "N*s/m"),)),
+    "cubic-spring": _Row(
+        "Cubic spring (Duffing): hardening for k3 > 0, softening for k3 < 0", "k*x + k3*x**3",
+        LIU + ", Eqs. (13), (14)", (_AT_REST, _CUBIC), _ADDED,
     ),
-    _law(
-        "quintic-spring", "Quintic spring", "k*x + k5*x**5", LIU + ", Eqs. (15), (16)", False,
-        ("k", "stiffness at rest", "N/m"), ("k5", "quintic stiffness", "N/m^5"),
+    "quintic-spring": _Row(
+        "Quintic spring", "k*x + k5*x**5", LIU + ", Eqs. (15), (16)",
+        (_AT_REST, ("k5", "quintic stiffness", "N/m^5")), _ADDED,
     ),
-    _law(
-        "quadratic-spring", "Spring with a quadratic part, which moves the mean", "k*x + k2*x**2",
-        NAYFEH, True, ("k", "stiffness at rest", "N/m"), ("k2", "quadratic stiffness", "N/m^2", 0.3),
+    "quadratic-spring": _Row(
+        "Spring with a quadratic part, which moves the mean", "k*x + k2*x**2", NAYFEH,
+        (_AT_REST, ("k2", "quadratic stiffness", "N/m^2", 0.3)), _ADDED, own=True,
     ),
-    _law(
-        "softening-hardening-spring", "Spring that first softens and then hardens",
-        "k*x + k3*x**3 + k5*x**5", LIU + ", Eqs. (14), (16)", False,
-        ("k", "stiffness at rest", "N/m"), ("k3", "cubic stiffness, negative", "N/m^3", -1.5),
-        ("k5", "quintic stiffness, positive", "N/m^5", 0.8),
+    "softening-hardening-spring": _Row(
+        "Spring that first softens and then hardens", "k*x + k3*x**3 + k5*x**5", LIU + ", Eqs. (14), (16)",
+        (
+            _AT_REST, ("k3", "cubic stiffness, negative", "N/m^3", -1.5),
+            ("k5", "quintic stiffness, positive", "N/m^5", 0.8),
+        ),
     ),
-    _law(
-        "odd-power-spring", "Spring of any real power, odd", "kp*abs(x)**p*sign(x)", GELB, False,
-        ("kp", "stiffness of power p", ""), ("p", "power, positive", "", 2.5),
+    "odd-power-spring": _Row(
+        "Spring of any real power, odd", "kp*abs(x)**p*sign(x)", GELB,
+        (("kp", "stiffness of power p", ""), ("p", "power, positive", "", 2.5)), Search(ranges={"p": _POWER}),
     ),
-    _law(
-        "quadratic-damper", "Quadratic damper (drag)", "cq*v*abs(v)", LIU + ", Eqs. (23), (24)", False,
-        ("cq", "quadratic damping", "N*s^2/m^2"),
+    "joint-polynomial": _Row(
+        "Joint as a polynomial with absolute values", "k*x + k2*x*abs(x) + k3*x**3", LIU + ", Eq. (25)",
+        (_AT_REST, ("k2", "quadratic stiffness", "N/m^2"), _CUBIC), _ADDED,
     ),
-    _law(
-        "power-damper", "Damper of any real power, odd", "cp*abs(v)**p*sign(v)", WORDEN, False,
-        ("cp", "damping of power p", ""), ("p", "power, not negative", "", 1.5),
+    "hertz-contact": _Row(
+        "Hertzian contact between two sides without gap", "kh*abs(x)**1.5*sign(x)", GELB + " (power 3/2)",
+        (("kh", "contact stiffness", "N/m^(3/2)"),), _ADDED,
     ),
-    _law(
-        "coulomb", "Coulomb friction", "Ff*sign(v)", LIU + ", Eqs. (17), (18)", False,
-        ("Ff", "friction force", "N"),
+    "pendulum": _Row(
+        "Pendulum or magnetic spring: sine of the displacement", "k*sin(a*x)/a", NAYFEH,
+        (_AT_REST, ("a", "wave number", "1/m")), Search(ranges={"a": _WAVE}, spring=True),
     ),
-    _law(
-        "viscous-coulomb", "Viscous damper with Coulomb friction", "c*v + Ff*sign(v)",
-        LIU + ", Eqs. (17), (18)", False, ("c", "damping", "N*s/m"), ("Ff", "friction force", "N"),
+    "sinh-spring": _Row(
+        "Hardening spring with a hyperbolic sine", "k*sinh(a*x)/a", NAYFEH,
+        (_AT_REST, ("a", "inverse length", "1/m")), Search(ranges={"a": _WAVE}, spring=True), own=True,
     ),
-    _law(
-        "stribeck", "Coulomb friction with Stribeck effect", "(Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v)",
-        "Armstrong-Helouvry, Control of Machines with Friction (1991)", True, *_STRIBECK,
+    "tanh-joint": _Row(
+        "Joint that softens smoothly to a slip force", "k1*x + Fs*tanh(k*x/Fs)", WORDEN,
+        (
+            ("k1", "stiffness after slip", "N/m", 0.3), ("Fs", "slip force", "N"),
+            ("k", "stiffness lost by slip", "N/m"),
+        ),
+        Search("Fs*tanh(x/xs)", {"xs": Range("x", tuple(np.geomspace(0.08, 1.2, 8)), (0.02, 4.0))}), own=True,
     ),
-    _law(
-        "stribeck-gauss", "Coulomb friction with Stribeck effect, bell-shaped",
-        "(Fc + (Fs - Fc)*exp(-(v/vs)**2))*sign(v)",
-        "Canudas de Wit et al., A new model for control of systems with friction (1995), steady state",
-        True, *_STRIBECK,
+    "preload": _Row(
+        "Spring with preload: the force jumps at zero displacement", "F0*sign(x) + k*x", GELB,
+        (("F0", "preload", "N"), ("k", "stiffness", "N/m")), _ADDED,
     ),
-    _law(
-        "tanh-friction", "Friction without a jump", "Ff*tanh(v/vs)", WORDEN, True,
-        ("Ff", "friction force", "N"), ("vs", "velocity of the transition, positive", "m/s"),
+    "dead-zone": _Row(
+        "Spring with a gap on both sides", "k*(Max(0, x - b) + Min(0, x + b))", GELB, (_SLOPE, _GAP),
+        Search(
+            ranges={"b": Range("x", tuple(np.linspace(0.08, 0.96, 12)), (0.02, 0.99))},
+            same=("piecewise-spring", "saturation"),
+        ),
     ),
-    _law(
-        "dead-zone", "Spring with a gap on both sides", "k*(Max(0, x - b) + Min(0, x + b))", GELB, False,
-        _SLOPE, _GAP,
+    "saturation": _Row(
+        "Spring whose force stays at a limit (without hysteresis)", "Max(-Fm, Min(k*x, Fm))", GELB,
+        (("k", "stiffness at rest, positive", "N/m"), ("Fm", "limit of the force, positive", "N")),
     ),
-    _law(
-        "one-sided-stop", "Stop on one side beyond a gap, beside a spring", "k0*x + k*Max(0, x - b)",
-        GELB, True, ("k0", "stiffness without contact", "N/m"), _SLOPE,
-        ("b", "gap, negative: preloaded", "m"),
+    "bilinear-spring": _Row(
+        "Spring that is stiffer one way than the other", "Piecewise((k1*x, x > 0), (k2*x, True))",
+        LIU + ", Eq. (21); Eq. (22) leaves out the mean",
+        (
+            ("k1", "stiffness for positive displacement", "N/m"),
+            ("k2", "stiffness for negative displacement", "N/m", 2.0),
+        ),
+        Search("kb*Max(0, x)"), own=True,
     ),
-    _law(
-        "two-sided-stop", "Stops on both sides beyond different gaps, beside a spring",
-        "k0*x + k*(Max(0, x - b1) + Min(0, x + b2))", GELB, True,
-        ("k0", "stiffness without contact", "N/m"), _SLOPE,
-        ("b1", "gap on the positive side", "m"), ("b2", "gap on the negative side", "m", 2.0),
-    ),
-    _law(
-        "piecewise-spring", "Spring whose stiffness changes at plus and minus b",
+    "piecewise-spring": _Row(
+        "Spring whose stiffness changes at plus and minus b",
         "Piecewise((k1*x, abs(x) <= b), (k2*x + (k1 - k2)*b*sign(x), True))",
-        LIU + ", Eq. (19); Eq. (20) is misprinted, " + GELB, False,
-        ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m", 3.0),
-        ("b", "transition, positive", "m"),
+        LIU + ", Eq. (19); Eq. (20) is misprinted, " + GELB,
+        (
+            ("k1", "stiffness inside", "N/m"), ("k2", "stiffness outside", "N/m", 3.0),
+            ("b", "transition, positive", "m"),
+        ),
     ),
-    _law(
-        "bilinear-spring", "Spring that is stiffer one way than the other",
-        "Piecewise((k1*x, x > 0), (k2*x, True))", LIU + ", Eq. (21); Eq. (22) leaves out the mean", True,
-        ("k1", "stiffness for positive displacement", "N/m"),
-        ("k2", "stiffness for negative displacement", "N/m", 2.0),
+    "one-sided-stop": _Row(
+        "Stop on one side beyond a gap, beside a spring", "k0*x + k*Max(0, x - b)", GELB,
+        (_WITHOUT, _SLOPE, ("b", "gap, negative: preloaded", "m")),
+        Search(ranges={"b": Range("x", tuple(np.linspace(-0.96, 0.96, 13)), (-0.99, 0.99))}), own=True,
     ),
-    _law(
-        "saturation", "Spring whose force stays at a limit (without hysteresis)", "Max(-Fm, Min(k*x, Fm))",
-        GELB, False, ("k", "stiffness at rest, positive", "N/m"), ("Fm", "limit of the force, positive", "N"),
+    "two-sided-stop": _Row(
+        "Stops on both sides beyond different gaps, beside a spring",
+        "k0*x + k*(Max(0, x - b1) + Min(0, x + b2))", GELB,
+        (
+            _WITHOUT, _SLOPE,
+            ("b1", "gap on the positive side", "m"), ("b2", "gap on the negative side", "m", 2.0),
+        ),
+        Search(ranges={"b1": _SIDE, "b2": _SIDE}), own=True,
     ),
-    _law(
-        "preload", "Spring with preload: the force jumps at zero displacement", "F0*sign(x) + k*x",
-        GELB, False,
-        ("F0", "preload", "N"), ("k", "stiffness", "N/m"),
+    "quadratic-damper": _Row(
+        "Quadratic damper (drag)", "cq*v*abs(v)", LIU + ", Eqs. (23), (24)",
+        (("cq", "quadratic damping", "N*s^2/m^2"),), _ADDED,
     ),
-    _law(
-        "hertz-contact", "Hertzian contact between two sides without gap", "kh*abs(x)**1.5*sign(x)",
-        GELB + " (power 3/2)", False, ("kh", "contact stiffness", "N/m^(3/2)"),
+    "power-damper": _Row(
+        "Damper of any real power, odd", "cp*abs(v)**p*sign(v)", WORDEN,
+        (("cp", "damping of power p", ""), ("p", "power, not negative", "", 1.5)),
+        Search(ranges={"p": Range("1", (0.2, 0.4, 0.6, 1.4, 1.7, 2.4, 3.0, 4.0), (0.05, 6.0))}),
     ),
-    _law(
-        "pendulum", "Pendulum or magnetic spring: sine of the displacement", "k*sin(a*x)/a",
-        NAYFEH, False, ("k", "stiffness at rest", "N/m"), ("a", "wave number", "1/m"),
+    "coulomb": _Row(
+        "Coulomb friction", "Ff*sign(v)", LIU + ", Eqs. (17), (18)", (_FRICTION,),
+        Search(dissipates=(("Ff",),)),
     ),
-    _law(
-        "sinh-spring", "Hardening spring with a hyperbolic sine", "k*sinh(a*x)/a",
-        NAYFEH, True, ("k", "stiffness at rest", "N/m"), ("a", "inverse length", "1/m"),
+    "viscous-coulomb": _Row(
+        "Viscous damper with Coulomb friction", "c*v + Ff*sign(v)", LIU + ", Eqs. (17), (18)",
+        (("c", "damping", "N*s/m"), _FRICTION),
     ),
-    _law(
-        "tanh-joint", "Joint that softens smoothly to a slip force", "k1*x + Fs*tanh(k*x/Fs)", WORDEN, True,
-        ("k1", "stiffness after slip", "N/m", 0.3), ("Fs", "slip force", "N"),
-        ("k", "stiffness lost by slip", "N/m"),
+    "tanh-friction": _Row(
+        "Friction without a jump", "Ff*tanh(v/vs)", WORDEN,
+        (_FRICTION, ("vs", "velocity of the transition, positive", "m/s")),
+        Search(ranges={"vs": _SPEED}, dissipates=(("Ff",),)), own=True,
     ),
-    _law(
-        "joint-polynomial", "Joint as a polynomial with absolute values", "k*x + k2*x*abs(x) + k3*x**3",
-        LIU + ", Eq. (25)", False, ("k", "stiffness at rest", "N/m"),
-        ("k2", "quadratic stiffness", "N/m^2"), ("k3", "cubic stiffness", "N/m^3"),
+    "stribeck": _Row(
+        "Coulomb friction with Stribeck effect", "(Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v)",
+        "Armstrong-Helouvry, Control of Machines with Friction (1991)", _STRIBECK,
+        Search("(Fc + Fd*exp(-abs(v)/vs))*sign(v)", {"vs": _SPEED}, _STRIBECK_DISSIPATES), own=True,
     ),
-    _law(
-        "van-der-pol", "Van der Pol damper: negative damping inside, positive outside", "c*(x**2/a**2 - 1)*v",
-        NAYFEH, False, ("c", "damping", "N*s/m"), ("a", "displacement of zero damping", "m"),
+    "stribeck-gauss": _Row(
+        "Coulomb friction with Stribeck effect, bell-shaped", "(Fc + (Fs - Fc)*exp(-(v/vs)**2))*sign(v)",
+        "Canudas de Wit et al., A new model for control of systems with friction (1995), steady state",
+        _STRIBECK,
+        Search("(Fc + Fd*exp(-(v/vs)**2))*sign(v)", {"vs": _SPEED}, _STRIBECK_DISSIPATES), own=True,
     ),
-    _law(
-        "displacement-friction", "Friction that grows with displacement", "mu*abs(x)*sign(v)", WORDEN, True,
-        ("mu", "friction force per displacement", "N/m"),
+    "van-der-pol": _Row(
+        "Van der Pol damper: negative damping inside, positive outside", "c*(x**2/a**2 - 1)*v", NAYFEH,
+        (("c", "damping", "N*s/m"), ("a", "displacement of zero damping", "m")), Search("cx*x**2*v"),
     ),
-)  # fmt: skip
-"""All laws of the library.
+    "displacement-friction": _Row(
+        "Friction that grows with displacement", "mu*abs(x)*sign(v)", WORDEN,
+        (("mu", "friction force per displacement", "N/m"),), _ADDED, own=True,
+    ),
+}  # fmt: skip
 
-Examples
---------
->>> [law.name for law in LAWS][:3]
-['linear-spring', 'linear-damper', 'cubic-spring']
-"""
+
+@cache
+def _law(name: str) -> Law:
+    row = _ROWS[name]
+    table = tuple(Parameter(*entry) for entry in row.parameters)
+    return Law(row.formula, name, row.title, table, row.source, row.own, row.search)
 
 
-def find_law(name: str) -> Law:
-    """Find a law by name.
-
-    Raises
-    ------
-    RsgenError
-        There is no law of this name.
+class Library:
+    """The laws by name; iterating gives the laws themselves, so that ``[law, *laws]`` is a list of laws.
 
     Examples
     --------
-    >>> find_law("coulomb").formula
+    >>> laws["coulomb"].formula
     'Ff*sign(v)'
+    >>> "cubic-spring" in laws
+    True
+    >>> [law.name for law in laws][:3]
+    ['linear-spring', 'linear-damper', 'cubic-spring']
     """
-    for law in LAWS:
-        if law.name == name:
-            return law
-    known = [law.name for law in LAWS]
-    near = get_close_matches(name[:80], known, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(known)}")
+
+    def __getitem__(self, name: str) -> Law:
+        """Give a law by name.
+
+        Raises
+        ------
+        RsgenError
+            There is no law of this name.
+        """
+        if name in self:
+            return _law(name)
+        near = get_close_matches(str(name)[:80], _ROWS, n=3)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(_ROWS)}")
+
+    def __contains__(self, name: object) -> bool:
+        return name in _ROWS
+
+    def __iter__(self) -> Iterator[Law]:
+        return map(_law, _ROWS)
+
+    def __len__(self) -> int:
+        return len(_ROWS)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all laws."""
+        return tuple(_ROWS)
+
+    def __repr__(self) -> str:
+        width = max(map(len, _ROWS))
+        return "\n".join(f"{name:<{width}}  {row.formula}" for name, row in _ROWS.items())
+
+
+laws = Library()
+"""All laws of the library."""

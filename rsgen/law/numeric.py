@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from sympy.printing.numpy import SciPyPrinter
 
 from rsgen.expression import symbol
-from rsgen.law.element import Piece, normal_form
 from rsgen.law.homogeneity import scaled_groups
+from rsgen.law.pieces import Piece, normal_form
 
 __all__ = ["ForceLaw", "ForceSample", "compile_law"]
 

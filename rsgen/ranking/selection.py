@@ -134,7 +134,7 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
     place = {term.name: i for i, term in enumerate(terms)}
 
     def sensible(chosen: Sequence[Term]) -> bool:
-        return sum(term.own_spring for term in chosen) <= 1
+        return sum(term.how.spring for term in chosen) <= 1
 
     found: dict[frozenset[str], tuple[Trial, tuple[_Variant, ...]]] = {}
 

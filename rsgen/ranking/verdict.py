@@ -176,9 +176,9 @@ def _fitting(
         sentences = [f"{best} comes nearest: points without neighbours do not tell whether it fits"]
     inside = set(best.split(" + "))
     sentences += [
-        f"{term.name} beside a linear spring is also {' and '.join(term.also)}"
+        f"{term.name} beside a linear spring is also {' and '.join(term.how.same)}"
         for term in library_terms()
-        if term.also and term.name in inside
+        if term.how.same and term.name in inside
     ]
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]

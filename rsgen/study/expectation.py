@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsgen.case import Case
-from rsgen.law.element import normal_form
+from rsgen.law.pieces import normal_form
 from rsgen.simulation import SimulatedTest
 
 __all__ = ["STAGES", "Expectation", "expect"]

@@ -7,7 +7,7 @@ from rsgen.describing import derive
 from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol
-from rsgen.law.library import LAWS, find_law
+from rsgen.law import laws
 from tests.oracles.cycle import relative_errors
 
 WITH_ORACLE = 8  # points of a law that also go through the slow quadrature; rsgen's own proof has 40 and more
@@ -149,11 +149,11 @@ def test_table_is_as_long_as_promised():
     assert sum(row[-1] for row in TABLE) >= 24
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_library_law_agrees_with_quadrature(law):
     derived = derive(law.formula)
-    assert tuple(sorted(p.name for p in law.parameters)) == derived.parameters
-    assert all(p.meaning for p in law.parameters)
+    assert law.parameters == derived.parameters
+    assert all(parameter.meaning for parameter in law.table)
     force = compiled((parse(law.formula),), tuple(map(symbol, ("x", "v", *derived.parameters))))
     for values, X, omega in random_points(derived.parameters, count=6):
         found = derived.evaluate(X, omega, values)
@@ -169,22 +169,22 @@ def test_library_law_agrees_with_quadrature(law):
 
 
 def test_names_are_unique_and_found():
-    assert len({law.name for law in LAWS}) == len(LAWS)
-    assert all(find_law(law.name) is law for law in LAWS)
+    assert len({law.name for law in laws}) == len(laws)
+    assert all(laws[law.name] is law for law in laws)
 
 
 def test_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(RsgenError, match="cubic-spring"):
-        find_law("cubik")
+        laws["cubik"]
 
 
 def test_element_takes_a_name():
-    assert find_law("coulomb").element("pad").name == "pad"
-    assert find_law("coulomb").element().parameters == ("Ff",)
+    assert laws["coulomb"].element("pad").name == "pad"
+    assert laws["coulomb"].element().parameters == ("Ff",)
 
 
 def test_element_takes_names_of_parameters():
-    element = find_law("cubic-spring").element("spring", {"k": "k3", "k3": "k"})
+    element = laws["cubic-spring"].element("spring", {"k": "k3", "k3": "k"})
     assert element.force == parse("k3*x + k*x**3")
     for names, word in (
         ({"q": "k1"}, "it has k, k3"),
@@ -192,7 +192,7 @@ def test_element_takes_names_of_parameters():
         ({"k": "1k"}, "1k"),
     ):
         with pytest.raises(RsgenError, match=word):
-            find_law("cubic-spring").element(parameters=names)
+            laws["cubic-spring"].element(renames=names)
 
 
 # law, x, v, force at the example values with b = 1 and all stiffnesses 1 where nothing else is said
@@ -212,7 +212,7 @@ POINTS = (
 
 @pytest.mark.parametrize(("name", "x", "v", "wanted"), POINTS)
 def test_library_laws_are_what_they_are_called(name, x, v, wanted):
-    law = find_law(name)
+    law = laws[name]
     values = {symbol(key): number for key, number in law.example.items()}
     force = parse(law.formula).subs(values | {symbol("x"): x, symbol("v"): v})
     assert abs(float(force) - wanted) < 1e-6

@@ -6,7 +6,7 @@ import pytest
 from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.quadrature import Cycle, switching_angles
 from rsgen.expression import parse, symbol
-from rsgen.law.element import normal_form
+from rsgen.law.pieces import normal_form
 
 ZERO = 1e-12  # of a switch function of size one
 

@@ -15,7 +15,7 @@ from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol
 from rsgen.kernel import Kernel, compile_kernel, generate, parameter_order, store
 from rsgen.kernel.store import load_kernel
-from rsgen.law.element import normal_form
+from rsgen.law.pieces import normal_form
 
 # the same arithmetic in another order
 ROUNDING = 1e-12

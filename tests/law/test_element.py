@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import ExpressionError
 from rsgen.expression import parse, symbol
-from rsgen.law.element import make_element, normal_form
+from rsgen.law.element import make_element
+from rsgen.law.pieces import normal_form
 
 ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
 

@@ -15,8 +15,8 @@ from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.identification import Ranking, identify
 from rsgen.identification.data import Points, select_points
+from rsgen.law import laws
 from rsgen.law.element import make_element
-from rsgen.law.library import LAWS as LIBRARY
 from rsgen.law.numeric import compile_law
 from rsgen.measurement import read_measurement
 from rsgen.observation import Observation
@@ -183,7 +183,7 @@ def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, Rows
 
 def test_more_terms_never_miss_by_more(along: tuple[Points, Rows, Guess]) -> None:
     _, rows, _ = along
-    terms = [term for term in library_terms() if not term.search and not term.dissipates]
+    terms = [term for term in library_terms() if not term.search and not term.how.dissipates]
     trials = {
         frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, None, 2)
     }
@@ -203,10 +203,10 @@ def test_friction_never_feeds_energy() -> None:
 
 def test_every_law_of_the_library_takes_part() -> None:
     terms = library_terms()
-    seen = {term.name for term in terms} | {name for term in terms for name in term.also}
+    seen = {term.name for term in terms} | {name for term in terms for name in term.how.same}
     # the base, and sums of others
     composed = {"linear-spring", "linear-damper", "softening-hardening-spring", "viscous-coulomb"}
-    assert seen | composed == {law.name for law in LIBRARY}
+    assert seen | composed == {law.name for law in laws}
     for term in terms:
         assert set(term.search) <= set(term.law.parameters)
         assert term.linear

@@ -1,0 +1,96 @@
+"""Laws as a user composes them: from text, from the library, as sums."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.expression import parse
+from rsgen.law import Law, as_elements, laws, make_element
+
+
+def test_a_formula_is_a_law():
+    law = Law("k*x + k3*x**3 + c*v + Ff*sign(v)")
+    assert law.parameters == ("Ff", "c", "k", "k3")
+    assert law.force == parse(law.formula)
+    assert law.element("joint", {"Ff": "F2"}).parameters == ("F2", "c", "k", "k3")
+    assert law.element().name == "law"
+    assert rsgen.Law is Law
+    assert rsgen.laws is laws
+
+
+def test_an_expression_is_a_law():
+    law = Law(parse("k*x + c*v"))
+    assert Law(law.formula).force == law.force
+
+
+@pytest.mark.parametrize("formula", ["x**1.5", "k*X", "k*x +", "__import__('os')"])
+def test_what_is_no_law_is_refused_at_once(formula):
+    with pytest.raises(RsgenError):
+        Law(formula)
+
+
+SUMMANDS = (Law("k*x"), "c*v", make_element("friction", "Ff*sign(v)"), laws["cubic-spring"])
+
+
+@pytest.mark.parametrize("first", SUMMANDS)
+@pytest.mark.parametrize("second", SUMMANDS)
+def test_plus_adds_laws_formulas_and_elements(first, second):
+    if isinstance(first, str) and isinstance(second, str):
+        return
+    total = first + second
+    parts = [parse(part) if isinstance(part, str) else part.force for part in (first, second)]
+    assert total.force == sum(parts)
+    assert Law(total.formula).force.expand() == total.force.expand()
+    names = [element.name for element in total.elements]
+    assert len(names) == len(set(names)) == 2
+
+
+def test_sums_of_named_laws_have_a_name():
+    assert (laws["cubic-spring"] + laws["coulomb"]).name == "cubic-spring + coulomb"
+    assert (laws["cubic-spring"] + "c*v").name == ""
+
+
+def test_elements_keep_their_names_and_laws_make_way():
+    joint = make_element("law", "k*x")
+    names = [element.name for element in as_elements(["c*v", joint, Law("Ff*sign(v)"), laws["coulomb"]])]
+    assert names == ["law-2", "law", "law-3", "coulomb"]
+    assert as_elements("k*x") == as_elements(Law("k*x")) == as_elements(joint) == (joint,)
+
+
+def test_what_is_no_law_is_named():
+    with pytest.raises(RsgenError, match=r"law: 3\.5 is none; a formula, an Element or a Law is needed"):
+        as_elements(["k*x", 3.5])
+
+
+def test_the_library_is_a_mapping_that_iterates_over_laws():
+    candidates = [Law("k*x"), *laws]
+    assert len(candidates) == 1 + len(laws) == 29
+    assert all(laws[law.name] is law for law in laws)
+    assert "coulomb" in laws
+    assert "friction" not in laws
+    assert laws.names == tuple(law.name for law in laws)
+    with pytest.raises(RsgenError, match="did you mean 'cubic-spring'"):
+        laws["cubic-sprin"]
+
+
+def test_every_law_of_the_library_says_what_its_parameters_are():
+    for law in laws:
+        assert tuple(sorted(parameter.name for parameter in law.table)) == law.parameters
+        assert law.title
+        assert law.source
+
+
+def test_laws_travel_between_processes():
+    law = laws["dead-zone"] + "c*v"
+    assert pickle.loads(pickle.dumps(law)) == law
+
+
+def test_laws_show_themselves():
+    assert repr(laws["coulomb"]) == "Law('Ff*sign(v)', name='coulomb')"
+    assert repr(Law("k*x")) == "Law('k*x')"
+    assert Law("k*x")._repr_latex_() == make_element("spring", "k*x")._repr_latex_() == "$n(x, v) = k x$"
+    assert repr(laws).splitlines()[0].split() == ["linear-spring", "k*x"]
