@@ -7,6 +7,7 @@ long form; force and response are complex and as measured, never the nominal lev
 from __future__ import annotations
 
 import io
+import json
 import os
 from dataclasses import dataclass, fields
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import MeasurementError, RsgenError
+from rsgen.finding import Finding
 from rsgen.output import write_atomic
 
 __all__ = ["OUTCOMES", "ResponseSurface", "load_surface", "save_surface"]
@@ -90,8 +92,8 @@ class ResponseSurface:
         What the test held constant within a level: "force" or "response".
     stable
         (n,) False where the motion would leave this state if the force were held constant; None: all stable.
-    notes
-        Sentences about how the surface came about that a reader should know before using its numbers.
+    findings
+        What a reader should know about how the surface came about before using its numbers.
 
     Raises
     ------
@@ -112,7 +114,7 @@ class ResponseSurface:
     phase_known: bool = True
     control: str = "force"
     stable: NDArray[np.bool_] | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.frequency))
@@ -213,7 +215,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         file.attrs["origin"] = surface.origin
         file.attrs["phase_known"] = surface.phase_known
         file.attrs["control"] = surface.control
-        file.attrs["notes"] = list(surface.notes)
+        file.attrs["findings"] = [json.dumps(finding.to_dict()) for finding in surface.findings]
         file.attrs["outcomes"] = list(OUTCOMES)
         columns = {name: getattr(surface, name) for name in _UNITS}
         columns["sweep"] = columns["sweep"].astype("S4")
@@ -252,13 +254,15 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
             values["sweep"] = np.char.decode(values["sweep"], "ascii")
             # surfaces written before there were tests without phase do not say
             known = bool(file.attrs.get("phase_known", True))
-            notes = tuple(str(note) for note in file.attrs.get("notes", ()))
+            findings = [Finding.from_dict(json.loads(text)) for text in file.attrs.get("findings", ())]
+            # surfaces written before findings were data have sentences
+            old = [Finding("note", "info", names={"text": str(n)}) for n in file.attrs.get("notes", ())]
             return ResponseSurface(
                 **values,
                 origin=str(file.attrs["origin"]),
                 phase_known=known,
                 control=str(file.attrs.get("control", "force")),
-                notes=notes,
+                findings=(*old, *findings),
             )
     except (OSError, KeyError, ValueError, TypeError) as fault:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsgen.errors import MeasurementError, RsgenError
+from rsgen.finding import Finding, Quantity
+from rsgen.report.wording import sentence
 from rsgen.surface import OUTCOMES, ResponseSurface, load_surface, save_surface
 
 
@@ -33,14 +35,17 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         error=np.full(n, np.nan),
         origin=str(random.choice(["simulated", "measured"])),
         phase_known=bool(random.random() < 0.5),
-        notes=tuple(f"note {i}: ζ = {random.random()}" for i in range(random.integers(0, 3))),
+        findings=tuple(
+            Finding("a-code", "info", "ζ", {"x": Quantity(random.random(), "N/m")}, {"of": "größer"})
+            for _ in range(random.integers(0, 3))
+        ),
     )
 
 
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
     for column in fields(ResponseSurface):
         a, b = getattr(one, column.name), getattr(two, column.name)
-        if column.name in ("origin", "phase_known", "control", "notes"):
+        if column.name in ("origin", "phase_known", "control", "findings"):
             assert a == b
         else:
             assert a.dtype == b.dtype
@@ -66,6 +71,15 @@ def test_the_same_surface_gives_the_same_bytes(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", "b.h5"]
 
 
+def test_sentences_of_older_files_come_as_findings(tmp_path):
+    save_surface(tmp_path / "s.h5", random_surface(1, 5, 3))
+    with h5py.File(tmp_path / "s.h5", "a") as file:
+        file.attrs["notes"] = ["the force was not recorded"]
+        del file.attrs["findings"]
+    (finding,) = load_surface(tmp_path / "s.h5").findings
+    assert sentence(finding) == "the force was not recorded"
+
+
 def test_every_array_of_the_file_carries_its_unit(tmp_path):
     save_surface(tmp_path / "s.h5", random_surface(1, 5, 3))
     with h5py.File(tmp_path / "s.h5") as file:
@@ -77,7 +91,7 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
         "origin",
         "phase_known",
         "control",
-        "notes",
+        "findings",
     } | {"settled"}
 
 

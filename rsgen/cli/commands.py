@@ -104,6 +104,8 @@ def _plan(case: Case) -> dict[str, Any]:
         }
         expected = expect(case, points, test.harmonics)
     else:
+        from rsgen.report.wording import sentence
+
         surface = read_measurement(test)
         plan |= {
             "kind": "measured",
@@ -113,7 +115,7 @@ def _plan(case: Case) -> dict[str, Any]:
             "sweeps": sorted({str(sweep) for sweep in surface.sweep}),
             "lowest_frequency": float(surface.frequency.min()),
             "highest_frequency": float(surface.frequency.max()),
-            "warnings": [*case.warnings, *surface.notes],
+            "warnings": [*case.warnings, *map(sentence, surface.findings)],
         }
         expected = expect(case, len(surface), surface.harmonics.shape[1] - 1)
     plan["seconds"] = {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()}
@@ -239,6 +241,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
     """Identify a case from its test or from a saved surface, and print the estimates."""
     from rsgen.identification import identify
     from rsgen.ranking import identify_best
+    from rsgen.report.wording import sentence
     from rsgen.surface import load_surface
 
     case = load_case(path, data)
@@ -257,7 +260,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
                 "parameters": rows,
                 "residual": identification.residual,
                 "outcome": identification.outcome,
-                "warnings": list(identification.warnings),
+                "warnings": [*identification.warnings, *map(sentence, identification.findings)],
             }
         )
         return ACCEPTED
@@ -274,7 +277,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         ],
     )
     print_line(identification.outcome)
-    for warning in identification.warnings:
+    for warning in (*identification.warnings, *map(sentence, identification.findings)):
         print_line(f"note: {warning}")
     return ACCEPTED
 

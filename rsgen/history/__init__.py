@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.history.decay import RingDown, follow_decay
 from rsgen.history.record import TimeHistory
-from rsgen.history.soundness import soundness_notes
+from rsgen.history.soundness import record_findings
 from rsgen.history.stepped_sine import fit_steps
 from rsgen.history.sweep_law import SweepLaw
 from rsgen.history.swept_sine import demodulate_sweep
@@ -16,5 +16,5 @@ __all__ = [
     "demodulate_sweep",
     "fit_steps",
     "follow_decay",
-    "soundness_notes",
+    "record_findings",
 ]

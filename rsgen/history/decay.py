@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 from rsgen.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.history.quasi_steady import steady_force
 from rsgen.history.record import TimeHistory
@@ -112,10 +113,7 @@ class RingDown:
             residual=np.full(n, np.nan),
             error=np.full(n, np.nan),
             origin="measured",
-            notes=(
-                f"{self.label}: points of a free decay; the force of each is the one that would have held "
-                "its motion, computed with the given mass",
-            ),
+            findings=(Finding("force-of-decay", "info", names={"record": self.label}),),
         )
 
     def differ(self, forced: ResponseSurface) -> tuple[float, float]:

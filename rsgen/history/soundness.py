@@ -1,13 +1,14 @@
-"""What a record tells about its own making: samples cut off at the end of a range, standstill."""
+"""Faults of a record itself: samples cut off at the end of a range, a response that stands still."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.finding import Finding, Quantity
 from rsgen.history.record import BLOCK, TimeHistory
 
-__all__ = ["soundness_notes"]
+__all__ = ["record_findings"]
 
 _FLAT = 3
 """A top is flat from so many equal samples on; one of a sine may be so where the steps are coarse."""
@@ -60,32 +61,39 @@ def _stands(history: TimeHistory) -> list[tuple[float, float]]:
     return found
 
 
-def soundness_notes(history: TimeHistory) -> tuple[str, ...]:
-    """Say where samples are cut off or missing, which a fit to amplitudes alone does not show.
+def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
+    """Find where samples are cut off or missing, which a fit to amplitudes alone does not show.
 
     Parameters
     ----------
     history
         Of a forced test, or a free decay.
-
-    Returns
-    -------
-    Sentences, none where nothing is seen.
     """
-    notes = []
+    findings = []
     for name, values in (("force", history.force), ("response", history.response)):
         cut = 0 if values is None else _clipped(values, 1) + _clipped(values, -1)
         if cut:
-            notes.append(
-                f"{history.label}: the {name} is cut off at the end of its range in {cut} samples; "
-                "amplitudes are too small there: measure with a wider range, or use start and stop"
+            findings.append(
+                Finding(
+                    "record-clipped",
+                    "warning",
+                    numbers={"samples": Quantity(cut)},
+                    names={"record": history.label, "signal": name},
+                )
             )
     stands = [] if history.force is None else _stands(history)
     if stands:
         begin, length = max(stands, key=lambda stand: stand[1])
-        times = "once" if len(stands) == 1 else f"{len(stands)} times"
-        notes.append(
-            f"{history.label}: the response stands still {times} while the force moves, longest at "
-            f"{begin:.5g} s for {length:.3g} s: a drop-out; look at the points around it"
+        findings.append(
+            Finding(
+                "response-stands-still",
+                "warning",
+                numbers={
+                    "times": Quantity(len(stands)),
+                    "begin": Quantity(begin, "s"),
+                    "length": Quantity(length, "s"),
+                },
+                names={"record": history.label},
+            )
         )
-    return tuple(notes)
+    return tuple(findings)

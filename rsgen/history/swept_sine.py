@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding, Quantity
 from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.history.levels import name_levels
 from rsgen.history.quasi_steady import estimate_mass, steady_force
@@ -255,7 +256,7 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
     omega = motion.omega
     usable = loud & np.isfinite(flattened) & (omega > 0) & np.isfinite(motion.displacement)
     good = usable & (flattened < _FLATTENED)
-    notes: list[str] = []
+    findings: list[Finding] = []
     known = mass
     picked = np.flatnonzero(_resonances(rows, good))
     if mass is None and len(picked) >= _ENOUGH:
@@ -271,14 +272,11 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         asked = np.abs(known * flattened * motion.acceleration)
         good &= asked < _ASKED * np.maximum(np.abs(force), np.abs(steady))
         good &= np.abs(steady - force) < _OVER * np.abs(force)
-        notes += _pace(rows, force, steady, motion, damping, good, known, mass is not None)
+        findings += _pace(rows, force, steady, motion, damping, good, known, mass is not None)
     else:
-        notes.append(
-            "the force was not corrected for the pace of the sweep: over this band the sweeps do not tell a "
-            "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
-        )
-    notes += _other_mode(rows, steady, motion, good)
-    notes += _distortions(rows)
+        findings.append(Finding("sweep-not-corrected", "warning"))
+    findings += _other_mode(rows, steady, motion, good)
+    findings += _distortions(rows)
     level = name_levels([(r.history.level, float(np.median(np.abs(r.force)))) for r in rows])
     count = [len(r.force) for r in rows]
     frequency = np.where(omega > 0, omega, np.nan) / (2 * pi)
@@ -294,7 +292,7 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         residual=np.full(int(kept.sum()), np.nan),
         error=np.concatenate([r.smoothed for r in rows])[kept],
         origin="measured",
-        notes=tuple(notes),
+        findings=tuple(findings),
     )
 
 
@@ -316,8 +314,8 @@ def _resonances(rows: list[_Rows], good: NDArray[np.bool_]) -> NDArray[np.bool_]
 
 def _other_mode(
     rows: list[_Rows], steady: ComplexArray, motion: Motion, good: NDArray[np.bool_]
-) -> list[str]:
-    """Say where the receptance has another maximum, in the first sweep that has one."""
+) -> list[Finding]:
+    """Find another maximum of the receptance, in the first sweep that has one."""
     begin = 0
     for r in rows:
         part = begin + np.flatnonzero(good[begin : begin + len(r.force)])
@@ -336,8 +334,12 @@ def _other_mode(
             if height.any():
                 f = motion.omega[part[places[int(np.argmax(height))]]] / (2 * pi)
                 return [
-                    f"{r.history.label}: response over force has another maximum near {f:.4g} Hz, of another "
-                    "mode perhaps; choose a band around one mode, or fit a background"
+                    Finding(
+                        "another-maximum",
+                        "warning",
+                        numbers={"frequency": Quantity(float(f), "Hz")},
+                        names={"record": r.history.label},
+                    )
                 ]
     return []
 
@@ -351,9 +353,9 @@ def _pace(
     good: NDArray[np.bool_],
     mass: float,
     given: bool,
-) -> list[str]:
-    """Judge the sweeps at their resonances: the sentence on the fastest, or none where all are slow."""
-    worst, note = _SLOW, ""
+) -> list[Finding]:
+    """Judge the sweeps at their resonances: a finding about the fastest, none where all are slow."""
+    worst, findings = _SLOW, []
     begin = 0
     for r in rows:
         part = slice(begin, begin + len(r.force))
@@ -372,21 +374,38 @@ def _pace(
             continue
         worst = pace
         change = float(np.median(np.abs(force[part][top] / steady[part][top] - 1)))
-        note = (
-            f"{r.history.label}: the sweep {r.direction} at {rate:.3g} Hz/s is fast for a resonance at "
-            f"{f:.4g} Hz with half width {width:.2g} Hz: rate/(half width)^2 = {pace:.2g}, which shifts it "
-            f"by {pace / 2 / pi:.2g} half widths. The force was corrected for that, by {change:.1%} at the "
-            f"resonance, with the mass {mass:.4g} kg ({'given' if given else 'from the sweeps themselves'})"
-        )
-        if pace > _FAST:
-            note += f"; beyond {_FAST:g} it leaves errors of some percent in c(X): sweep slower"
-    return [note] if note else []
+        findings = [
+            Finding(
+                "sweep-fast",
+                "info" if pace <= _FAST else "warning",
+                numbers={
+                    "rate": Quantity(rate, "Hz/s"),
+                    "resonance": Quantity(f, "Hz"),
+                    "half_width": Quantity(width, "Hz"),
+                    "pace": Quantity(pace),
+                    "shift": Quantity(pace / (2 * pi)),
+                    "correction": Quantity(change),
+                    "mass": Quantity(mass, "kg"),
+                    "proved_up_to": Quantity(_FAST),
+                },
+                names={
+                    "record": r.history.label,
+                    "direction": r.direction,
+                    "mass": "given" if given else "from the sweeps themselves",
+                },
+            )
+        ]
+    return findings
 
 
-def _distortions(rows: list[_Rows]) -> list[str]:
+def _distortions(rows: list[_Rows]) -> list[Finding]:
     return [
-        f"{r.history.label}: harmonics of the force reach {r.distortion:.0%} of its fundamental; laws are "
-        "fitted as if it were a sine"
+        Finding(
+            "force-distorted",
+            "info",
+            numbers={"harmonics": Quantity(r.distortion)},
+            names={"record": r.history.label},
+        )
         for r in rows
         if r.distortion > _DISTORTED
     ]

@@ -97,7 +97,6 @@ def find_warnings(
         shift = _small_shift(resonances)
         if shift:
             sentences.append(shift)
-    sentences += surface.notes
     if not surface.phase_known:
         sentences.append(_NO_PHASE)
     if not calibrated:

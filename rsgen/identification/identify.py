@@ -176,6 +176,7 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
         background=background if model.observation.background != "none" else None,
+        findings=surface.findings,
         warnings=(
             *notes,
             *find_warnings(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding
 from rsgen.identification.background import Shape, shape_of
 from rsgen.identification.ranking import Ranking
 from rsgen.oscillator import Model
@@ -249,6 +250,8 @@ class Identification:
         One sentence: what was identified from how many points and how well.
     warnings
         Sentences about what may be wrong or is not told by the test.
+    findings
+        What a reader should know about the surface.
     restoring
         Forces without a law; None where the points do not suffice.
     ranking
@@ -275,6 +278,7 @@ class Identification:
     frequency_range: tuple[float, float]
     outcome: str
     warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     restoring: RestoringForce | None = None
     ranking: Ranking | None = None
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

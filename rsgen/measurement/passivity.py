@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rsgen.finding import Finding
 from rsgen.surface import ResponseSurface
 
-__all__ = ["energy_note"]
+__all__ = ["passivity_findings"]
 
 _FED = -0.1
 """Power over the most that forces and velocities could bring; errors of the phase leave a few percent."""
@@ -46,8 +47,8 @@ def _slope(surface: ResponseSurface) -> float:
     return float(products[0]) / scale if scale > 0 else 0.0
 
 
-def energy_note(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[str, ...]:
-    """Say what is reversed where force and response cannot be those of a passive structure.
+def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[Finding, ...]:
+    """Find what is reversed where force and response cannot be those of a passive structure; none or one.
 
     Parameters
     ----------
@@ -57,27 +58,21 @@ def energy_note(surface: ResponseSurface, sense: str | None, quantity: str) -> t
         How the case reads the phase of the response, "lag" or "lead"; None where it has none to read.
     quantity
         What was recorded: a velocity read in the wrong sense is a displacement mirrored and turned round.
-
-    Returns
-    -------
-    One sentence, or none.
     """
     good = surface.settled & (surface.harmonics[:, 1] != 0) & (surface.force != 0)
     if not surface.phase_known or np.count_nonzero(good) < _FEWEST:
         return ()
-    kept = surface.select(good)
-    fed, rises = _power(kept) < _FED, _slope(kept) > _RISES
+    chosen = surface.select(good)
+    fed, rises = _power(chosen) < _FED, _slope(chosen) > _RISES
     if not (fed or rises):
         return ()
-    odd = ["the structure would feed energy into the shaker"] if fed else []
-    odd += ["the moving mass would be negative"] if rises else []
-    told = f"as the case reads force and response, {' and '.join(odd)}"
-    sign = "give test.response.factor the other sign"
+    names = {"against": " and ".join(["power"] * fed + ["mass"] * rises)}
+    if sense is not None:
+        names["phase_sense"] = "lag" if sense == "lead" else "lead"
     if fed and rises:
-        return (f"{told}: a channel is probably reversed; {sign}",)
-    if sense is None:
-        return (f"{told}: the channels are probably late against each other, or one is reversed",)
-    turn = f'set test.response.phase_sense = "{"lag" if sense == "lead" else "lead"}"'
-    if fed == (quantity != "velocity"):
-        return (f"{told}: the phase is probably reversed; {turn}",)
-    return (f"{told}: a channel and its phase are probably reversed; {turn} and {sign}",)
+        names["reversed"] = "channel"
+    elif sense is None:
+        names["reversed"] = "unknown"
+    else:
+        names["reversed"] = "phase" if fed == (quantity != "velocity") else "channel and phase"
+    return (Finding("not-passive", "warning", names=names),)

@@ -9,22 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 from rsgen.measurement.file_table import Table, read_table
-from rsgen.measurement.passivity import energy_note
+from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.runs import group_levels, level_of_file, recognise_directions
 from rsgen.surface import ResponseSurface
 
 __all__ = ["read_measurement"]
 
-NOMINAL = (
-    "the force was not recorded and the nominal level stands for it; real forces fall at "
-    "resonance, which then looks like damping and stiffness of the structure"
-)
-QUOTIENT = (
-    "the files tell response over force, so the level stands for the force; where the real one fell, so "
-    "did the amplitude, and laws of amplitude are off by as much"
-)
 _INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -166,7 +159,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     saids = [part.said for part in parts if part.said is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
-    notes = () if test.force is not None else (QUOTIENT if test.per_force else NOMINAL,)
+    nominal = Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning")
     unknown = np.full(len(frequency), np.nan)
     return ResponseSurface(
         level=level,
@@ -180,7 +173,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         error=unknown,
         origin="measured",
         phase_known=test.phase_known,
-        notes=notes,
+        findings=() if test.force is not None else (nominal,),
     )
 
 
@@ -203,13 +196,13 @@ def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
         residual=column("residual"),
         error=column("error"),
         origin="measured",
-        notes=tuple(dict.fromkeys(note for surface in surfaces for note in surface.notes)),
+        findings=tuple(dict.fromkeys(finding for surface in surfaces for finding in surface.findings)),
     )
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this room and must start quickly
-    from rsgen.history import demodulate_sweep, fit_steps, follow_decay, soundness_notes
+    from rsgen.history import demodulate_sweep, fit_steps, follow_decay, record_findings
     from rsgen.measurement.histories import read_histories
 
     histories = read_histories(test)
@@ -223,8 +216,8 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     else:
         decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
         surface = _joined([decay.surface() for decay in decays])
-    sound = [note for history in histories for note in soundness_notes(history)]
-    return replace(surface, notes=(*sound, *surface.notes))
+    records = [finding for history in histories for finding in record_findings(history)]
+    return replace(surface, findings=(*records, *surface.findings))
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface:
@@ -254,4 +247,5 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
     lags = test.response.conjugate or test.response.phase_factor < 0
     sense = None if test.history is not None else "lag" if lags else "lead"
-    return replace(surface, notes=(*surface.notes, *energy_note(surface, sense, test.quantity)))
+    passive = passivity_findings(surface, sense, test.quantity)
+    return replace(surface, findings=(*surface.findings, *passive))

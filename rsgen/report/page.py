@@ -33,6 +33,7 @@ from rsgen.report.tables import (
     verdict_table,
 )
 from rsgen.report.typesetting import set_sentence
+from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
 __all__ = ["render_page", "verdict_sentence"]
@@ -167,7 +168,8 @@ def render_page(
     # identification warns with these words when the misfit is systematic
     fits = not any(text.startswith("the law does not fit") for text in identification.warnings)
     # what comes from the case stays as it is written there
-    warnings = [*case.warnings, *(set_sentence(text, names) for text in identification.warnings)]
+    said = (*identification.warnings, *map(sentence, identification.findings))
+    warnings = [*case.warnings, *(set_sentence(text, names) for text in said)]
     context = {
         "title": case.title or case.name,
         "name": case.name,

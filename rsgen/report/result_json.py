@@ -18,6 +18,7 @@ from rsgen.expression import write
 from rsgen.identification import Estimate, Identification, Ranking
 from rsgen.prediction import Prediction
 from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
 __all__ = ["SCHEMA", "build_result", "result_text"]
@@ -133,7 +134,8 @@ def build_result(
         "title": case.title,
         "passed": comparison.passed,
         "outcome": identification.outcome,
-        "warnings": [*case.warnings, *identification.warnings],
+        "warnings": [*case.warnings, *identification.warnings, *map(sentence, identification.findings)],
+        "findings": [finding.to_dict() for finding in identification.findings],
         "mass": _finite(identification.mass),
         "parameters": [_row(row) for row in comparison.rows if row.name not in FORCE_KEYS],
         "forces": [_row(row) for row in comparison.rows if row.name in FORCE_KEYS],

@@ -79,7 +79,7 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     dynamic = surface.force / surface.harmonics[:, 1]
     np.testing.assert_allclose(dynamic.real + MASS * surface.omega**2, found.stiffness, rtol=1e-12)
     np.testing.assert_allclose(dynamic.imag / surface.omega, found.damping, rtol=1e-9)
-    assert "free decay" in surface.notes[0]
+    assert [finding.code for finding in surface.findings] == ["force-of-decay"]
 
 
 def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:

@@ -142,7 +142,11 @@ def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None
     near = np.abs(dynamic.real) < 5 * np.abs(dynamic.imag)
     assert np.max(np.abs(k / STIFFNESS - 1)) < 5e-4
     assert np.max(np.abs(c[near] / DAMPING - 1)) < AS_STEPPED
-    assert "which shifts it by 0.8 half widths" in surface.notes[0]
+    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-fast")
+    # rate/(half width)^2 of the true oscillator
+    assert fast["pace"] == pytest.approx(0.05 / 0.1**2, rel=0.02)
+    assert fast["shift"] == pytest.approx(5 / (2 * np.pi), rel=0.02)
+    assert fast["mass"] == pytest.approx(MASS, rel=1e-3)
     # and without correction it is as wrong as the literature says
     raw = demodulate_sweep(history, band=(8.5, 12), mass=1e-12)
     dynamic = raw.force / raw.harmonics[:, 1]
@@ -193,16 +197,18 @@ def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None
     assert c.max() < AS_STEPPED
 
 
-def test_another_mode_in_the_band_is_told() -> None:
+def test_another_mode_in_the_band_is_found() -> None:
     law, rate, n = SweepLaw("linear", 6.0, 0.1), 400.0, 40000
     force = np.cos(law.phase_at(np.arange(n) / rate))
     other = Oscillator(1.0, (make_element("a", "k*x + c*v"),), {"k": (2 * np.pi * 8) ** 2, "c": 1.0})
     both = sum(np.asarray(sweep(o, 1.0, law, 16.0, rate).response)[:n] for o in (linear(), other))
     surface = demodulate_sweep(TimeHistory(rate, force, both, label="a.mat"))
-    assert any("a.mat: response over force has another maximum near 10" in note for note in surface.notes)
+    (other,) = (finding for finding in surface.findings if finding.code == "another-maximum")
+    assert other["frequency"] == pytest.approx(10, rel=0.02)
+    assert other.names["record"] == "a.mat"
     alone = demodulate_sweep(TimeHistory(rate, force, both), band=(9.6, 11), mass=MASS)
-    assert "given" in alone.notes[0]
-    assert not any("another maximum" in note for note in alone.notes)
+    assert alone.findings[0].names["mass"] == "given"
+    assert "another-maximum" not in {finding.code for finding in alone.findings}
 
 
 def test_harmonics_above_the_sampling_rate_are_unknown() -> None:
@@ -219,8 +225,8 @@ def test_a_distorted_force_is_noted() -> None:
     distorted = TimeHistory(
         400, clean.force + 0.1 * np.cos(3 * law.phase_at(t)), clean.response, label="a.mat"
     )
-    notes = demodulate_sweep(distorted).notes
-    assert any(note.startswith("a.mat: harmonics of the force reach 10%") for note in notes)
+    findings = {finding.code: finding for finding in demodulate_sweep(distorted).findings}
+    assert findings["force-distorted"]["harmonics"] == pytest.approx(0.1, rel=0.01)
 
 
 @pytest.mark.parametrize(

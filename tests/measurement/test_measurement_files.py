@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from rsgen.case import load_case
 from rsgen.errors import MeasurementError
-from rsgen.measurement import LevelRule, MeasuredTest, Signal, isolation, read_measurement
+from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement, sandbox
 from rsgen.measurement.data_files import recognise_format
 from rsgen.measurement.npy import walk_npy, walk_npz
 from rsgen.measurement.sandbox import list_binary, read_binary
@@ -79,7 +79,7 @@ def test_magnitudes_of_several_files_have_no_phase() -> None:
     assert not surface.phase_known
     assert surface.levels.tolist() == [1.0, 3.0, 6.0]
     np.testing.assert_allclose(surface.amplitude, reference.amplitude, rtol=PRINTED)
-    assert any("nominal level stands for it" in note for note in surface.notes)
+    assert [finding.code for finding in surface.findings] == ["force-not-recorded"]
 
 
 def test_examples_stay_small() -> None:
@@ -501,8 +501,8 @@ def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> Non
 def test_waiting_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.npy"
     np.save(path, np.zeros(6_000_000))
-    monkeypatch.setattr(isolation, "WAIT_SECONDS", 0.0)
-    monkeypatch.setattr(isolation, "WAIT_RATE", 1e12)
+    monkeypatch.setattr(sandbox, "WAIT_SECONDS", 0.0)
+    monkeypatch.setattr(sandbox, "WAIT_RATE", 1e12)
     with pytest.raises(MeasurementError, match="reading was ended after"):
         read_binary(path, "npy", ["array"])
 

@@ -1,4 +1,4 @@
-"""A structure takes energy from its shaker: what is read the other way round is told."""
+"""A structure takes energy from its shaker: what is read the other way round is found."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsgen.finding import Finding
 from rsgen.measurement import MeasuredTest, Signal, read_measurement
+from rsgen.report.wording import sentence
 
 MASS, STIFFNESS, DAMPING = 2.0, 2e4, 6.0
 FREQUENCY = np.arange(13.0, 20.0, 0.1)
@@ -18,10 +20,10 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
     return np.asarray(1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING))
 
 
-def notes(
+def findings(
     folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0
-) -> tuple[str, ...]:
-    """Give the notes on a table of receptances, mobilities or accelerances: of that order."""
+) -> tuple[Finding, ...]:
+    """Read a table of receptances, mobilities or accelerances: of that order."""
     path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * FREQUENCY) ** order, np.degrees(np.angle(response))
     np.savetxt(path, np.column_stack((FREQUENCY, np.ones_like(FREQUENCY), size, turn)), delimiter=",")
@@ -30,43 +32,44 @@ def notes(
     quantity = ("displacement", "velocity", "acceleration")[order]
     return read_measurement(
         MeasuredTest(path, 1, Signal(amplitude=2), signal, quantity, phase_known=known)
-    ).notes
+    ).findings
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_what_is_read_rightly_is_not_remarked(tmp_path: Path, order: int) -> None:
-    def told(response: np.ndarray, lag: bool = False, known: bool = True) -> tuple[str, ...]:
+    def read(response: np.ndarray, lag: bool = False, known: bool = True) -> tuple[Finding, ...]:
         motion = response * 1j**order
-        return notes(tmp_path, motion.conj() if lag else motion, lag=lag, known=known, order=order)
+        return findings(tmp_path, motion.conj() if lag else motion, lag=lag, known=known, order=order)
 
     right = receptance(FREQUENCY)
-    assert told(right) == ()
-    assert told(right, lag=True) == ()
-    assert told(right.conj(), known=False) == ()
+    assert read(right) == ()
+    assert read(right, lag=True) == ()
+    assert read(right.conj(), known=False) == ()
     # a phase that is off by the delay of an amplifier
-    assert told(right * np.exp(0.2j)) == ()
+    assert read(right * np.exp(0.2j)) == ()
     # above the resonance alone, in noise, beside a neighbour
-    assert told(np.where(FREQUENCY > 16.5, right, receptance(FREQUENCY + 5))) == ()
+    assert read(np.where(FREQUENCY > 16.5, right, receptance(FREQUENCY + 5))) == ()
     noise = np.random.default_rng(1).normal(size=(2, len(FREQUENCY)))
-    assert told(right + 0.1 * np.abs(right).max() * (noise[0] + 1j * noise[1])) == ()
-    assert told(right + 0.3 * receptance(FREQUENCY - 2.5)) == ()
+    assert read(right + 0.1 * np.abs(right).max() * (noise[0] + 1j * noise[1])) == ()
+    assert read(right + 0.3 * receptance(FREQUENCY - 2.5)) == ()
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("lag", [False, True])
 @pytest.mark.parametrize(
-    ("phase", "sign", "told"),
+    ("phase", "sign", "reversed_part"),
     [
-        (True, False, "the phase is probably reversed"),
-        (False, True, "a channel is probably reversed"),
-        (True, True, "a channel and its phase are probably reversed"),
+        (True, False, "phase"),
+        (False, True, "channel"),
+        (True, True, "channel and phase"),
     ],
 )
-def test_what_is_reversed_is_told(
-    tmp_path: Path, order: int, lag: bool, phase: bool, sign: bool, told: str
+def test_a_reversed_channel_or_phase_is_found(
+    tmp_path: Path, order: int, lag: bool, phase: bool, sign: bool, reversed_part: str
 ) -> None:
     response = receptance(FREQUENCY) * 1j**order * (-1 if sign else 1)
-    (note,) = notes(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)
-    assert told in note
-    assert ("factor" in note) == sign
-    assert (f'phase_sense = "{"lead" if lag else "lag"}"' in note) == phase
+    (finding,) = findings(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)
+    assert finding.names["reversed"] == reversed_part
+    said = sentence(finding)
+    assert ("factor" in said) == sign
+    assert (f'phase_sense = "{"lead" if lag else "lag"}"' in said) == phase
