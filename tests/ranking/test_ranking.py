@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli import call
-from test_history_measured import CASES, DATA, needs
 
 import rsgen
 from rsgen.case import load_case
@@ -28,6 +26,8 @@ from rsgen.ranking.fitting import Guess, fit_rows
 from rsgen.ranking.reference import follow
 from rsgen.ranking.selection import search_sums
 from rsgen.surface import ResponseSurface, save_surface
+from tests.cli.test_cli import call
+from tests.history.test_measured_histories import CASES, DATA, needs
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
 

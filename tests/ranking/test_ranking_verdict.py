@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_ranking import BASE, NOISE, measured
 
 import rsgen
 from rsgen.errors import RsgenError
@@ -21,6 +20,7 @@ from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 from tests.oracles.memory import two_masses
 from tests.oracles.virtual_test import MASS, changed, noisy
+from tests.ranking.test_ranking import BASE, NOISE, measured
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
 """A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""

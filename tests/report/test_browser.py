@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_report import hostile_titles, identified
 
 from rsgen.expression import parse
 from rsgen.report import draw_all, write_index
@@ -26,6 +25,7 @@ from tests.oracles.first_order import (
     cubic_prediction,
     cubic_surface,
 )
+from tests.report.test_report import hostile_titles, identified
 
 pytestmark = pytest.mark.slow
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_difference import write_result
 
 from rsgen.errors import RsgenError
 from rsgen.report.interactive import render_interactive
 from rsgen.surface import save_surface
 from tests.oracles.first_order import cubic_surface
+from tests.report.test_difference import write_result
 
 
 @pytest.fixture

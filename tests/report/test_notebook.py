@@ -13,13 +13,13 @@ import nbformat
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_report import hostile_titles
 
 import rsgen
 from rsgen import figures, load_case
 from rsgen.errors import RsgenError
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.oracles.first_order import cubic_case
+from tests.report.test_report import hostile_titles
 
 CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
 SMALL = """\

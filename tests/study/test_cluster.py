@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_study import write_case
 
 from rsgen.errors import RsgenError
 from rsgen.study import read_manifest, run_cases
+from tests.study.test_study import write_case
 
 pytest.importorskip("distributed", reason="dask.distributed is an extra: rsgen[cluster]")
 
