@@ -84,6 +84,11 @@ class Finding:
         }
 
     @classmethod
+    def note(cls, text: str) -> Finding:
+        """Make a finding of a text that someone else wrote, such as a note of an older file."""
+        return cls("note", "info", names={"text": text})
+
+    @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Finding:
         """Make the finding that ``to_dict`` gave."""
         numbers = {name: Quantity(float(q["value"]), str(q["unit"])) for name, q in data["numbers"].items()}

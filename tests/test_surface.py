@@ -75,7 +75,7 @@ def test_sentences_of_older_files_come_as_findings(tmp_path):
     save_surface(tmp_path / "s.h5", random_surface(1, 5, 3))
     with h5py.File(tmp_path / "s.h5", "a") as file:
         file.attrs["notes"] = ["the force was not recorded"]
-        del file.attrs["findings"]
+        del file["findings"]
     (finding,) = load_surface(tmp_path / "s.h5").findings
     assert sentence(finding) == "the force was not recorded"
 
@@ -91,7 +91,6 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
         "origin",
         "phase_known",
         "control",
-        "findings",
     } | {"settled"}
 
 
@@ -102,11 +101,7 @@ def test_amplitude_and_phase_follow_from_force_and_fundamental():
     omega = 2 * np.pi * frequency
     force = 3.0 * np.exp(1j * np.array([0.0, 1.0, -2.0, 3.0]))
     x1 = force / (k - m * omega**2 + 1j * c * omega)
-    n = len(frequency)
-    surface = ResponseSurface(
-        np.full(n, 3.0), frequency, force, np.stack([0 * x1, x1], axis=1), np.full((n, 2), np.nan),
-        np.full(n, "rest"), np.zeros(n), np.zeros(n), np.zeros(n), "measured",
-    )  # fmt: skip
+    surface = ResponseSurface(3.0, frequency, force, x1)
     expected = np.arctan2(c * omega, k - m * omega**2)
     np.testing.assert_allclose(surface.phase, expected, rtol=1e-12)
     np.testing.assert_allclose(surface.amplitude, np.abs(x1), rtol=1e-15)
@@ -183,3 +178,155 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatc
         save_surface(path, random_surface(2, 3, 2))
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
+
+
+# --- surfaces from arrays and data frames ---
+
+MASS, DAMPING, STIFFNESS = 2.0, 3.0, 5000.0
+
+
+def linear_columns() -> dict[str, np.ndarray]:
+    """Two levels of a linear oscillator, swept up; the force lags the clock by 0.4 rad."""
+    level = np.repeat([1.0, 3.0], 20)
+    frequency = np.tile(np.linspace(6, 10, 20), 2)
+    omega = 2 * np.pi * frequency
+    force = level * np.exp(-0.4j)
+    return {
+        "level": level,
+        "frequency": frequency,
+        "force": force,
+        "response": force / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING),
+    }
+
+
+def test_four_columns_are_enough():
+    columns = linear_columns()
+    surface = ResponseSurface(*columns.values())
+    assert surface.origin == "measured"
+    assert surface.control == "force"
+    assert surface.settled.all()
+    assert surface.stable.all()
+    assert surface.findings == ()
+    assert set(surface.sweep) == {"up"}
+    assert np.isnan(surface.peak).all()
+    assert np.isnan(surface.error).all()
+    np.testing.assert_array_equal(surface.harmonics[:, 1], columns["response"])
+    np.testing.assert_array_equal(surface.harmonics[:, 0], 0)
+    by_name = ResponseSurface(
+        harmonics=surface.harmonics, **{k: v for k, v in columns.items() if k != "response"}
+    )
+    assert_same(by_name, surface)
+    assert_same(ResponseSurface(*(column.tolist() for column in columns.values())), surface)
+
+
+def test_a_single_value_holds_at_every_point():
+    surface = ResponseSurface(3, [8, 7.5, 7], 3, [1e-3, 2e-3, 1j], sweep="down", error=1e-3)
+    np.testing.assert_array_equal(surface.level, [3.0] * 3)
+    np.testing.assert_array_equal(surface.force, [3.0] * 3)
+    np.testing.assert_array_equal(surface.error, [1e-3] * 3)
+    assert set(surface.sweep) == {"down"}
+
+
+def test_directions_follow_from_the_order_of_frequencies():
+    frequency = [7, 8, 9, 9.5, 8.5, 7.5, 7]
+    assert ResponseSurface(1, frequency, 1, [1j] * 7).sweep.tolist() == ["up"] * 4 + ["down"] * 3
+    # levels change from row to row: every run is one point
+    assert set(ResponseSurface([1, 2] * 3, [7, 7, 8, 8, 9, 9], 1, [1j] * 6).sweep) == {"rest"}
+
+
+def test_rows_that_are_not_numbers_are_left_out_and_counted():
+    columns = linear_columns()
+    columns["response"][[3, 7]] = np.nan
+    columns["force"][5] = np.inf
+    surface = ResponseSurface(*columns.values())
+    assert np.flatnonzero(~surface.settled).tolist() == [3, 5, 7]
+    (found,) = surface.findings
+    assert (found.code, found["points"], found["all"]) == ("points-not-measured", 3, 40)
+    assert "3 not settled" in repr(surface)
+    # the finding is made once
+    assert replace(surface, level=surface.level).findings == (found,)
+    columns["level"][2] = np.nan
+    with pytest.raises(RsgenError, match="level: nan in row 2"):
+        ResponseSurface(*columns.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
+        ((1, [8, 9], 1), "response once"),
+        ((1, [8, 9], [1, 1, 1], [1j, 1j]), r"surface.force: shape \(3,\); must be \(2\)"),
+        ((1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
+        ((1, [8, 9], 1, [1j, "wide"]), "surface.harmonics"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused_with_a_reason(arguments, said):
+    with pytest.raises(RsgenError, match=said):
+        ResponseSurface(*arguments)
+
+
+def frames(columns: dict[str, np.ndarray]) -> list[object]:
+    """The same columns as a dict and as a structured array."""
+    table = np.empty(len(columns["level"]), dtype=[(name, c.dtype) for name, c in columns.items()])
+    for name, column in columns.items():
+        table[name] = column
+    return [columns, table]
+
+
+@pytest.mark.parametrize("form", [0, 1])
+@pytest.mark.parametrize("written", ["complex", "parts", "polar", "degrees"])
+def test_a_frame_gives_the_same_surface_however_it_writes_the_response(form: int, written: str):
+    columns = linear_columns()
+    surface = ResponseSurface(*columns.values())
+    response = columns.pop("response")
+    # the displacement lags by less than half a turn: phases are between 0 and pi
+    lag = np.angle(columns["force"] / response)
+    assert np.all((lag > 0) & (lag < np.pi))
+    columns |= {
+        "complex": {"response": response},
+        "parts": {"response_real": response.real, "response_imag": response.imag},
+        "polar": {"amplitude": np.abs(response), "phase": lag},
+        "degrees": {"amplitude": np.abs(response), "phase": np.degrees(lag)},
+    }[written]
+    read = ResponseSurface.from_frame(frames(columns)[form], degrees=written == "degrees")
+    np.testing.assert_allclose(read.harmonics, surface.harmonics, rtol=1e-13)
+    np.testing.assert_array_equal(read.force, surface.force)
+    assert read.phase_known
+
+
+def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
+    columns = linear_columns()
+    amplitude = np.abs(columns.pop("response"))
+    surface = ResponseSurface.from_frame(columns | {"amplitude": amplitude}, origin="simulated")
+    assert not surface.phase_known
+    assert surface.origin == "simulated"
+    np.testing.assert_array_equal(surface.amplitude, amplitude)
+    with pytest.raises(RsgenError, match="degrees=True"):
+        ResponseSurface.from_frame(columns | {"amplitude": amplitude, "phase": np.linspace(5, 175, 40)})
+    with pytest.raises(RsgenError, match="no phase"):
+        ResponseSurface.from_frame(columns | {"response": amplitude})
+    del columns["frequency"]
+    with pytest.raises(RsgenError, match="no column 'frequency'; there are level, force, amplitude"):
+        ResponseSurface.from_frame(columns | {"amplitude": amplitude})
+
+
+def test_a_data_frame_and_back_is_the_identity():
+    pandas = pytest.importorskip("pandas")
+    surface = replace(random_surface(4, 30, 5), phase_known=True, findings=(), origin="measured")
+    surface = replace(surface, harmonics=np.hstack([surface.harmonics[:, :1].real, surface.harmonics[:, 1:]]))
+    frame = surface.to_frame()
+    assert isinstance(frame, pandas.DataFrame)
+    assert_same(ResponseSurface.from_frame(frame), surface)
+    np.testing.assert_array_equal(frame["amplitude"], surface.amplitude)
+
+
+def test_without_pandas_the_reason_is_given(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    with pytest.raises(RsgenError, match="pip install pandas"):
+        random_surface(1, 3, 2).to_frame()
+
+
+def test_a_surface_shows_its_levels_in_a_notebook():
+    html = ResponseSurface(*linear_columns().values())._repr_html_()
+    assert html.count("<tr>") == 3
+    assert "40 points, 2 levels 1 to 3 N, 6 to 10 Hz" in html

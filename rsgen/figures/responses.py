@@ -57,9 +57,7 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
     Examples
     --------
     >>> from rsgen.surface import ResponseSurface
-    >>> n = 9
-    >>> surface = ResponseSurface(range(1, 10), [5.0] * n, [1.0] * n, [[0.0, 1.0]] * n, [[1.0, -1.0]] * n,
-    ...                           ["rest"] * n, [0] * n, [0.0] * n, [0.0] * n, "simulated")
+    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
     >>> choose_levels(surface, 3)
     [1.0, 5.0, 9.0]
     """

@@ -98,21 +98,15 @@ class RingDown:
                 f"{self.label}: a free decay tells stiffness and damping per mass only; give the mass of the "
                 "system, or 1 kg where it is not known: all parameters are then per kg"
             )
-        n = len(self.time)
         omega = 2 * pi * self.frequency
         needed = self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
         return ResponseSurface(
             # one test, one level: the largest force that would have been needed
-            level=np.full(n, float(f"{np.max(np.abs(needed) * self.amplitude):.3g}")),
+            level=float(f"{np.max(np.abs(needed) * self.amplitude):.3g}"),
             frequency=self.frequency,
             force=needed * self.harmonics[:, 1],
             harmonics=self.harmonics,
-            peak=np.full((n, 2), np.nan),
-            sweep=np.full(n, "rest"),
-            outcome=np.zeros(n, dtype=np.int8),
-            residual=np.full(n, np.nan),
-            error=np.full(n, np.nan),
-            origin="measured",
+            sweep="rest",
             findings=(Finding("force-of-decay", "info", names={"record": self.label}),),
         )
 

@@ -111,12 +111,10 @@ def fit_steps(
         frequency=frequency,
         force=np.array([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
-        peak=np.full((len(steps), 2), np.nan),
         sweep=np.concatenate([_directions(part) for part in np.split(frequency, np.cumsum(runs)[:-1])]),
         outcome=np.where(change <= _SETTLED, 0, 1),
         residual=change,
         error=np.array([s.error for s in steps]),
-        origin="measured",
     )
 
 

@@ -286,12 +286,9 @@ def _surface(rows: list[_Rows], mass: float | None) -> ResponseSurface:
         frequency=frequency[kept],
         force=steady[kept],
         harmonics=np.concatenate([r.harmonics for r in rows])[kept],
-        peak=np.full((int(kept.sum()), 2), np.nan),
         sweep=np.repeat([r.direction for r in rows], count)[kept],
         outcome=np.where(good, 0, _PASSED)[kept],
-        residual=np.full(int(kept.sum()), np.nan),
         error=np.concatenate([r.smoothed for r in rows])[kept],
-        origin="measured",
         findings=tuple(findings),
     )
 

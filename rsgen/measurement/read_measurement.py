@@ -13,8 +13,8 @@ from rsgen.finding import Finding
 from rsgen.measurement.file_table import Table, read_table
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
-from rsgen.measurement.runs import group_levels, level_of_file, recognise_directions
-from rsgen.surface import ResponseSurface
+from rsgen.measurement.runs import group_levels, level_of_file
+from rsgen.surface import ResponseSurface, recognise_directions
 
 __all__ = ["read_measurement"]
 
@@ -160,18 +160,12 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
     nominal = Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning")
-    unknown = np.full(len(frequency), np.nan)
     return ResponseSurface(
         level=level,
         frequency=frequency,
         force=force,
-        harmonics=np.stack([np.zeros_like(displacement), displacement], axis=1),
-        peak=np.stack([unknown, unknown], axis=1),
+        response=displacement.astype(np.complex128),
         sweep=_directions(test.sweep, frequency, level, np.concatenate(saids) if saids else None, block),
-        outcome=np.zeros(len(frequency), dtype=np.int8),
-        residual=unknown,
-        error=unknown,
-        origin="measured",
         phase_known=test.phase_known,
         findings=() if test.force is not None else (nominal,),
     )
@@ -195,7 +189,6 @@ def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
         outcome=column("outcome"),
         residual=column("residual"),
         error=column("error"),
-        origin="measured",
         findings=tuple(dict.fromkeys(finding for surface in surfaces for finding in surface.findings)),
     )
 

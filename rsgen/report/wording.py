@@ -31,7 +31,12 @@ def sentence(finding: Finding) -> str:
     return repr(finding) if say is None else say(finding)
 
 
-# --- measurement and history ---
+# --- surface, measurement and history ---
+
+
+@_says("points-not-measured")
+def _(f: Finding) -> str:
+    return f"{f['points']:g} of {f['all']:g} points have no measured force or response and are left out"
 
 
 @_says("note")

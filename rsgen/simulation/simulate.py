@@ -60,7 +60,7 @@ def simulate(
         force=force,
         harmonics=states.harmonics,
         peak=states.peak,
-        sweep=np.full(len(level), test.sweep),
+        sweep=test.sweep,
         outcome=states.outcome,
         residual=states.residual,
         error=states.error,

@@ -205,7 +205,7 @@ def test_written_numbers_come_back(
 
 
 def _directions(frequency: list[float], blocks: str = "") -> list[str]:
-    from rsgen.measurement.runs import recognise_directions
+    from rsgen.surface import recognise_directions
 
     numbers = np.array([int(b) for b in blocks] if blocks else [0] * len(frequency))
     return [str(d)[0] for d in recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)]
@@ -348,7 +348,7 @@ def test_signal_needs_a_pair_of_columns() -> None:
 def test_rows_in_no_order_are_no_sweeps() -> None:
     rng = np.random.default_rng(1)
     order = rng.permutation(200)
-    from rsgen.measurement.runs import recognise_directions
+    from rsgen.surface import recognise_directions
 
     frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
     assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}

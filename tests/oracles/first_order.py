@@ -46,10 +46,9 @@ def cubic_surface(
         force=level.astype(complex),
         harmonics=harmonics,
         peak=np.stack([np.abs(response), -np.abs(response)], axis=1),
-        sweep=np.full(len(level), sweep),
-        outcome=np.zeros(len(level), dtype=np.int8),
-        residual=np.full(len(level), 1e-9),
-        error=np.full(len(level), 1e-6),
+        sweep=sweep,
+        residual=1e-9,
+        error=1e-6,
         origin="simulated",
     )
     if gaps:

@@ -79,16 +79,13 @@ def _stepped(
             state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
     harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / STEPS)
     harmonics[:, 0] /= 2
-    count = len(level)
     return ResponseSurface(
         level=level,
         frequency=frequency,
         force=level.astype(complex),
         harmonics=harmonics,
         peak=np.stack([waveform.max(axis=0), waveform.min(axis=0)], axis=1),
-        sweep=np.full(count, "rest"),
-        outcome=np.zeros(count, dtype=np.int8),
+        sweep="rest",
         residual=np.abs(state[0] - waveform[0]) / np.abs(harmonics[:, 1]),
-        error=np.full(count, np.nan),
         origin="simulated",
     )

@@ -62,7 +62,7 @@ def surface(
         force=level.astype(complex),
         harmonics=states.harmonics,
         peak=states.peak,
-        sweep=np.full(len(level), "rest"),
+        sweep="rest",
         outcome=states.outcome,
         residual=states.residual,
         error=states.error,

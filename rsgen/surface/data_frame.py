@@ -1,0 +1,140 @@
+"""Between surfaces and data frames; any table with named columns is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.text_table import data_frame
+
+if TYPE_CHECKING:
+    from rsgen.surface.response_surface import ResponseSurface
+
+__all__ = ["columns_of_frame", "frame_of_surface"]
+
+_AS_THEY_ARE = ("sweep", "outcome", "residual", "error", "stable")
+
+_LARGEST_PHASE = 4 * np.pi
+"""Phases beyond this are degrees: the lag of one mode stays within half a turn, unwrapped or not."""
+
+
+class _Table:
+    """Columns by name, of whatever kind of table."""
+
+    def __init__(self, frame: Any) -> None:
+        dtype = getattr(frame, "dtype", None)
+        names = getattr(frame, "columns", None) if dtype is None else dtype.names
+        if names is None and hasattr(frame, "keys"):
+            names = frame.keys()
+        if names is None:
+            raise RsgenError(f"from_frame: {type(frame).__name__}; must be a data frame or a dict of columns")
+        self._frame, self.names = frame, [str(name) for name in names]
+
+    def has(self, *names: str) -> bool:
+        return all(name in self.names for name in names)
+
+    def read(self, name: str) -> NDArray[Any]:
+        if name not in self.names:
+            raise RsgenError(f"from_frame: no column {name!r}; there are {', '.join(self.names)}")
+        return np.asarray(self._frame[name])
+
+    def complex(self, name: str) -> NDArray[np.complex128] | None:
+        """Give ``name``, or ``name_real`` + i ``name_imag``; None where there is neither."""
+        if self.has(name):
+            column = self.read(name)
+        elif self.has(f"{name}_real", f"{name}_imag"):
+            column = self.read(f"{name}_real") + 1j * self.read(f"{name}_imag")
+        else:
+            return None
+        if name == "response" and np.isrealobj(column) and column.dtype.kind in "fiu":
+            raise RsgenError(
+                "from_frame: response: real numbers have no phase; add a column 'phase', or name it "
+                "'amplitude'"
+            )
+        try:
+            return np.asarray(column, dtype=np.complex128)
+        except (TypeError, ValueError) as fault:
+            raise RsgenError(f"from_frame: column {name!r}: {fault}") from None
+
+
+def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
+    """Give the arguments of ``ResponseSurface`` that a table holds.
+
+    Raises
+    ------
+    RsgenError
+        A column is missing, or phases in radians are larger than a phase can be.
+    """
+    table = _Table(frame)
+    force = table.complex("force")
+    if force is None:
+        force = table.read("force")
+    fundamental, phase_known = _fundamental(table, force, degrees)
+    higher: list[NDArray[np.complex128]] = []
+    while (column := table.complex(f"harmonic_{len(higher) + 2}")) is not None:
+        higher.append(column)
+    mean = table.read("mean") if table.has("mean") else np.zeros(len(fundamental))
+    columns: dict[str, Any] = {
+        "level": table.read("level"),
+        "frequency": table.read("frequency"),
+        "force": force,
+        "harmonics": np.stack([mean.astype(np.complex128), fundamental, *higher], axis=1),
+        "phase_known": phase_known,
+    }
+    if table.has("peak_max", "peak_min"):
+        columns["peak"] = np.stack([table.read("peak_max"), table.read("peak_min")], axis=1)
+    return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
+
+
+def _fundamental(
+    table: _Table, force: NDArray[np.complex128], degrees: bool
+) -> tuple[NDArray[np.complex128], bool]:
+    name = "amplitude"
+    if table.has("response") and not np.iscomplexobj(table.read("response")) and table.has("phase"):
+        name = "response"
+    elif (response := table.complex("response")) is not None:
+        return response, True
+    if not table.has(name):
+        raise RsgenError(
+            "from_frame: no response; give a column 'response', 'response_real' and 'response_imag', or "
+            f"'amplitude' and 'phase'; there are {', '.join(table.names)}"
+        )
+    amplitude = np.asarray(table.read(name), dtype=np.float64)
+    if not table.has("phase"):
+        return amplitude.astype(np.complex128), False
+    lag = np.asarray(table.read("phase"), dtype=np.float64)
+    if degrees:
+        lag = np.radians(lag)
+    elif np.nanmax(np.abs(lag), initial=0.0) > _LARGEST_PHASE:
+        raise RsgenError(
+            f"from_frame: phase: up to {np.nanmax(np.abs(lag)):.4g} rad; say degrees=True "
+            "where it is in degrees"
+        )
+    turn = force / np.where(np.abs(force) > 0, np.abs(force), 1.0)
+    return amplitude * np.exp(-1j * lag) * turn, True
+
+
+def frame_of_surface(surface: ResponseSurface) -> Any:
+    """Give a ``pandas.DataFrame`` with the columns that ``columns_of_frame`` reads, and amplitude and phase.
+
+    Raises
+    ------
+    RsgenError
+        pandas is not installed.
+    """
+    columns: dict[str, Any] = {
+        "level": surface.level,
+        "frequency": surface.frequency,
+        "force": surface.force,
+        "amplitude": surface.amplitude,
+    }
+    if surface.phase_known:
+        columns |= {"response": surface.harmonics[:, 1], "phase": surface.phase}
+    columns["mean"] = surface.harmonics[:, 0].real
+    columns |= {f"harmonic_{h}": surface.harmonics[:, h] for h in range(2, surface.harmonics.shape[1])}
+    columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}
+    columns |= {name: getattr(surface, name) for name in _AS_THEY_ARE}
+    return data_frame(columns)
