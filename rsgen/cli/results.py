@@ -27,19 +27,24 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
     from rsgen.cli.commands import read_surface
     from rsgen.report.interpretation import describe_mean
     from rsgen.report.notebook import write_notebook
+    from rsgen.report.notebook_cells import KnownResults
     from rsgen.simulation import SimulatedTest
     from rsgen.surface import save_surface
 
     case = load_case(path, data)
     target = _target(out or Path(f"{case.name}.ipynb"), ".ipynb")
     surface = read_surface(case)
+    results = KnownResults(case)
+    results.add("simulate", case.oscillator, case.test, result=surface)
     beside = None
     if not isinstance(case.test, SimulatedTest):
         beside = target.with_suffix(".h5")
         save_surface(beside, surface)
+        results.add("load_surface", beside.name, result=surface)
     write_notebook(
         target,
         case,
+        results,
         mean=describe_mean(surface) is not None,
         held_out=bool(case.model.observation.hold_out),
         surface_file=beside.name if beside else "surface.h5",

@@ -43,8 +43,6 @@ class Node:
         Reads the numbers, once sizes are checked.
     unit, remark
         What the file says about it.
-    unit_source
-        Where the unit comes from, or why it is not known; "" where the format has one place for it.
     fault
         Why it cannot be read; "" where it can.
     """
@@ -56,7 +54,6 @@ class Node:
     unit: str = ""
     remark: str = ""
     fault: str = ""
-    unit_source: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +62,7 @@ class Entry:
 
     Parameters
     ----------
-    path, shape, dtype, unit, remark, fault, unit_source
+    path, shape, dtype, unit, remark, fault
         As in ``Node``.
     first
         The first values, as text.
@@ -91,7 +88,6 @@ class Entry:
     order: str = ""
     step: float | None = None
     distinct: int = 0
-    unit_source: str = ""
 
     @property
     def size(self) -> int:
@@ -135,14 +131,13 @@ class Channel:
         Where it was found; with wildcards there are several.
     values
         Real or complex numbers, of any shape.
-    unit, unit_source
-        As in ``Node``.
+    unit
+        What the file says, or "".
     """
 
     path: str
     values: NDArray[Any]
     unit: str = ""
-    unit_source: str = ""
 
 
 def kept(values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
@@ -231,5 +226,4 @@ def make_entry(item: dict[str, Any]) -> Entry:
         order=str(item.get("order", "")),
         step=_finite(item.get("step")),
         distinct=int(item.get("distinct", 0)),
-        unit_source=str(item.get("unit_source", "")),
     )

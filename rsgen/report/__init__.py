@@ -30,7 +30,7 @@ from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.report.index import write_index
 from rsgen.report.interpretation import describe_mean
-from rsgen.report.notebook import write_notebook
+from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
@@ -124,6 +124,7 @@ def write_report(
         place.mkdir(exist_ok=True)
     except OSError as fault:
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    loaded, found, compared = case, identification, comparison
     case = case.with_model(identification.model)
     identification, comparison = _with_units(case, identification, comparison)
     save_surface(place / "surface.h5", surface)
@@ -147,6 +148,7 @@ def write_report(
     write_notebook(
         place / "notebook.ipynb",
         case,
+        known_results(loaded, surface, found, compared, prediction, levels, drawings),
         mean=describe_mean(surface, identification) is not None,
         held_out=bool(prediction.held_out),
     )

@@ -2,38 +2,31 @@
 
 from __future__ import annotations
 
-import asyncio
-import os
 import re
-import subprocess
-import sys
-import tempfile
-import threading
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import nbformat
-from jupyter_client.kernelspec import KernelSpec, KernelSpecManager
-from jupyter_client.manager import AsyncKernelManager
-from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
-from traitlets import default
-from traitlets.config import Config
 
 import rsgen
 from rsgen.case import Case
+from rsgen.comparison import Comparison
 from rsgen.errors import RsgenError
+from rsgen.figures import Drawing
+from rsgen.identification import Identification
 from rsgen.output import write_atomic
+from rsgen.prediction import Prediction
 from rsgen.report.environment import TEMPLATES, plain_text
+from rsgen.report.notebook_cells import KnownResults, execute_cells
 from rsgen.simulation import SimulatedTest
+from rsgen.surface import ResponseSurface
 
-__all__ = ["build_notebook", "execute_notebook", "literal", "prose", "write_notebook"]
+__all__ = ["build_notebook", "known_results", "literal", "prose", "write_notebook"]
 
-_CELL_SECONDS = 300
-_LISTEN_SECONDS = 0.2
-_END_SECONDS = 10.0
+_SURFACE_FILE = "surface.h5"
 _CELL = re.compile(r"^--- (?P<kind>markdown|code) (?P<id>[a-z0-9-]+)\n", flags=re.MULTILINE)
 # what markdown, mathematics in markdown, or HTML gives a meaning to inside a line
 _MARKED = re.compile(r"[\\`*_{}\[\]<>&$~#|!@:]")
@@ -110,7 +103,7 @@ def _environment() -> jinja2.Environment:
 
 
 def build_notebook(
-    case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = "surface.h5"
+    case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = _SURFACE_FILE
 ) -> nbformat.NotebookNode:
     """Write the lesson on a case, not yet executed.
 
@@ -133,7 +126,6 @@ def build_notebook(
             case_text=case.text,
             simulated=isinstance(case.test, SimulatedTest),
             known=case.truth is not None,
-            elements=[element.name for element in case.model.elements],
             mean=mean,
             held_out=held_out,
             ranked=case.ranked,
@@ -156,123 +148,66 @@ def build_notebook(
     return notebook
 
 
-class _ThisPython(KernelSpecManager):
-    """Kernels of the Python that runs rsgen, whatever kernels the user has installed."""
-
-    def get_kernel_spec(self, kernel_name: str) -> KernelSpec:
-        command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
-        return KernelSpec(argv=command, display_name="Python 3", language="python")
-
-
-class _PrivateKernel(AsyncKernelManager):
-    """A kernel of this Python; nbclient makes, ends and clears it up by itself."""
-
-    @default("kernel_spec_manager")
-    def _this_python(self) -> KernelSpecManager:
-        return _ThisPython(parent=self)
-
-
-def _private_sockets(folder: str) -> Config:
-    """Put the kernel's sockets into a private folder: no port is opened, parallel runs cannot meet."""
-    config = Config()
-    config.KernelManager.connection_file = str(Path(folder, "kernel.json"))
-    if os.name == "posix":
-        config.KernelManager.transport = "ipc"
-        config.KernelManager.ip = str(Path(folder, "s"))
-    return config
-
-
-def _clean(notebook: nbformat.NotebookNode) -> None:
-    """Drop what changes from run to run: times and the machine's version of Python."""
-    notebook.metadata.pop("widgets", None)
-    notebook.metadata["language_info"] = {
-        "name": "python",
-        "file_extension": ".py",
-        "mimetype": "text/x-python",
-    }
-    for cell in notebook.cells:
-        cell.metadata.pop("execution", None)
-
-
-def _in_a_thread(client: NotebookClient, **kernel: Any) -> BaseException | None:
-    """Execute beside the main thread, where nbclient would take Ctrl-C for itself; give what went wrong."""
-    errors: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            asyncio.run(client.async_execute(cleanup_kc=True, **kernel))
-        except BaseException as error:
-            errors.append(error)
-
-    worker = threading.Thread(target=work, name="notebook", daemon=True)
-    worker.start()
-    try:
-        while worker.is_alive():
-            worker.join(_LISTEN_SECONDS)
-    except BaseException:
-        process = getattr(getattr(client.km, "provisioner", None), "process", None)
-        if process is not None:
-            process.kill()
-        worker.join(_END_SECONDS)
-        raise
-    return errors[0] if errors else None
-
-
-def execute_notebook(notebook: nbformat.NotebookNode, folder: Path) -> str | None:
-    """Run every cell in a fresh kernel of this Python; the notebook keeps what came out.
+def known_results(
+    case: Case,
+    surface: ResponseSurface,
+    identification: Identification,
+    comparison: Comparison,
+    prediction: Prediction,
+    levels: Sequence[float],
+    drawings: Sequence[Drawing],
+) -> KnownResults:
+    """Collect what the lesson on a case would compute again.
 
     Parameters
     ----------
-    folder
-        Where the kernel runs.
-
-    Returns
-    -------
-    str or None
-        What went wrong in which cell, in a sentence; None where everything ran.
+    case
+        As it was loaded, with its own law.
+    levels
+        [N] of the prediction.
     """
-    with tempfile.TemporaryDirectory(prefix="rsgen-", ignore_cleanup_errors=True) as private:
-        client = NotebookClient(
-            notebook,
-            kernel_manager_class=_PrivateKernel,
-            config=_private_sockets(private),
-            timeout=_CELL_SECONDS,
-            record_timing=False,
-            coalesce_streams=True,
-            # it keeps nothing that would need a farewell, and Ctrl-C must not wait for one
-            shutdown_kernel="immediate",
-        )
-        # the user's own start-up files must not take part, and figures need no window
-        surroundings: dict[str, Any] = {
-            **os.environ,
-            "IPYTHONDIR": private,
-            "MPLBACKEND": "agg",
-            "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        }
-        # what cells print comes through the kernel; what else it says at its end is for nobody
-        error = _in_a_thread(client, cwd=str(folder), env=surroundings, stderr=subprocess.DEVNULL)
-        fault: str | None = None
-        if isinstance(error, CellExecutionError):
-            fault = f"{error.ename}: {error.evalue}"
-        elif isinstance(error, CellTimeoutError | DeadKernelError | RuntimeError):
-            fault = str(error).splitlines()[0]
-        elif error is not None:
-            raise error
-        _clean(notebook)
-    if fault is None:
-        return None
-    place = next((cell.id for cell in notebook.cells if _failed(cell)), "?")
-    return f"cell {place}: {plain_text(fault, 300)}"
-
-
-def _failed(cell: nbformat.NotebookNode) -> bool:
-    return cell.cell_type == "code" and any(output.output_type == "error" for output in cell.outputs)
+    results = KnownResults(case)
+    case = case.with_model(identification.model)
+    fitted = (identification,) if case.truth is None else (identification, case.truth)
+    inputs: dict[str, tuple[object, ...]] = {
+        "surface": (surface,),
+        "map": (surface,),
+        "time-history": (surface,),
+        "collapse": (identification,),
+        "resonance": (identification,),
+        "stiffness": fitted,
+        "damping": fitted,
+        "responses": (surface, prediction),
+        "held-out": (prediction,),
+    }
+    for drawing in drawings:
+        if drawing.name in inputs:
+            function = f"draw_{drawing.name.replace('-', '_')}"
+            results.add(function, *inputs[drawing.name], result=drawing)
+    results.add("simulate", case.oscillator, case.test, result=surface)
+    results.add("load_surface", _SURFACE_FILE, result=surface)
+    results.add("rank", surface, results.case.model, result=identification.ranking)
+    results.add("identify", surface, case.model, result=identification)
+    results.add("predict", identification, list(levels), surface, result=prediction)
+    results.add("compare", identification, case.truth, case.accept, result=comparison)
+    return results
 
 
 def write_notebook(
-    path: Path, case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = "surface.h5"
+    path: Path,
+    case: Case,
+    results: KnownResults | None = None,
+    *,
+    mean: bool = False,
+    held_out: bool = False,
+    surface_file: str = _SURFACE_FILE,
 ) -> None:
-    """Write, execute and save the lesson; it is saved even where a cell fails. See `build_notebook`.
+    """Write, execute and save the lesson; it is saved even where a cell fails.
+
+    Parameters
+    ----------
+    results
+        What need not be computed again; see `build_notebook` for the others.
 
     Raises
     ------
@@ -280,7 +215,7 @@ def write_notebook(
         A cell failed; the notebook with its traceback is on disk.
     """
     notebook = build_notebook(case, mean=mean, held_out=held_out, surface_file=surface_file)
-    fault = execute_notebook(notebook, path.parent)
+    fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.writes  # has no types
     write_atomic(path, write(notebook, version=4) + "\n")

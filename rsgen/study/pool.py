@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -15,7 +16,7 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
@@ -43,6 +44,14 @@ def _prepare_worker(steps: SimpleQueue[Step] | None) -> None:
         _steps.append(steps)
     # a worker whose parent was killed would wait for ever
     threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
+    return MappingProxyType(content)
+
+
+# cases hold read-only mappings and go to processes
+copyreg.pickle(MappingProxyType, lambda mapping: (_frozen, (dict(mapping),)))
 
 
 @contextmanager
@@ -85,7 +94,7 @@ def _end_with_parent() -> None:
 
 
 def _work(
-    path: Path, out: Path, data: Path | None, command: tuple[str, ...], figures: str | None
+    case: Case, out: Path, data: Path | None, command: tuple[str, ...], figures: str | None
 ) -> CaseRun | None:
     # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -93,7 +102,7 @@ def _work(
     _working.set()
     try:
         tell = _steps[0].put if _steps else None
-        return run_case(path, out, force=True, data=data, command=command, figures=figures, tell=tell)
+        return run_case(case, out, force=True, data=data, command=command, figures=figures, tell=tell)
     except KeyboardInterrupt:
         return None
     finally:
@@ -110,8 +119,8 @@ def _sort(
     data: Path | None,
     finished: Report,
     figures: str | None,
-) -> dict[Path, str]:
-    """Report faulty and finished cases at once; give paths and names of those that must be run."""
+) -> dict[Path, Case]:
+    """Report faulty and finished cases at once; give those that must be run, by path."""
     cases: list[Case] = []
     for path in paths:
         try:
@@ -123,7 +132,7 @@ def _sort(
         except RsgenError as fault:
             finished(CaseRun(path, path.stem, faults=(str(fault),)))
     clashes = name_clashes(cases)
-    todo: dict[Path, str] = {}
+    todo: dict[Path, Case] = {}
     # laws with many parameters take longest; begun first, they do not keep one process busy at the end
     for case in sorted(cases, key=lambda case: -len(case.model.parameters)):
         earlier = None if force else current_result(case, out, figures)
@@ -132,12 +141,12 @@ def _sort(
         elif earlier is not None:
             finished(earlier)
         else:
-            todo[case.path] = case.name
+            todo[case.path] = case
     return todo
 
 
 def _spread(
-    todo: dict[Path, str],
+    todo: dict[Path, Case],
     out: Path,
     data: Path | None,
     command: tuple[str, ...],
@@ -153,7 +162,9 @@ def _spread(
     try:
         with _beginning(workers):
             # submitting starts the processes
-            futures = {pool.submit(_work, path, out, data, command, figures): path for path in todo}
+            futures = {
+                pool.submit(_work, case, out, data, command, figures): path for path, case in todo.items()
+            }
         open_futures = set(futures)
         while open_futures:
             pause = None if steps is None else _LISTEN_SECONDS
@@ -173,9 +184,9 @@ def _spread(
     except BaseException:
         _end_workers(list((pool._processes or {}).values()))
         pool.shutdown(wait=True, cancel_futures=True)
-        for name in todo.values():
+        for case in todo.values():
             # what a worker had no time to remove
-            recover(out, name)
+            recover(out, case.name)
         raise
     pool.shutdown(wait=True)
 
@@ -256,8 +267,8 @@ def run_cases(
         if todo:
             run_on_cluster(cluster, todo, place, folder, tuple(command), note, figures)
     elif number == 1:
-        for path in todo:
-            run = run_case(path, place, force=True, data=folder, command=command, figures=figures, tell=tell)
+        for case in todo.values():
+            run = run_case(case, place, force=True, data=folder, command=command, figures=figures, tell=tell)
             note(run)
     else:
         _spread(todo, place, folder, tuple(command), number, note, figures, tell)

@@ -151,8 +151,8 @@ def _execute(
         tested = time.perf_counter()
         note("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(surface, case.model)
-        case = case.with_model(identification.model)
-        comparison = compare(identification, case.truth, case.accept)
+        truth = case.with_model(identification.model).truth
+        comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         note("report", 0.0)
         failed = out / f"{case.name}-failed.ipynb"
@@ -189,7 +189,7 @@ def _note(case: Case, tell: Tell | None) -> Callable[[str, float], None]:
 
 
 def run_case(
-    path: str | Path,
+    path: str | Path | Case,
     out: str | Path,
     force: bool = False,
     data: str | Path | None = None,
@@ -204,7 +204,7 @@ def run_case(
     Parameters
     ----------
     path
-        The case file.
+        The case file, or the case that was loaded from it.
     out
         The folder of all results; this one goes to ``out/<name>``.
     force
@@ -223,8 +223,9 @@ def run_case(
     CaseRun
         With ``faults`` where the case failed; an earlier result is then still there.
     """
-    words = command or ("rsgen", "run", Path(path).name)
-    return _guarded(Path(path), Path(out), force, data, words, _tested, figures, tell)
+    case = path if isinstance(path, Case) else Path(path)
+    words = command or ("rsgen", "run", (case.path if isinstance(case, Case) else case).name)
+    return _guarded(case, Path(out), force, data, words, _tested, figures, tell)
 
 
 def rewrite_report(
@@ -262,7 +263,7 @@ def rewrite_report(
 
 
 def _guarded(
-    file: Path,
+    given: Path | Case,
     place: Path,
     force: bool,
     data: str | Path | None,
@@ -272,9 +273,10 @@ def _guarded(
     tell: Tell | None,
 ) -> CaseRun:
     started = time.perf_counter()
+    file = given.path if isinstance(given, Case) else given
     name = file.stem
     try:
-        case = load_case(file, data)
+        case = given if isinstance(given, Case) else load_case(file, data)
         name = case.name
         earlier = None if force else current_result(case, place, figures)
         if earlier is not None:

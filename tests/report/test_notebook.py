@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import subprocess
 import sys
 from ast import literal_eval
+from collections import Counter
 from pathlib import Path
+from types import CodeType, FrameType
 
 import nbformat
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nbclient import NotebookClient
 
 import rsgen
-from rsgen import figures, load_case
+from rsgen import Case, figures, load_case
 from rsgen.errors import RsgenError
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
+from rsgen.report.notebook_cells import KnownResults
+from rsgen.study import run_cases
 from tests.oracles.first_order import cubic_case
 from tests.report.test_report import hostile_titles
 
@@ -142,34 +148,108 @@ def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
-def test_notebook_runs_in_any_folder_and_is_clean(tmp_path: Path) -> None:
-    source = tmp_path / "small.toml"
-    source.write_text(SMALL, encoding="utf-8")
+def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.NotebookNode]]:
+    return {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
+
+
+def small_case(folder: Path, old: str = "", new: str = "") -> Case:
+    source = folder / "small.toml"
+    source.write_text(SMALL.replace(old, new), encoding="utf-8")
     case = load_case(source)
     source.unlink()
-    target = tmp_path / "notebook.ipynb"
-    write_notebook(target, case)
-    notebook = nbformat.read(target, as_version=4)
-    nbformat.validate(notebook)
-    outputs = {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
-    pictures = [
-        output for cell in outputs.values() for output in cell if "image/png" in output.get("data", {})
-    ]
-    assert len(pictures) == 7
-    assert all("alt" in picture.metadata["image/png"] for picture in pictures)
-    assert outputs["comparison"][-1]["data"]["text/plain"] == "True"
-    assert not any(
-        output.output_type in ("error", "stream") and output.get("name") == "stderr"
-        for cell in outputs.values()
-        for output in cell
-    )
-    text = target.read_text(encoding="utf-8")
-    assert str(tmp_path) not in text
-    assert "iopub" not in text
+    return case
 
 
 @pytest.mark.slow
+def test_the_run_and_a_kernel_of_its_own_give_the_same_lesson(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""
+    case = small_case(tmp_path)
+    surface = rsgen.simulate(case.oscillator, case.test)
+    identification = rsgen.identify(surface, case.model)
+    comparison = rsgen.compare(identification, case.truth, case.accept)
+    rsgen.write_report(tmp_path / "out", case, surface, identification, comparison)
+    run = nbformat.read(tmp_path / "out" / "notebook.ipynb", as_version=4)
+    nbformat.validate(run)
+    assert str(tmp_path) not in str(run)
+    alone = build_notebook(case)
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    client = NotebookClient(alone, timeout=300, coalesce_streams=True, record_timing=False)
+    client.execute(cwd=str(empty))
+    assert outputs(run) == outputs(alone)
+    assert [cell.source for cell in run.cells] == [cell.source for cell in alone.cells]
+    pictures = [out for cell in outputs(run).values() for out in cell if "image/png" in out.get("data", {})]
+    assert len(pictures) == 7
+    assert all("alt" in picture.metadata["image/png"] for picture in pictures)
+    assert outputs(run)["comparison"][-1]["data"]["text/plain"] == "True"
+    kinds = {output.get("name", output.output_type) for cell in outputs(run).values() for output in cell}
+    assert kinds == {"stdout", "execute_result"}
+
+
+def counted() -> dict[CodeType, str]:
+    """Code of the public functions that a run needs at most once."""
+    functions = [
+        *(
+            getattr(rsgen, name)
+            for name in ("load_case", "simulate", "identify", "rank", "predict", "compare")
+        ),
+        *(getattr(figures, name) for name in figures.__all__ if name.startswith("draw_")),
+    ]
+    return {inspect.unwrap(function).__code__: function.__name__ for function in functions}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["declared", "rank"])
+def test_a_run_loads_computes_and_draws_once(model: str, tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text(
+        SMALL
+        if model == "declared"
+        else SMALL.replace("[system]", 'model = "rank"\n[system]').split("[accept]")[0]
+    )
+    codes, calls = counted(), Counter[str]()
+
+    def count(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code in codes:
+            calls[codes[frame.f_code]] += 1
+
+    sys.setprofile(count)
+    try:
+        (run,) = run_cases([path], tmp_path / "out", workers=1)
+    finally:
+        sys.setprofile(None)
+    assert run.faults == ()
+    del calls["draw_thumbnail"]  # of the index
+    assert {"load_case", "simulate", "identify", "predict", "compare", "draw_collapse"} <= set(calls)
+    assert ("rank" in calls) is (model == "rank")
+    assert {name: number for name, number in calls.items() if number != 1} == {}
+
+
+def test_other_inputs_are_computed(tmp_path: Path) -> None:
+    case = small_case(tmp_path)
+    known = KnownResults(case)
+    known.add("derive", "k*x", result="known")
+    known.add("make_element", case, [1.0], result="known")
+    module = known.offered(rsgen)
+    assert module.derive("k*x") == "known"
+    assert module.derive("k*x", []) != "known"
+    assert str(module.derive("2*k*x").stiffness) == "2*k"
+    assert module.make_element(case, [1.0]) == "known"
+    other = small_case(tmp_path, "5920.0", "5921.0")
+    file = tmp_path / "case.toml"
+    file.write_text(case.text, encoding="utf-8")
+    assert module.load_case(file) is case
+    file.write_text(other.text, encoding="utf-8")
+    assert module.load_case(file).truth["k"] == 5921.0
+    # the package itself is as it was
+    assert rsgen.derive("k*x") != "known"
+    assert module.figures.draw_map is figures.draw_map
+
+
 def test_failed_notebook_is_saved_and_says_which_cell(tmp_path: Path) -> None:
     target = tmp_path / "notebook.ipynb"
     with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):

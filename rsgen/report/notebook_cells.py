@@ -1,0 +1,179 @@
+"""Run the cells of a notebook in this process, given the results that the run already has."""
+
+from __future__ import annotations
+
+import ast
+import base64
+import builtins
+import contextlib
+import io
+import traceback
+from collections.abc import Callable
+from functools import cache, wraps
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+import nbformat
+from IPython.core.formatters import DisplayFormatter
+
+import rsgen
+from rsgen import figures
+from rsgen.case import Case
+from rsgen.report.environment import plain_text
+
+__all__ = ["KnownResults", "execute_cells"]
+
+_MOST_CHARACTERS = 300
+"""Longest message of a failed cell; the traceback in the notebook has all of it."""
+
+
+class KnownResults:
+    """What a run has computed, by the public call that computes it: function, inputs, result.
+
+    A call in a cell with the same inputs gets the result; every other call is computed. Two inputs are the
+    same if they are one object, or equal numbers, texts or lists of them.
+    """
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self._known: dict[str, list[tuple[tuple[object, ...], object]]] = {}
+
+    def add(self, function: str, *inputs: object, result: object) -> None:
+        """Add the result of a function of ``rsgen`` or ``rsgen.figures``, named without its module."""
+        self._known.setdefault(function, []).append((inputs, result))
+
+    def offered(self, module: ModuleType) -> ModuleType:
+        """Give a stand-in for a module whose functions look here first; the module stays as it is."""
+        names: dict[str, Any] = {
+            name: self._looked_up(name, getattr(module, name))
+            for name in self._known
+            if name in module.__all__
+        }
+        if module is rsgen:
+            names |= {"load_case": self._load_case, "figures": self.offered(figures)}
+        return _StandIn(module, names)
+
+    def _looked_up(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(function)
+        def call(*inputs: object, **options: object) -> Any:
+            for known, result in self._known[name]:
+                if not options and len(known) == len(inputs) and all(map(_same, known, inputs)):
+                    return result
+            return function(*inputs, **options)
+
+        return call
+
+    def _load_case(self, path: str | Path) -> Case:
+        """Give the case of the run for a file with its text."""
+        text = Path(path).read_text(encoding="utf-8")
+        return self.case if text.splitlines() == self.case.text.splitlines() else rsgen.load_case(path)
+
+
+class _StandIn(ModuleType):
+    """A module with some of its names replaced."""
+
+    def __init__(self, module: ModuleType, names: dict[str, Any]) -> None:
+        super().__init__(module.__name__, module.__doc__)
+        self._module = module
+        self.__dict__.update(names)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._module, name)
+
+
+def _same(one: object, other: object) -> bool:
+    return one is other or (isinstance(one, str | float | list) and one == other)
+
+
+@cache
+def _formatter() -> DisplayFormatter:
+    """Give what a kernel shows values with.
+
+    The whole shell of IPython is left out: it replaces ``__main__``, the hooks of ``sys`` and the history of
+    the user, which are not ours in a process that works on cases.
+    """
+    return DisplayFormatter()
+
+
+def _namespace(results: KnownResults | None) -> dict[str, Any]:
+    """Give the names that cells begin with; their ``import rsgen`` gets the stand-in."""
+    space: dict[str, Any] = {"__name__": "__main__"}
+    if results is not None:
+        package = results.offered(rsgen)
+
+        def importing(name: str, *place: Any) -> Any:
+            return package if name == "rsgen" else __import__(name, *place)
+
+        space["__builtins__"] = {**vars(builtins), "__import__": importing}
+    return space
+
+
+def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
+    """Compile a cell as plain Python: all statements but a last expression, and that expression."""
+    tree = ast.parse(source)
+    last = tree.body[-1] if tree.body else None
+    if not isinstance(last, ast.Expr):
+        return compile(tree, name, "exec"), None
+    tree.body.pop()
+    return compile(tree, name, "exec"), compile(ast.Expression(last.value), name, "eval")
+
+
+def _shown(value: object) -> list[nbformat.NotebookNode]:
+    """Give a value as a kernel would show it; pictures are bytes until here."""
+    format_value: Any = _formatter().format
+    data, metadata = format_value(value)
+    for kind, content in data.items():
+        if isinstance(content, bytes):
+            data[kind] = base64.b64encode(content).decode("ascii")
+    return [_output("execute_result", data=data, metadata=metadata)]
+
+
+def _output(kind: str, **content: Any) -> nbformat.NotebookNode:
+    make: Callable[..., nbformat.NotebookNode] = nbformat.v4.new_output
+    return make(kind, **content)
+
+
+def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[nbformat.NotebookNode], str | None]:
+    """Run a cell; give its outputs, and what went wrong."""
+    fault, last = None, []
+    stdout, stderr = io.StringIO(), io.StringIO()
+    try:
+        with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+            body, expression = _compiled(source, f"<cell {name}>")
+            exec(body, space)  # noqa: S102 - the template's text; those of a case are literals in it
+            value = None if expression is None else eval(expression, space)  # noqa: S307
+            last = [] if value is None else _shown(value)
+    except Exception as error:
+        fault = f"{type(error).__name__}: {error}"
+        lines = traceback.format_exception(error)
+        last = [_output("error", ename=type(error).__name__, evalue=str(error), traceback=lines)]
+    streams = {"stdout": stdout.getvalue(), "stderr": stderr.getvalue()}
+    printed = [_output("stream", name=stream, text=text) for stream, text in streams.items() if text]
+    return [*printed, *last], fault
+
+
+def execute_cells(notebook: nbformat.NotebookNode, results: KnownResults | None = None) -> str | None:
+    """Run every cell in this process; the notebook keeps what comes out.
+
+    Parameters
+    ----------
+    results
+        What the run already has; without it, cells compute everything.
+
+    Returns
+    -------
+    str or None
+        What went wrong in which cell, in a sentence; None where everything ran.
+    """
+    space = _namespace(results)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for number, cell in enumerate(cells, 1):
+        cell.execution_count = number
+        cell.outputs, fault = _run(cell.source, cell.id, space)
+        for output in cell.outputs:
+            if output.output_type == "execute_result":
+                output.execution_count = number
+        if fault is not None:
+            return f"cell {cell.id}: {plain_text(fault, _MOST_CHARACTERS)}"
+    return None
