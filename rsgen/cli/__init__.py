@@ -13,12 +13,11 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
+from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
 from rsgen.errors import CaseError, RsgenError
 
 __all__ = ["main"]
 
-FAULTY = 2
-INTERRUPTED = 130
 CLEARING_SECONDS = 2.0
 """For so long after an interrupt another one is the same one: clearing up must not be torn apart."""
 
@@ -46,8 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
-    from rsgen.cli.terminal import print_faults
-
     try:
         # a polite end from outside clears up as Ctrl-C does
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -119,7 +119,7 @@ def run(
       rsgen run mine.toml --figures pdf
       rsgen run cases --cluster tcp://node1:8786
     """
-    from rsgen.cli.commands import run_command
+    from rsgen.cli.run_command import run_command
 
     raise typer.Exit(run_command(cases, out, force, data, jobs, figures, json, cluster))
 
@@ -133,7 +133,7 @@ def check(cases: Cases, data: Data = None, json: Json = False) -> None:
       rsgen check cases
       rsgen check mine.toml --json
     """
-    from rsgen.cli.commands import check_command
+    from rsgen.cli.check_command import check_command
 
     raise typer.Exit(check_command(cases, data, json))
 
@@ -182,7 +182,7 @@ def simulate(
     Example:
       rsgen simulate cases/cubic.toml --out cubic.h5
     """
-    from rsgen.cli.commands import simulate_command
+    from rsgen.cli.simulate_command import simulate_command
 
     raise typer.Exit(simulate_command(case, out, json))
 
@@ -196,7 +196,7 @@ def identify(case: OneCase, surface: Surface = None, data: Data = None, json: Js
       rsgen identify cases/cubic.toml
       rsgen identify cases/cubic.toml --surface cubic.h5 --json
     """
-    from rsgen.cli.commands import identify_command
+    from rsgen.cli.identify_command import identify_command
 
     raise typer.Exit(identify_command(case, surface, data, json))
 
@@ -242,7 +242,7 @@ def report(
       rsgen report cases/cubic.toml
       rsgen report cases/cubic.toml --figures pdf
     """
-    from rsgen.cli.commands import report_command
+    from rsgen.cli.report_command import report_command
 
     raise typer.Exit(report_command(cases or [], out, data, figures, json))
 
@@ -263,7 +263,7 @@ def notebook(
       rsgen notebook cases/cubic.toml
       rsgen notebook cases/cubic.toml --out lesson.ipynb
     """
-    from rsgen.cli.results import notebook_command
+    from rsgen.cli.notebook_command import notebook_command
 
     raise typer.Exit(notebook_command(case, out, data, json))
 
@@ -284,7 +284,7 @@ def diff(
       rsgen diff reports/cubic results/cubic
       rsgen diff reports results --out changes.html
     """
-    from rsgen.cli.results import diff_command
+    from rsgen.cli.diff_command import diff_command
 
     raise typer.Exit(diff_command(before, after, out, json))
 
@@ -305,7 +305,7 @@ def show(
       rsgen show reports/cubic --open
       rsgen show reports/cubic --out cubic-surface.html
     """
-    from rsgen.cli.results import show_command
+    from rsgen.cli.show_command import show_command
 
     raise typer.Exit(show_command(folder, out, open_it, json))
 

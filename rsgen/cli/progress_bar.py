@@ -200,13 +200,11 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
 
 
 @contextmanager
-def stage_progress(case: Case, points: int, *stages: str) -> Iterator[Callable[[str, float], None]]:
+def stage_progress(case: Case, *stages: str) -> Iterator[Callable[[str, float], None]]:
     """Show how far one case has come through some stages, on a terminal; give what the work calls.
 
     Parameters
     ----------
-    points
-        Test points, 0 where they are not known.
     stages
         What will be done, of ``STAGES``.
     """
@@ -215,7 +213,7 @@ def stage_progress(case: Case, points: int, *stages: str) -> Iterator[Callable[[
         return
     from rsgen.study import Step, expect
 
-    whole = expect(case, points, 1).seconds
+    whole = expect(case).seconds
     expected = {stage: whole[stage] for stage in stages}
     with _bars() as bars:
         yield lambda stage, share: bars.tell(Step(case.path, stage, share, expected))

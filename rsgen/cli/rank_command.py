@@ -19,16 +19,16 @@ __all__ = ["rank_command"]
 def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
     """Read a surface with the base as its model, or a case with its own."""
     from rsgen.case import load_case
-    from rsgen.cli.commands import read_surface
     from rsgen.law.element import make_element
     from rsgen.oscillator import Model
+    from rsgen.study import obtain_surface
     from rsgen.surface import load_surface
 
     if path.suffix.lower() in (".h5", ".hdf5"):
         base = (make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v"))
         return path.stem, load_surface(path), Model(base)
     case = load_case(path, data)
-    return case.name, read_surface(case), case.model
+    return case.name, obtain_surface(case), case.model
 
 
 def rank_command(path: Path, data: Path | None, json: bool) -> int:

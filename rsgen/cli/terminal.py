@@ -6,9 +6,17 @@ import json
 import math
 import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
+from rsgen.errors import RsgenError
+
 __all__ = [
+    "ACCEPTED",
+    "FAULTY",
+    "INTERRUPTED",
+    "MISSED",
+    "check_target",
     "number",
     "plain",
     "print_block",
@@ -17,6 +25,9 @@ __all__ = [
     "print_line",
     "print_table",
 ]
+
+ACCEPTED, MISSED, FAULTY, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes."""
 
 _MOST_FAULTS = 500
 
@@ -81,3 +92,12 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for line in lines:
         first, *rest = (cell.rjust(width) for cell, width in zip(line, widths, strict=True))
         print("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
+
+
+def check_target(path: Path, ending: str) -> Path:
+    """Refuse a name for a new file that has another ending or no folder."""
+    if path.suffix.lower() != ending:
+        raise RsgenError(f"--out {path}: the name must end in {ending}")
+    if not path.parent.is_dir():
+        raise RsgenError(f"--out {path}: there is no folder {path.parent}")
+    return path

@@ -6,7 +6,7 @@ from rsgen.study.expectation import STAGES, Expectation, expect
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.pool import run_cases
 from rsgen.study.progress import Step
-from rsgen.study.run_case import CaseRun, rewrite_report, run_case
+from rsgen.study.run_case import CaseRun, obtain_surface, rewrite_report, run_case
 
 __all__ = [
     "MANIFEST",
@@ -15,6 +15,7 @@ __all__ = [
     "Expectation",
     "Step",
     "expect",
+    "obtain_surface",
     "read_manifest",
     "rewrite_report",
     "run_case",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from rsgen.case import Case
 from rsgen.law.pieces import normal_form
 from rsgen.simulation import SimulatedTest
+from rsgen.surface import ResponseSurface
 
 __all__ = ["STAGES", "Expectation", "expect"]
 
@@ -18,8 +19,9 @@ _COMPILE_SECONDS = 8.0
 _SURFACE_POINTS_A_SECOND = 5_000
 _SMOOTH_POINTS_A_SECOND = 4_000
 _SWITCHED_POINTS_A_SECOND = 1_500
+_READ_SECONDS = 1.0
 _IDENTIFY_SECONDS = 1.5
-_REPORT_SECONDS = 8.0
+_REPORT_SECONDS = 5.0
 _PROGRAM_MEGABYTES = 250
 _BYTES_A_HARMONIC = 500
 """Copies that identification makes of a point, for each of its harmonics."""
@@ -38,25 +40,26 @@ class Expectation:
         return sum(self.seconds.values())
 
 
-def expect(case: Case, points: int, harmonics: int) -> Expectation:
+def expect(case: Case, surface: ResponseSurface | None = None) -> Expectation:
     """Say what a run of a case will take.
 
     Parameters
     ----------
     case
         The case; laws with corners and jumps take longer.
-    points
-        Test points.
-    harmonics
-        Of each point.
+    surface
+        Of a measured case, once it was read; without it nothing is known of its points.
     """
+    points, harmonics = 0, 1
+    if isinstance(case.test, SimulatedTest):
+        points, harmonics = len(case.test.level) * len(case.test.frequency), case.test.harmonics
+        simulation = _COMPILE_SECONDS + points / _SURFACE_POINTS_A_SECOND
+    else:
+        simulation = _READ_SECONDS
+        if surface is not None:
+            points, harmonics = len(surface), surface.harmonics.shape[1] - 1
     switched = any(piece.switches for piece in normal_form(case.model.force).pieces)
     rate = _SWITCHED_POINTS_A_SECOND if switched else _SMOOTH_POINTS_A_SECOND
-    simulated = isinstance(case.test, SimulatedTest)
-    surface = _COMPILE_SECONDS + points / _SURFACE_POINTS_A_SECOND if simulated else 1.0
-    identification = _IDENTIFY_SECONDS + points / rate
-    # the notebook does all of it once more, compiled by then
-    again = identification + (points / _SURFACE_POINTS_A_SECOND if simulated else 0.0)
-    seconds = (surface, identification, _REPORT_SECONDS + again)
+    seconds = (simulation, _IDENTIFY_SECONDS + points / rate, _REPORT_SECONDS)
     megabytes = _PROGRAM_MEGABYTES + round(points * (harmonics + 2) * _BYTES_A_HARMONIC / 1e6)
     return Expectation(dict(zip(STAGES, seconds, strict=True)), megabytes)

@@ -14,15 +14,15 @@ from pathlib import Path
 from rsgen.case import Case, load_case
 from rsgen.case.trial import law_faults
 from rsgen.errors import CaseError, RsgenError
-from rsgen.measurement import MeasuredTest
-from rsgen.simulation import SimulatedTest
+from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.simulation import SimulatedTest, simulate
 from rsgen.study.expectation import expect
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
 from rsgen.study.progress import Tell, tell_seldom
 from rsgen.surface import ResponseSurface, load_surface
 
-__all__ = ["CaseRun", "check_place", "current_result", "rewrite_report", "run_case"]
+__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "rewrite_report", "run_case"]
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -111,10 +111,14 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     return CaseRun(case.path, case.name, folder, bool(passed), skipped=True, judged=bool(case.accept))
 
 
-def _tested(case: Case, progress: Callable[[float], None]) -> ResponseSurface:
-    from rsgen.measurement import read_measurement
-    from rsgen.simulation import simulate
+def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
+    """Simulate the test of a case, or read its measured files.
 
+    Raises
+    ------
+    RsgenError
+        A file cannot be read, or a simulated case has no true values.
+    """
     if isinstance(case.test, MeasuredTest):
         return read_measurement(case.test)
     if case.oscillator is None:
@@ -180,12 +184,7 @@ def _execute(
 def _note(case: Case, tell: Tell | None) -> Callable[[str, float], None]:
     if tell is None:
         return lambda stage, share: None
-    points, harmonics = (
-        (len(case.test.level) * len(case.test.frequency), case.test.harmonics)
-        if isinstance(case.test, SimulatedTest)
-        else (0, 1)
-    )
-    return tell_seldom(tell, case.path, expect(case, points, harmonics).seconds)
+    return tell_seldom(tell, case.path, expect(case).seconds)
 
 
 def run_case(
@@ -225,7 +224,7 @@ def run_case(
     """
     case = path if isinstance(path, Case) else Path(path)
     words = command or ("rsgen", "run", (case.path if isinstance(case, Case) else case).name)
-    return _guarded(case, Path(out), force, data, words, _tested, figures, tell)
+    return _guarded(case, Path(out), force, data, words, obtain_surface, figures, tell)
 
 
 def rewrite_report(

@@ -1,0 +1,108 @@
+"""What `rsgen check` prints: every fault in case files, and what a run will do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rsgen.case import Case, find_cases, load_case, name_clashes
+from rsgen.case.trial import law_faults
+from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
+from rsgen.errors import CaseError, MeasurementError
+from rsgen.measurement import read_measurement
+from rsgen.simulation import SimulatedTest
+from rsgen.study import STAGES, expect
+
+__all__ = ["check_command"]
+
+
+def _plan(case: Case) -> dict[str, Any]:
+    test, surface = case.test, None
+    warnings = list(case.warnings)
+    if isinstance(test, SimulatedTest):
+        kind = {
+            "kind": "simulated",
+            "levels": len(test.level),
+            "frequencies": len(test.frequency),
+            "points": len(test.level) * len(test.frequency),
+        }
+    else:
+        # imports the figures with the package; a simulated case needs neither
+        from rsgen.report.wording import sentence
+
+        surface = read_measurement(test)
+        warnings += map(sentence, surface.findings)
+        kind = {
+            "kind": "measured",
+            "file": test.file.name,
+            "levels": len(surface.levels),
+            "points": len(surface),
+            "sweeps": sorted({str(sweep) for sweep in surface.sweep}),
+            "lowest_frequency": float(surface.frequency.min()),
+            "highest_frequency": float(surface.frequency.max()),
+        }
+    expected = expect(case, surface)
+    return {
+        "case": case.name,
+        "title": case.title,
+        "parameters": list(case.model.parameters),
+        "identifies": [*(["m"] if case.model.mass is None else []), *case.model.parameters],
+        "warnings": warnings,
+        **kind,
+        "seconds": {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()},
+        "seconds_at_most": round(expected.total),
+        "megabytes": expected.megabytes,
+    }
+
+
+def _takes(plan: dict[str, Any]) -> str:
+    surface, identification, report = (plan["seconds"][stage] for stage in STAGES)
+    work = "simulation" if plan["kind"] == "simulated" else "reading"
+    return (
+        f"at most about {plan['seconds_at_most']} s ({work} {surface:.0f} s, identification "
+        f"{identification:.0f} s, report {report:.0f} s) and {plan['megabytes']} MB"
+    )
+
+
+def _describe(plan: dict[str, Any]) -> str:
+    names = ", ".join(plan["identifies"])
+    levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
+    if plan["kind"] == "simulated":
+        return (
+            f"{plan['case']}: {levels} x {plan['frequencies']} frequencies = {plan['points']} "
+            f"points to simulate; {_takes(plan)}; identifies {names}"
+        )
+    band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
+    return (
+        f"{plan['case']}: {plan['points']} measured points at {levels}, {band}, "
+        f"sweep {', '.join(plan['sweeps'])}; {_takes(plan)}; identifies {names}"
+    )
+
+
+def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
+    """Load cases and measured files and try the laws; the code is 2 if anything is faulty."""
+    plans: list[dict[str, Any]] = []
+    loaded: list[Case] = []
+    faults: list[str] = []
+    for path in find_cases(cases):
+        try:
+            case = load_case(path, data)
+            loaded.append(case)
+            odd = law_faults(case)
+            faults += odd
+            if not odd:
+                plans.append(_plan(case))
+        except CaseError as fault:
+            faults += fault.faults
+        except MeasurementError as fault:
+            faults.append(f"{path.name}: test.file: {fault}")
+    faults += name_clashes(loaded).values()
+    if json:
+        print_json({"cases": plans, "faults": faults})
+    else:
+        for plan in plans:
+            print_line(_describe(plan))
+            for warning in plan["warnings"]:
+                print_line(f"  note: {warning}")
+    print_faults(faults)
+    return FAULTY if faults else ACCEPTED

@@ -1,0 +1,77 @@
+"""What `rsgen identify` prints: the parameters of a case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rsgen.case import load_case
+from rsgen.cli.progress_bar import stage_progress
+from rsgen.cli.terminal import ACCEPTED, number, print_json, print_line, print_table
+from rsgen.identification import Estimate, Identification, identify
+from rsgen.ranking import identify_best
+from rsgen.report.wording import sentence
+from rsgen.study import obtain_surface
+from rsgen.surface import load_surface
+
+__all__ = ["identify_command"]
+
+_METHODS = ("paper", "first_order", "refined")
+
+
+def _entry(estimate: Estimate | None) -> dict[str, Any] | None:
+    if estimate is None:
+        return None
+    return {
+        "value": estimate.value,
+        "standard_error": estimate.standard_error,
+        "interval": list(estimate.interval),
+    }
+
+
+def _rows(identification: Identification) -> list[dict[str, Any]]:
+    found = {method: {e.name: e for e in getattr(identification, method)} for method in _METHODS}
+    return [
+        {"name": refined.name, "unit": refined.unit}
+        | {method: _entry(found[method].get(refined.name)) for method in _METHODS}
+        for refined in identification.refined
+    ]
+
+
+def identify_command(path: Path, surface: Path | None, data: Path | None, json: bool) -> int:
+    """Identify a case from its test or from a saved surface, and print the estimates."""
+    case = load_case(path, data)
+    with stage_progress(case, "surface", "identification") as note:
+        note("surface", 0.0)
+        tested = load_surface(surface) if surface else obtain_surface(case)
+        note("identification", 0.0)
+        identification = (identify_best if case.ranked else identify)(tested, case.model)
+    rows = _rows(identification)
+    warnings = [*identification.warnings, *map(sentence, identification.findings)]
+    if json:
+        print_json(
+            {
+                "case": case.name,
+                "parameters": rows,
+                "residual": identification.residual,
+                "outcome": identification.outcome,
+                "warnings": warnings,
+            }
+        )
+        return ACCEPTED
+    print_table(
+        ("", "paper", "first order", "refined", "std. error", "unit"),
+        [
+            (
+                row["name"],
+                *(number(row[method]["value"] if row[method] else None) for method in _METHODS),
+                number(row["refined"]["standard_error"], 2),
+                row["unit"],
+            )
+            for row in rows
+        ],
+    )
+    print_line(identification.outcome)
+    for warning in warnings:
+        print_line(f"note: {warning}")
+    return ACCEPTED

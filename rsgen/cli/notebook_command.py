@@ -1,0 +1,44 @@
+"""What `rsgen notebook` does: the lesson on a case, executed, without a report around it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rsgen.case import load_case
+from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
+from rsgen.report.interpretation import describe_mean
+from rsgen.report.notebook import write_notebook
+from rsgen.report.notebook_cells import KnownResults
+from rsgen.simulation import SimulatedTest
+from rsgen.study import obtain_surface
+from rsgen.surface import save_surface
+
+__all__ = ["notebook_command"]
+
+
+def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool) -> int:
+    """Write the executed notebook of a case; a measured one gets its surface beside it."""
+    case = load_case(path, data)
+    target = check_target(out or Path(f"{case.name}.ipynb"), ".ipynb")
+    surface = obtain_surface(case)
+    results = KnownResults(case)
+    beside = None
+    if isinstance(case.test, SimulatedTest):
+        results.add("simulate", case.oscillator, case.test, result=surface)
+    else:
+        beside = target.with_suffix(".h5")
+        save_surface(beside, surface)
+        results.add("load_surface", beside.name, result=surface)
+    write_notebook(
+        target,
+        case,
+        results,
+        mean=describe_mean(surface) is not None,
+        held_out=bool(case.model.observation.hold_out),
+        surface_file=beside.name if beside else "surface.h5",
+    )
+    if json:
+        print_json({"case": case.name, "file": str(target), "surface": str(beside) if beside else None})
+    else:
+        print_line(f"{target}" + (f", which reads {beside}" if beside else ""))
+    return ACCEPTED

@@ -1,0 +1,68 @@
+"""What `rsgen run` does: cases from file to report, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rsgen.case import find_cases
+from rsgen.cli.progress_bar import case_progress
+from rsgen.cli.terminal import ACCEPTED, FAULTY, MISSED, print_json, print_line
+from rsgen.errors import RsgenError
+from rsgen.study import CaseRun, run_cases
+
+__all__ = ["check_figures", "exit_code", "run_command"]
+
+FIGURE_KINDS = ("pdf", "svg", "png")
+
+
+def exit_code(runs: Sequence[CaseRun]) -> int:
+    """Give 2 if a case failed, else 1 if one missed its ``[accept]``, else 0."""
+    if any(run.passed is None for run in runs):
+        return FAULTY
+    return ACCEPTED if all(run.passed for run in runs) else MISSED
+
+
+def check_figures(kind: str | None) -> None:
+    """Refuse kinds of figures that are not written."""
+    if kind not in (None, *FIGURE_KINDS):
+        raise RsgenError(f"--figures {kind}: must be one of {', '.join(FIGURE_KINDS)}")
+
+
+def run_command(
+    cases: list[Path],
+    out: Path,
+    force: bool,
+    data: Path | None,
+    jobs: int | None,
+    figures: str | None,
+    json: bool,
+    cluster: str | None = None,
+) -> int:
+    """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
+    check_figures(figures)
+    files = find_cases(cases)
+    words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
+    words += ("--figures", figures) if figures else ()
+    with case_progress(len(files), quiet=json) as listener:
+        runs = run_cases(
+            cases, out, force, data, jobs, words, listener.finished, figures, listener.tell, cluster
+        )
+    if json:
+        print_json(
+            [
+                {
+                    "case": run.name,
+                    "file": str(run.path),
+                    "passed": run.passed,
+                    "skipped": run.skipped,
+                    "folder": str(run.folder) if run.folder else None,
+                    "seconds": round(run.seconds, 3),
+                    "faults": list(run.faults),
+                }
+                for run in runs
+            ]
+        )
+    elif any(run.folder for run in runs):
+        print_line(f"Table of all results: {out / 'index.html'}")
+    return exit_code(runs)

@@ -1,0 +1,25 @@
+"""What `rsgen show` does: a page on which the response surface of a result turns."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
+from rsgen.output import write_atomic
+from rsgen.report.interactive import render_interactive
+
+__all__ = ["show_command"]
+
+
+def show_command(folder: Path, out: Path | None, open_it: bool, json: bool) -> int:
+    """Write the interactive page of a result beside its folder, whose files the manifest lists."""
+    target = check_target(out or folder.with_name(f"{folder.resolve().name}-surface.html"), ".html")
+    write_atomic(target, render_interactive(folder))
+    if json:
+        print_json({"file": str(target)})
+    else:
+        print_line(f"{target}: open it in a browser")
+    if open_it:
+        webbrowser.open(target.resolve().as_uri())
+    return ACCEPTED

@@ -1,0 +1,32 @@
+"""What `rsgen simulate` does: the response surface of a simulated case as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rsgen.case import load_case
+from rsgen.cli.progress_bar import stage_progress
+from rsgen.cli.terminal import ACCEPTED, print_json, print_line
+from rsgen.errors import RsgenError
+from rsgen.simulation import SimulatedTest
+from rsgen.study import obtain_surface
+from rsgen.surface import save_surface
+
+__all__ = ["simulate_command"]
+
+
+def simulate_command(path: Path, out: Path | None, json: bool) -> int:
+    """Write the response surface of a simulated case as HDF5."""
+    case = load_case(path)
+    if not isinstance(case.test, SimulatedTest):
+        raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    target = out or Path(f"{case.name}.h5")
+    with stage_progress(case, "surface") as note:
+        surface = obtain_surface(case, lambda share: note("surface", share))
+    save_surface(target, surface)
+    settled = int(surface.settled.sum())
+    if json:
+        print_json({"case": case.name, "file": str(target), "points": len(surface), "settled": settled})
+    else:
+        print_line(f"{case.name}: {len(surface)} points, {settled} settled: {target}")
+    return ACCEPTED
