@@ -224,7 +224,9 @@ class _ComplexTable(_Table):
 class ForceTable(_ComplexTable):
     """Where the force is; an amplitude without a phase is the reference of all phases."""
 
-    unit: Annotated[str, Field(max_length=40)] = "N"
+    unit: Annotated[str, Field(max_length=40)] | None = Field(
+        default=None, description="Of the column; without it the unit that the file names, else N."
+    )
     nominal: bool = Field(
         default=False, description="True: the force was not recorded, and the level stands for it."
     )
@@ -234,7 +236,9 @@ class ResponseTable(_ComplexTable):
     """Where the response is, and what was measured."""
 
     quantity: Literal["displacement", "velocity", "acceleration"]
-    unit: Annotated[str, Field(max_length=40)] | None = None
+    unit: Annotated[str, Field(max_length=40)] | None = Field(
+        default=None, description="Of the column; without it the unit that the file names, else SI."
+    )
     file: Files | None = Field(
         default=None, description="Where the response lies in files of its own: one for each of test.file."
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from math import pi, sqrt
 from pathlib import Path
@@ -18,7 +17,7 @@ from rsgen.case.document import (
 from rsgen.case.naming import is_device, quote
 from rsgen.errors import RsgenError
 from rsgen.measurement import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
-from rsgen.units import quantity
+from rsgen.units import quantity, sensor_unit
 
 __all__ = ["build_measured", "path_fault"]
 
@@ -104,10 +103,7 @@ def _scaled(
 
     Where the test is not calibrated, any unit stands for the target's: 1 V of a drive for 1 N.
     """
-    # in a list of accelerations g is the standard gravity, never the gram
-    name = re.sub(r"^\s*(g|g_n|gn)(?=/|\s*$)", "standard_gravity", unit) if "s^2" in target else unit
-    # a vibration engineer's mil is no angle
-    name = re.sub(r"^\s*mils?(?=/|\s*$)", "thou", name)
+    name = sensor_unit(unit, target)
     try:
         if isinstance(factor, str):
             # column x unit x factor must come out as the target, so this is the unit the factor must have
@@ -169,6 +165,7 @@ def _signal(
         return None
     sense = -1.0 if table.phase_sense == "lag" else 1.0
     return Signal(
+        unit_from_file=table.unit is None and calibrated,
         amplitude=table.amplitude,
         phase=table.phase,
         real=table.real,
@@ -188,7 +185,7 @@ def _force(table: MeasuredTable, history: bool, calibrated: bool, faults: list[s
             faults.append("test.force: is missing; where it is, or nominal = true, is needed")
         return None
     if not force.nominal:
-        return _signal(force, "test.force", force.unit, "N", history, calibrated, faults)
+        return _signal(force, "test.force", force.unit or "N", "N", history, calibrated, faults)
     recorded = (force.amplitude, force.phase, force.real, force.imaginary, force.complex, force.samples)
     if any(column is not None for column in recorded):
         faults.append("test.force.nominal: is true, but there are columns of the force; leave one out")

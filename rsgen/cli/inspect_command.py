@@ -53,14 +53,18 @@ def _shape(entry: Entry) -> str:
     return " x ".join(map(str, entry.shape)) or ("1" if entry.dtype else "-")
 
 
+def _unit(entry: Entry) -> str:
+    return f"{entry.unit} ({entry.unit_source})" if entry.unit and entry.unit_source else entry.unit or "-"
+
+
 def _row(entry: Entry) -> tuple[str, ...]:
     if entry.fault:
-        return entry.path, _shape(entry), entry.dtype or "-", entry.unit or "-", entry.fault[:_UNITS_OF_DOUBT]
+        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
     told = ", ".join(entry.first) + more
     if entry.remark:
         told += f"  ({entry.remark[:_UNITS_OF_DOUBT]})"
-    return entry.path, _shape(entry), entry.dtype, entry.unit or "-", told
+    return entry.path, _shape(entry), entry.dtype, _unit(entry), told
 
 
 def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> None:

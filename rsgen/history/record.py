@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 
 __all__ = ["BLOCK", "QUANTITIES", "TimeHistory"]
 
@@ -65,6 +66,8 @@ class TimeHistory:
         Time of the first sample [s].
     label
         Names the history in messages: the file, usually.
+    findings
+        What was found while it was read, such as units taken from the file.
 
     Raises
     ------
@@ -80,6 +83,7 @@ class TimeHistory:
     level: float | None = None
     start: float = 0.0
     label: str = "time history"
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         if not (isfinite(self.rate) and self.rate > 0):

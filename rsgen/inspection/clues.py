@@ -8,7 +8,7 @@ from math import pi
 
 from rsgen.errors import RsgenError
 from rsgen.measurement.tree import Entry
-from rsgen.units import quantity
+from rsgen.units import quantity, sensor_unit
 
 __all__ = [
     "DECIBEL",
@@ -28,6 +28,7 @@ __all__ = [
     "RATE",
     "REAL",
     "RESPONSE",
+    "RESPONSE_UNITS",
     "RMS",
     "SPREAD",
     "TIME",
@@ -84,6 +85,7 @@ IMAGINARY = re.compile(r"(^|_)im(ag)?|quad|sin|(^|_)y\d*(_|$)", re.IGNORECASE)
 PHASE = re.compile(r"phase|phi|(^|_)lag|arg|angle|deg", re.IGNORECASE)
 SPREAD = re.compile(r"std|sigma|var|error|coherence|temperature|number", re.IGNORECASE)
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+RESPONSE_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
     "inertance": "acceleration",
     "acc": "acceleration",
@@ -114,9 +116,8 @@ def unit_for(unit: str, target: str) -> str | None:
     """Give the unit if it is one of the target's dimension."""
     name = unit.strip().replace("²", "^2").replace("µ", "u")
     name = "thou" if name in ("mil", "mils") else name
-    known = "standard_gravity" if name in ("g", "g_n", "gn") and target == "m/s^2" else name
     try:
-        quantity(f"1 {known}", target)
+        quantity(f"1 {sensor_unit(name, target)}", target)
     except RsgenError:
         return None
     return name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from typing import Any
 
 from rsgen.inspection.clues import (
@@ -24,6 +25,7 @@ from rsgen.inspection.clues import (
     RATE,
     REAL,
     RESPONSE,
+    RESPONSE_UNITS,
     RMS,
     SPREAD,
     TIME,
@@ -122,12 +124,11 @@ def _run_of(entry: Entry, entries: Iterable[Entry]) -> tuple[str, str, int] | No
 
 def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
     """Say what the response is, by its unit, else by its name."""
-    per = entry.unit.endswith("/N")
-    unit = entry.unit.removesuffix("/N")
-    for name, target in QUANTITIES.items():
-        known = unit_for(unit, target) if unit else None
+    targets = ((name, si + per) for name, si in QUANTITIES.items() for per in ("", "/N"))
+    for name, target in targets:
+        known = unit_for(entry.unit, target) if entry.unit else None
         if known:
-            table |= {"quantity": name, "unit": known + ("/N" if per else "")}
+            table |= {"quantity": name, "unit": known}
             break
     else:
         about = f"{last_name(entry)} {entry.remark}".casefold()
@@ -137,21 +138,29 @@ def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
         table["quantity"] = next(meanings, "displacement")
         table["unit"] = QUANTITIES[table["quantity"]]
         guess.doubts["test.response.unit"] = (
-            f"the file says {entry.unit!r}; put its meaning into factor" if entry.unit else "not in the file"
+            f"the file says {entry.unit!r}; put its meaning into factor" if entry.unit else _unknown(entry)
         )
         if DECIBEL.search(entry.unit):
             # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
             table["unit"] = entry.unit
             guess.doubts["test.response.unit"] = "decibels are not read: write linear numbers into the file"
-    if (
-        per
-        or QUOTIENT.search(last_name(entry))
-        or "over force" in entry.remark
-        or "frequency response" in entry.remark
-    ):
-        if not per:
-            table["unit"] += "/N"
+    per = bool(known) and target.endswith("/N")
+    quotient = QUOTIENT.search(last_name(entry)) or "over force" in entry.remark
+    if per or quotient or "frequency response" in entry.remark:
+        table["unit"] += "" if per else "/N"
         table["per_force"] = True
+    if known and entry.unit_source:
+        guess.doubts["test.response.unit"] = entry.unit_source
+    pattern = str(guess.address(entry))
+    units = {other.unit for other in guess.contents.entries if fnmatchcase(other.path, pattern)}
+    if guess.run and len(units) > 1:
+        # without the key each entry is read in the unit that the file names for it
+        del table["unit"]
+        guess.doubts["test.response.quantity"] = f"in the units of the file: {', '.join(sorted(units))}"
+
+
+def _unknown(entry: Entry) -> str:
+    return entry.unit_source or "not in the file"
 
 
 def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
@@ -185,7 +194,7 @@ def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
         guess.doubts["test.excitation"] = "swept-sine, stepped-sine or ring-down"
         guess.tables["test.force"] = {"samples": guess.address(force), "unit": _unit_of_force(guess, force)}
     response = guess.take(
-        all_of(fits, lambda e: is_unit(e, *QUANTITIES.values())), all_of(fits, is_named(RESPONSE)), fits
+        all_of(fits, lambda e: is_unit(e, *RESPONSE_UNITS)), all_of(fits, is_named(RESPONSE)), fits
     )
     told: dict[str, Any] = {}
     if response is not None:
@@ -208,8 +217,10 @@ def _unit_of_force(guess: _Guess, entry: Entry) -> str:
         guess.doubts["test.force.unit"] = (
             f"the file says {entry.unit!r}; write unit and factor, such as unit = 'V', factor = '10 N/V'"
             if entry.unit
-            else "not in the file"
+            else _unknown(entry)
         )
+    elif entry.unit_source:
+        guess.doubts["test.force.unit"] = entry.unit_source
     return known or "N"
 
 
@@ -235,7 +246,7 @@ def _response(guess: _Guess, fits: Callable[[Entry], bool]) -> dict[str, Any]:
         guess.free.insert(0, real)
     phase = guess.take(all_of(fits, is_named(PHASE)))
     amplitude = guess.take(
-        all_of(fits, lambda entry: is_unit(entry, *QUANTITIES.values())),
+        all_of(fits, lambda entry: is_unit(entry, *RESPONSE_UNITS)),
         all_of(fits, is_named(RESPONSE)),
         fits,
     )

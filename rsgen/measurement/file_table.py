@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label, recognise_format
+from rsgen.measurement.file_units import to_si
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import read_binary
 from rsgen.measurement.text_columns import read_columns
@@ -40,6 +43,8 @@ class Table:
         (n,) place of each row in the file, from 1.
     block
         (n,) number of the block of each row: of the text's blocks, or of the entries that a * means.
+    findings
+        About units.
     """
 
     label: str
@@ -47,6 +52,7 @@ class Table:
     unit_of_place: str
     number: NDArray[np.int64]
     block: NDArray[np.int64]
+    findings: tuple[Finding, ...] = ()
 
     def refuse(self, bad: NDArray[np.bool_], what: str) -> None:
         """Raise a fault that names the first bad row, if there is one."""
@@ -67,7 +73,9 @@ class Table:
     def keep(self, mask: NDArray[np.bool_]) -> Table:
         """Keep some rows."""
         columns = {name: values[mask] for name, values in self.columns.items()}
-        return Table(self.label, columns, self.unit_of_place, self.number[mask], self.block[mask])
+        return Table(
+            self.label, columns, self.unit_of_place, self.number[mask], self.block[mask], self.findings
+        )
 
 
 def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
@@ -153,18 +161,30 @@ def _aligned(
 
 
 def read_channels(
-    path: Path, form: str, wanted: Sequence[int | str], sha256: str | None
-) -> tuple[str, list[list[Channel]]]:
+    path: Path,
+    form: str,
+    wanted: Sequence[int | str],
+    sha256: str | None,
+    targets: Mapping[int | str, str] = MappingProxyType({}),
+) -> tuple[list[list[Channel]] | None, tuple[Finding, ...]]:
     """Read channels of a binary file; "auto" recognises its format.
+
+    Parameters
+    ----------
+    path, form, wanted, sha256
+        As in ``read_table``.
+    targets
+        SI unit of each column whose unit the file is to name.
 
     Returns
     -------
-    The format, and for each address the arrays it means; none where the file is text.
+    For each address the arrays it means, None where the file is text; and findings about units.
     """
     known = recognise_format(path) if form == "auto" else form
     if known == "csv":
-        return known, []
-    return known, read_binary(path, known, wanted, sha256)
+        return None, ()
+    groups = read_binary(path, known, wanted, sha256)
+    return groups, to_si(file_label(path), wanted, groups, targets)
 
 
 def read_table(
@@ -174,6 +194,7 @@ def read_table(
     wanted: Sequence[int | str],
     along: int | str | None = None,
     sha256: str | None = None,
+    targets: Mapping[int | str, str] = MappingProxyType({}),
 ) -> Table:
     """Read columns of a file of any format.
 
@@ -189,14 +210,16 @@ def read_table(
         The column that varies fastest where columns are the sides of a matrix.
     sha256
         What the file must hash to, if known.
+    targets
+        SI unit of each column whose unit the file is to name.
 
     Raises
     ------
     MeasurementError
         The file cannot be read, a column is not there, lengths differ, a number is not finite.
     """
-    known, groups = read_channels(path, form, wanted, sha256)
-    if known == "csv":
+    groups, findings = read_channels(path, form, wanted, sha256, targets)
+    if groups is None:
         text = read_columns(path, layout, wanted, sha256)
         named: dict[int | str, NDArray[Any]] = {c: text.values[:, i] for i, c in enumerate(wanted)}
         return Table(file_label(path), named, "line", text.line, text.block)
@@ -209,7 +232,7 @@ def read_table(
         raise MeasurementError(f"{label}: no numbers in it; at least one row is needed")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in wanted}
     block = np.repeat(np.arange(len(parts)), lengths)
-    table = Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block)
+    table = Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block, findings)
     for name, values in columns.items():
         table.refuse(~np.isfinite(values), f"{show(name)} is not finite; a finite number is needed")
     return table

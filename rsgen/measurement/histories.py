@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 from rsgen.history import TimeHistory
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
+from rsgen.measurement.file_units import scaled, units_from_file
 from rsgen.measurement.plan import HistoryRule, MeasuredTest
 from rsgen.measurement.runs import level_of_file
 from rsgen.measurement.text_columns import read_columns
@@ -26,12 +28,13 @@ _BLOCK = 2**18
 
 
 def _rows(
-    path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None
+    path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
 ) -> dict[int | str, NDArray[Any]]:
     """Read rows of samples, as they are in the file."""
     label = file_label(path)
-    known, groups = read_channels(path, test.format, wanted, sha256)
-    if known == "csv":
+    groups, found = read_channels(path, test.format, wanted, sha256, units_from_file(test))
+    findings += found
+    if groups is None:
         text = read_columns(path, test.layout, wanted, sha256)
         return {name: text.values[:, number] for number, name in enumerate(wanted)}
     rows: dict[int | str, NDArray[Any]] = {}
@@ -48,16 +51,6 @@ def _rows(
             raise MeasurementError(f"{label}: {show(name)} is complex; samples are real numbers")
         rows[name] = values
     return rows
-
-
-def _scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
-    """Turn samples into SI in place, for long histories are not copied; 16 bits fit into single precision."""
-    if values.dtype not in (np.float32, np.float64):
-        values = values.astype(np.float32 if values.dtype.itemsize <= 2 else np.float64)
-    elif factor == 1:
-        return values
-    values *= values.dtype.type(factor)
-    return values
 
 
 def _rate_of(label: str, name: int | str, time: NDArray[Any]) -> tuple[float, float]:
@@ -104,8 +97,9 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     places = (force, rule.time, rule.rate_column, None if apart else response)
     wanted = list(dict.fromkeys(place for place in places if place is not None))
     sha256 = test.sha256[number] if test.sha256 else None
-    rows = _rows(path, test, wanted, sha256) if wanted else {}
-    other = _rows(test.response_files[number], test, [response], None) if apart else rows
+    findings: list[Finding] = []
+    rows = _rows(path, test, wanted, sha256, findings) if wanted else {}
+    other = _rows(test.response_files[number], test, [response], None, findings) if apart else rows
     start = 0.0
     if rule.time is not None:
         rate, start = _rate_of(label, rule.time, rows[rule.time])
@@ -132,12 +126,13 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     part = slice(begin, end)
     return TimeHistory(
         rate=rate,
-        force=None if force is None or test.force is None else _scaled(rows[force][part], test.force.factor),
-        response=_scaled(other[response][part], test.response.factor),
+        force=None if force is None or test.force is None else scaled(rows[force][part], test.force.factor),
+        response=scaled(other[response][part], test.response.factor),
         quantity=test.quantity,
         level=level_of_file(test, number),
         start=start + begin / rate,
         label=label,
+        findings=tuple(findings),
     )
 
 

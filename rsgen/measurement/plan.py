@@ -70,6 +70,9 @@ class Signal:
         The phase column times this is the lead in rad; negative where the column holds a lag.
     conjugate
         True where a positive imaginary part means a lag.
+    unit_from_file
+        True where numbers times ``factor`` are in the unit that the file itself names, in SI where it names
+        none.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class Signal:
     conjugate: bool = False
     complex: int | str | None = None
     samples: int | str | None = None
+    unit_from_file: bool = False
 
     def __post_init__(self) -> None:
         given = {

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.measurement.file_table import Table, read_table
+from rsgen.measurement.file_units import units_from_file
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.runs import group_levels, level_of_file
@@ -31,6 +32,7 @@ class _Part:
     level: NDArray[np.float64] | None
     said: NDArray[np.float64] | None
     block: NDArray[np.int64]
+    findings: tuple[Finding, ...]
 
 
 def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
@@ -67,11 +69,12 @@ def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
     apart = bool(test.response_files)
     sha256 = test.sha256[number] if test.sha256 else None
     wanted = _distinct(*own, *(() if apart else test.response.columns))
-    table = read_table(test.files[number], test.format, test.layout, wanted, test.frequency, sha256)
+    targets = units_from_file(test)
+    table = read_table(test.files[number], test.format, test.layout, wanted, test.frequency, sha256, targets)
     if not apart:
         return table, table
     path = test.response_files[number]
-    other = read_table(path, test.format, test.layout, _distinct(*test.response.columns))
+    other = read_table(path, test.format, test.layout, _distinct(*test.response.columns), targets=targets)
     if len(other.number) != len(table.number):
         raise MeasurementError(
             f"{other.label}: {len(other.number)} rows; {table.label} has {len(table.number)}: one each needed"
@@ -122,7 +125,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     said = None if test.sweep.column is None else table.real(test.sweep.column)
-    return _Part(frequency, force, displacement, level, said, table.block)
+    findings = table.findings if same else (*table.findings, *other.findings)
+    return _Part(frequency, force, displacement, level, said, table.block, findings)
 
 
 def _as_number(value: int | str | None) -> float:
@@ -159,7 +163,9 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     saids = [part.said for part in parts if part.said is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
-    nominal = Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning")
+    findings = [finding for part in parts for finding in part.findings]
+    if test.force is None:
+        findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
     return ResponseSurface(
         level=level,
         frequency=frequency,
@@ -167,7 +173,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         response=displacement.astype(np.complex128),
         sweep=_directions(test.sweep, frequency, level, np.concatenate(saids) if saids else None, block),
         phase_known=test.phase_known,
-        findings=() if test.force is not None else (nominal,),
+        findings=tuple(findings),
     )
 
 
@@ -209,7 +215,7 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     else:
         decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
         surface = _joined([decay.surface() for decay in decays])
-    records = [finding for history in histories for finding in record_findings(history)]
+    records = [found for history in histories for found in (*history.findings, *record_findings(history))]
     return replace(surface, findings=(*records, *surface.findings))
 
 

@@ -200,7 +200,7 @@ def read_binary(
                     most -= array_bytes(shape, np.dtype(item["dtype"]), most)
                     values = process.array(shape, item["dtype"])
                     channels[int(item["wanted"])].append(
-                        Channel(str(item["path"]), values, str(item["unit"]))
+                        Channel(str(item["path"]), values, str(item["unit"]), str(item["unit_source"]))
                     )
             except (KeyError, TypeError, ValueError, IndexError):
                 raise process.broken() from None

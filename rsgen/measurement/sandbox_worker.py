@@ -107,6 +107,7 @@ def _describe(node: Node) -> dict[str, Any]:
         "shape": list(node.shape),
         "dtype": node.dtype,
         "unit": node.unit,
+        "unit_source": node.unit_source,
         "remark": node.remark,
         "fault": node.fault,
     }
@@ -158,6 +159,7 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
                     "dtype": values.dtype.str,
                     "shape": list(values.shape),
                     "unit": node.unit,
+                    "unit_source": node.unit_source,
                 }
             )
             arrays.append(values)

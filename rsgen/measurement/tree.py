@@ -43,6 +43,8 @@ class Node:
         Reads the numbers, once sizes are checked.
     unit, remark
         What the file says about it.
+    unit_source
+        Where the unit comes from, or why it is not known; "" where the format has one place for it.
     fault
         Why it cannot be read; "" where it can.
     """
@@ -54,6 +56,7 @@ class Node:
     unit: str = ""
     remark: str = ""
     fault: str = ""
+    unit_source: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ class Entry:
 
     Parameters
     ----------
-    path, shape, dtype, unit, remark, fault
+    path, shape, dtype, unit, remark, fault, unit_source
         As in ``Node``.
     first
         The first values, as text.
@@ -88,6 +91,7 @@ class Entry:
     order: str = ""
     step: float | None = None
     distinct: int = 0
+    unit_source: str = ""
 
     @property
     def size(self) -> int:
@@ -131,13 +135,14 @@ class Channel:
         Where it was found; with wildcards there are several.
     values
         Real or complex numbers, of any shape.
-    unit
-        What the file says, or "".
+    unit, unit_source
+        As in ``Node``.
     """
 
     path: str
     values: NDArray[Any]
     unit: str = ""
+    unit_source: str = ""
 
 
 def kept(values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
@@ -226,4 +231,5 @@ def make_entry(item: dict[str, Any]) -> Entry:
         order=str(item.get("order", "")),
         step=_finite(item.get("step")),
         distinct=int(item.get("distinct", 0)),
+        unit_source=str(item.get("unit_source", "")),
     )

@@ -1,7 +1,8 @@
-"""Universal files, data set 58: functions at nodal degrees of freedom, ASCII and binary.
+"""Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary), units (164).
 
-Source of the format: the published description of universal file data set 58, "Function at Nodal DOF".
-The parser is our own, for those at hand take counts, steps and a missing end as they come.
+Source of the format: the published descriptions of universal file data sets 58, "Function at Nodal DOF", and
+164, "Units". The parser is written for rsgen: published ones accept wrong counts, steps
+and a missing end.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node, array_bytes
+from rsgen.measurement.uff_units import SI, UnitSystem, axis_unit, unit_system
 
 __all__ = ["walk_universal"]
 
@@ -232,6 +234,7 @@ class _Sets:
         self.size = size
         self.largest = largest
         self.others: list[str] = []
+        self.system = SI
 
     def walk(self) -> Iterator[tuple[_Head, NDArray[Any]]]:
         while (raw := self.lines.next()) is not None:
@@ -247,17 +250,32 @@ class _Sets:
                 yield self.plain()
             elif text.strip().startswith("58b"):
                 yield self.raw(text)
+            elif text.strip() == "164":
+                self.system = self.units()
             else:
-                self.skip(text.strip())
+                self.others.append(self.skip(text.strip()))
 
-    def skip(self, name: str) -> None:
+    def skip(self, name: str) -> str:
         if not re.fullmatch(r"\d{1,6}[a-z]?", name):
             raise self.lines.fail(f"{name[:20]!r} is no number of a data set; is it a universal file?")
-        self.others.append(name)
         while (raw := self.lines.next()) is not None:
             if _is_end(raw):
-                return
+                return name
         raise self.lines.fail("the file ends without the closing -1, so it is cut off; send it again")
+
+    def units(self) -> UnitSystem:
+        """Read data set 164: a code, and how many file units of length and force are in 1 m and in 1 N."""
+        code = _integer(self.lines, _words(self.lines.next() or b"")[:10], "the code of the units")
+        fields = _FIELD.findall(_words(self.lines.next() or b""))
+        if len(fields) < 2:
+            raise self.lines.fail("the factors of length and force are needed in data set 164")
+        length, force = (_real(self.lines, field, "a factor of data set 164") for field in fields[:2])
+        if not (length > 0 and force > 0):
+            raise self.lines.fail(
+                f"the factors of data set 164 are {length:g} and {force:g}; above 0 is needed"
+            )
+        self.skip("164")
+        return unit_system(code, length, force)
 
     def check(self, head: _Head) -> None:
         try:
@@ -314,6 +332,8 @@ def _remark(head: _Head) -> str:
 def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
     """Walk through the data sets 58 of a universal file: k/abscissa and k/ordinate for each, k from 1.
 
+    The unit of an ordinate is the label of its axis, else that of the last data set 164, else SI.
+
     Raises
     ------
     MeasurementError
@@ -341,9 +361,11 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
             f"{number}/abscissa", (head.count,), "float64", partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
+        ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
+        unit, source = axis_unit(ordinate, over, sets.system)
         yield Node(
             f"{number}/ordinate", (head.count,), kind, partial(_ordinate, head, flat),
-            unit=head.ordinate.unit, remark=_remark(head), fault=fault,
+            unit=unit, unit_source=source, remark=_remark(head), fault=fault,
         )  # fmt: skip
     if not number:
         others = f"; there are data sets {', '.join(sets.others[:5])}" if sets.others else ""

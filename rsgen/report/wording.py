@@ -126,6 +126,22 @@ def _(_: Finding) -> str:
     )
 
 
+@_says("unit-of-file")
+def _(found: Finding) -> str:
+    return (
+        f"{found.names['file']}: {found.names['column']} was read in {found.names['unit']}, as the file says "
+        f"({found.names['source']}); a unit in the case would win"
+    )
+
+
+@_says("unit-of-file-unusable")
+def _(found: Finding) -> str:
+    return (
+        f"{found.names['file']}: {found.names['column']} was read in {found.names['assumed']}; the file says "
+        f"{found.names['unit']}, which is another dimension: name the unit and the factor in the case"
+    )
+
+
 @_says("not-passive")
 def _(found: Finding) -> str:
     against = {

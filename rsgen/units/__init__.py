@@ -6,7 +6,7 @@ a force law from the condition that each term is a force, ``unit_faults`` checks
 
 from rsgen.units.deduction import parameter_units, unit_faults
 from rsgen.units.dimension import Dimension
-from rsgen.units.quantities import quantity, unit_of
+from rsgen.units.quantities import quantity, sensor_unit, unit_of
 from rsgen.units.unit_text import read_unit
 
-__all__ = ["Dimension", "parameter_units", "quantity", "read_unit", "unit_faults", "unit_of"]
+__all__ = ["Dimension", "parameter_units", "quantity", "read_unit", "sensor_unit", "unit_faults", "unit_of"]

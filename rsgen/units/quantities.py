@@ -10,7 +10,7 @@ from rsgen.errors import RsgenError
 from rsgen.units.dimension import NUMBER, Dimension
 from rsgen.units.unit_text import read_unit
 
-__all__ = ["quantity", "unit_of"]
+__all__ = ["quantity", "sensor_unit", "unit_of"]
 
 _LONGEST = 120
 _SMALLEST, _LARGEST = 1e-300, 1e300
@@ -20,6 +20,8 @@ _NUMBER = re.compile(
 _USAGE = 'write a number with its unit, such as "5.92 kN/m", or a bare number in SI units'
 _HERTZ = Dimension({"Hz": Fraction(1)})
 _RATE = Dimension({"s": Fraction(-1)})
+_GRAVITY = re.compile(r"\s*(g|g_n|gn)(?=/|\s*\Z)")
+_MIL = re.compile(r"\s*mils?(?=/|\s*\Z)")
 
 
 def _shown(value: object) -> str:
@@ -50,6 +52,20 @@ def unit_of(value: object) -> str | None:
         The value is text and not a number with a unit.
     """
     return _split(value)[1] or None if isinstance(value, str) else None
+
+
+def sensor_unit(name: str, target: str) -> str:
+    """Spell a unit of measured data so that it means what a vibration engineer means.
+
+    Among accelerations g is the standard gravity, never the gram; a mil is a length, never an angle.
+
+    Examples
+    --------
+    >>> sensor_unit("g/N", "m/s^2/N"), sensor_unit("g", "kg"), sensor_unit("mil", "m")
+    ('standard_gravity/N', 'g', 'thou')
+    """
+    spelled = _GRAVITY.sub("standard_gravity", name, count=1) if "s^2" in target else name
+    return _MIL.sub("thou", spelled, count=1)
 
 
 def quantity(value: object, unit: str | None = None) -> float:

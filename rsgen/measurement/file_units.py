@@ -1,0 +1,90 @@
+"""Channels whose unit the case leaves to the file, brought to SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import MeasurementError, RsgenError
+from rsgen.finding import Finding
+from rsgen.measurement.address import show
+from rsgen.measurement.plan import MeasuredTest, Signal
+from rsgen.measurement.tree import Channel
+from rsgen.units import quantity, sensor_unit
+
+__all__ = ["scaled", "to_si", "units_from_file"]
+
+_SI = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+def units_from_file(test: MeasuredTest) -> dict[int | str, str]:
+    """Give the columns whose unit the case leaves to the file, each with its SI unit."""
+    response = _SI[test.quantity] + ("/N" if test.per_force else "")
+    signals: tuple[tuple[Signal | None, str], ...] = ((test.force, "N"), (test.response, response))
+    return {
+        column: target
+        for signal, target in signals
+        if signal is not None and signal.unit_from_file
+        for column in signal.columns
+        if column != signal.phase
+    }
+
+
+def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Multiply, in place where numbers are floating: long histories are not copied."""
+    if values.dtype.kind not in "fc" or values.dtype == np.float16:
+        # 16 bits fit into single precision
+        values = values.astype(np.float32 if values.dtype.itemsize <= 2 else np.float64)
+    elif factor == 1:
+        return values
+    values *= values.dtype.type(factor)
+    return values
+
+
+def to_si(
+    label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]], targets: Mapping[int | str, str]
+) -> tuple[Finding, ...]:
+    """Bring channels to SI in place, each by the unit that the file names for it.
+
+    Parameters
+    ----------
+    label
+        The file, for messages.
+    wanted, groups
+        Addresses, and the channels that each means.
+    targets
+        SI unit of each address to bring to SI.
+
+    Returns
+    -------
+    A finding for each unit that was taken from the file and is not SI, or that could not be taken.
+
+    Raises
+    ------
+    MeasurementError
+        The file contradicts itself about a unit.
+    """
+    findings = {}
+    for address, channels in zip(wanted, groups, strict=True):
+        target = targets.get(address, "")
+        for number, channel in enumerate(channels if target else ()):
+            if channel.unit_source and not channel.unit:
+                raise MeasurementError(
+                    f"{label}: the unit of {show(channel.path)} is not known: {channel.unit_source}; "
+                    "name it by unit in the case"
+                )
+            about = {"file": label, "column": str(address), "unit": channel.unit}
+            try:
+                factor = quantity(f"1 {sensor_unit(channel.unit or target, target)}", target)
+            except RsgenError:
+                about["assumed"] = target
+                findings[channel.unit, address] = Finding("unit-of-file-unusable", "warning", names=about)
+                continue
+            if factor != 1:
+                about["source"] = channel.unit_source or "the file"
+                findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
+            channels[number] = Channel(channel.path, scaled(channel.values, factor), target)
+    return tuple(findings.values())

@@ -1,0 +1,279 @@
+"""Universal files in other units than SI: axis labels, data set 164, and what is said about them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.case import load_case
+from rsgen.errors import MeasurementError
+from rsgen.inspection.listing import list_contents
+from rsgen.inspection.proposal import propose
+from rsgen.measurement import MeasuredTest, Signal, read_measurement
+from rsgen.measurement.uff_units import unit_system
+from rsgen.surface import ResponseSurface
+
+FREQUENCY = np.linspace(8.0, 12.0, 41)
+OMEGA = 2 * np.pi * FREQUENCY
+ACCELERANCE = -(OMEGA**2) / (5920 - 1.5 * OMEGA**2 + 1j * OMEGA * 7.5)
+# 13 digits are written
+PRINTED = 1e-12
+# one of each in SI, exactly: international foot and inch, avoirdupois pound, standard gravity
+METRE = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "inch": 0.0254}
+NEWTON = {
+    "N": 1.0,
+    "mN": 1e-3,
+    "cN": 1e-2,
+    "kN": 1e3,
+    "lbf": 0.45359237 * 9.80665,
+    "kgf": 9.80665,
+    "poundal": 0.45359237 * 0.3048,
+}
+
+
+def units(length: float, force: float, code: int = 9, name: str = "USER_DEFINED") -> str:
+    """Write data set 164: how many file units are in 1 m and in 1 N."""
+    factors = "".join(f"{factor:25.17E}".replace("E", "D") for factor in (length, force, 1.0))
+    return f"    -1\n   164\n{code:10d}{name:<20}{2:10d}\n{factors}\n{273.15:25.17E}\n    -1\n"
+
+
+def axis(kind: int, label: str = "NONE", unit: str = "NONE") -> str:
+    return f"{kind:10d}    0    0    0 {label:<20} {unit:<20}"
+
+
+def function(
+    values: Sequence[complex],
+    ordinate: str = axis(12),
+    over: str = axis(13),
+    function: int = 4,
+    abscissa: str = axis(18, "Frequency", "Hz"),
+    start: float = 8.0,
+    step: float = 0.1,
+) -> str:
+    """Write data set 58 with complex numbers in double precision."""
+    numbers = np.asarray(values, dtype=complex)
+    head = [
+        "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",
+        f"{function:5d}{0:10d}    0         0 NONE               1   3 NONE               1   3",
+        f"{6:10d}{len(numbers):10d}{1:10d}{start:13.5E}{step:13.5E}{0:13.5E}",
+        abscissa, ordinate, over, axis(0),
+    ]  # fmt: skip
+    return "\n".join([*head, *(f"{v.real:20.12E}{v.imag:20.12E}" for v in numbers), "    -1"]) + "\n"
+
+
+def case_of(path: Path, response: str = "", quantity: str = "acceleration", level: str = '["1 N"]') -> Path:
+    """Write a case that reads frequency responses and leaves units to the file unless told otherwise."""
+    case = path.with_suffix(".toml")
+    case.write_text(
+        f'schema = 1\nname = "a"\ntitle = "a"\nsource = "synthetic"\n'
+        f'[[element]]\nname = "spring"\nforce = "k*x + c*v"\n'
+        f'[test]\nkind = "measured"\nfile = "{path.name}"\n[test.frequency]\ncolumn = "*/abscissa"\n'
+        f'[test.force]\nnominal = true\n[test.response]\nquantity = "{quantity}"\ncomplex = "*/ordinate"\n'
+        f'per_force = true\nphase_sense = "lead"\n{response}\n[test.level]\nvalues = {level}\n',
+        encoding="utf-8",
+    )
+    return case
+
+
+def read(case: Path) -> ResponseSurface:
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    return read_measurement(test)
+
+
+def accelerance(surface: ResponseSurface) -> np.ndarray:
+    return np.asarray(-(surface.omega**2) * surface.harmonics[:, 1] / surface.force)
+
+
+def codes(surface: ResponseSurface) -> list[str]:
+    return [finding.code for finding in surface.findings if finding.code.startswith("unit")]
+
+
+@pytest.mark.parametrize(
+    ("code", "length", "force"),
+    [
+        (1, "m", "N"),
+        (2, "ft", "lbf"),
+        (3, "m", "kgf"),
+        (4, "ft", "poundal"),
+        (5, "mm", "mN"),
+        (6, "cm", "cN"),
+        (7, "inch", "lbf"),
+        (8, "mm", "kgf"),
+        (10, "mm", "N"),
+        (9, "mm", "kN"),
+    ],
+)
+def test_units_of_data_set_164(tmp_path: Path, code: int, length: str, force: str) -> None:
+    """The case names no unit: whatever the units of the file, the surface is the one in SI."""
+    path = tmp_path / "a.uff"
+    size = METRE[length] / NEWTON[force]
+    path.write_text(
+        units(1 / METRE[length], 1 / NEWTON[force], code) + function(ACCELERANCE / size), encoding="utf-8"
+    )
+    surface = read(case_of(path))
+    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
+    assert codes(surface) == ([] if size == pytest.approx(1) else ["unit-of-file"])
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    response = proposal.tables["test.response"]
+    assert response["unit"] == f"{length}/s^2/{force}"
+    assert proposal.doubts["test.response.unit"] == "data set 164"
+
+
+def test_data_set_164_divides() -> None:
+    """The example of the published description: 3.28 feet are a metre, 0.2248 pounds are a newton."""
+    system = unit_system(2, 3.28083989501312334, 0.224808943099710480)
+    assert (system.length, system.force) == ("ft", "lbf")
+
+
+def test_displacements_in_mm_and_mn_without_labels(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    receptance = ACCELERANCE / -(OMEGA**2)
+    path.write_text(units(1e3, 1.0, 9) + function(receptance * 1e3, axis(8)), encoding="utf-8")
+    surface = read(case_of(path, quantity="displacement"))
+    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, receptance, rtol=PRINTED)
+
+
+def test_axis_labels_win_over_data_set_164(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    labelled = axis(12, "Acceleration", "g"), axis(13, "Force", "kN")
+    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE / 9.80665 * 1e3, *labelled), encoding="utf-8")
+    surface = read(case_of(path))
+    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
+    (entry,) = (entry for entry in list_contents(path).entries if entry.path == "1/ordinate")
+    assert (entry.unit, entry.unit_source) == ("g/kN", "axis label")
+
+
+def test_a_label_of_one_axis_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    path.write_text(
+        units(1e3, 1e3, 5) + function(ACCELERANCE / 1e3, axis(12, "Acceleration", "m/s^2")), encoding="utf-8"
+    )
+    np.testing.assert_allclose(accelerance(read(case_of(path))), ACCELERANCE, rtol=PRINTED)
+    (entry,) = (entry for entry in list_contents(path).entries if entry.path == "1/ordinate")
+    assert (entry.unit, entry.unit_source) == ("m/s^2/mN", "axis label, force: data set 164")
+    # a label that holds the force already
+    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE, axis(12, "FRF", "m/s^2/N")), encoding="utf-8")
+    np.testing.assert_allclose(accelerance(read(case_of(path))), ACCELERANCE, rtol=PRINTED)
+
+
+def test_a_unit_in_the_case_wins_over_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE), encoding="utf-8")
+    surface = read(case_of(path, 'unit = "m/s^2/N"'))
+    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
+    assert codes(surface) == []
+
+
+def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    parts = [
+        function(ACCELERANCE),
+        units(1e3, 1.0, 10),
+        function(ACCELERANCE * 1e3),
+        function(2 * ACCELERANCE * 1e3),
+        units(1.0, 1e-3),
+        function(ACCELERANCE * 1e3),
+    ]
+    path.write_text("".join(parts), encoding="utf-8")
+    entries = [entry for entry in list_contents(path).entries if entry.path.endswith("ordinate")]
+    assert [(entry.unit, entry.unit_source) for entry in entries] == [
+        ("m/s^2/N", "SI assumed"),
+        ("mm/s^2/N", "data set 164"),
+        ("mm/s^2/N", "data set 164"),
+        ("m/s^2/kN", "data set 164"),
+    ]
+    surface = read(case_of(path, level='["1 N", "2 N", "3 N", "4 N"]'))
+    got = accelerance(surface).reshape(4, -1)
+    np.testing.assert_allclose(got, np.outer([1, 1, 2, 1], ACCELERANCE), rtol=PRINTED)
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    # one unit for all would be wrong
+    assert "unit" not in proposal.tables["test.response"]
+    assert "mm/s^2/N" in proposal.doubts["test.response.quantity"]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        # factors the wrong way round, and factors of a template under another code
+        (units(1e-3, 1e-3, 5), "says mm and mN, but its factors 0.001 and 0.001 differ"),
+        (units(3.28083989501312334, 0.22480894309971048, 1), "says m and N, but its factors 3.28084"),
+        (units(7.0, 1.0), "factors 7 and 1 are of no known units"),
+    ],
+)
+def test_a_data_set_164_that_contradicts_itself_decides_nothing(
+    tmp_path: Path, text: str, reason: str
+) -> None:
+    path = tmp_path / "a.uff"
+    path.write_text(text + function(ACCELERANCE), encoding="utf-8")
+    with pytest.raises(
+        MeasurementError, match=rf"^a\.uff: the unit of '1/ordinate' is not known: .*{reason}"
+    ):
+        read(case_of(path))
+    np.testing.assert_allclose(
+        accelerance(read(case_of(path, 'unit = "m/s^2/N"'))), ACCELERANCE, rtol=PRINTED
+    )
+    proposal = propose(list_contents(path))
+    assert proposal is not None
+    assert reason in proposal.doubts["test.response.unit"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((r"1\.0+D\+03  ", "0.00000000000000000D+00  "), "line 4: the factors of data set 164 are 0 and"),
+        ((r"         5", "         x"), "line 3: the code of the units is 'x'"),
+        ((r"\n.*D\+03.*\n", "\n-273.15\n"), "line 4: the factors of length and force are needed"),
+    ],
+)
+def test_faults_of_data_set_164(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    path = tmp_path / "a.uff"
+    text, count = re.subn(*change, units(1e3, 1e3, 5), count=1)
+    assert count == 1
+    path.write_text(text + function(ACCELERANCE), encoding="utf-8")
+    with pytest.raises(MeasurementError, match=re.escape(message)):
+        list_contents(path)
+
+
+def test_a_unit_that_is_none_of_the_quantity_is_not_taken(tmp_path: Path) -> None:
+    path = tmp_path / "a.uff"
+    labelled = axis(12, "Channel 3", "V"), axis(13, "Force", "N")
+    path.write_text(function(ACCELERANCE, *labelled), encoding="utf-8")
+    surface = read(case_of(path))
+    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
+    assert codes(surface) == ["unit-of-file-unusable"]
+
+
+def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
+    """A free decay in inches, and the same in metres."""
+    t = np.arange(2000) / 200
+    decay = 1e-3 * np.exp(-0.4 * t) * np.cos(62 * t)
+    surfaces = []
+    for name, text, factor in (("a", "", 1.0), ("b", units(1 / 0.0254, 1 / NEWTON["lbf"], 7), 0.0254)):
+        path = tmp_path / f"{name}.uff"
+        record = function(decay / factor, axis(8), axis(0), 1, axis(17, "Time", "s"), 0.0, 0.005)
+        # real numbers: the imaginary parts go
+        record = re.sub(r"( *[-\d.]+E[+-]\d\d) {2}0\.0+E\+00\n", r"\1\n", record).replace(
+            f"{6:10d}{2000:10d}", f"{4:10d}{2000:10d}"
+        )
+        path.write_text(text + record, encoding="utf-8")
+        case = tmp_path / f"{name}.toml"
+        case.write_text(
+            f'schema = 1\nname = "{name}"\ntitle = "a"\nsource = "synthetic"\n'
+            f'[system]\nmass = "1 kg"\n[[element]]\nname = "s"\n'
+            f'force = "k*x + c*v"\n[test]\nkind = "measured"\nexcitation = "ring-down"\n'
+            f'file = "{path.name}"\n[test.time]\ncolumn = "1/abscissa"\n'
+            '[test.response]\nquantity = "displacement"\nsamples = "1/ordinate"\n',
+            encoding="utf-8",
+        )
+        surfaces.append(read(case))
+    np.testing.assert_allclose(surfaces[1].amplitude, surfaces[0].amplitude, rtol=1e-9)
+    assert codes(surfaces[0]) == []
+    assert codes(surfaces[1]) == ["unit-of-file"]
+    assert Signal(samples="a").unit_from_file is False
