@@ -20,7 +20,7 @@ from rsgen.measurement.data_files import file_label, open_regular, recognise_for
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import list_binary
 from rsgen.measurement.text_columns import MAX_BYTES, read_columns, text_lines
-from rsgen.measurement.tree import Contents, Entry, facts, make_entry
+from rsgen.measurement.tree import Contents, Entry, facts
 
 __all__ = ["list_contents"]
 
@@ -190,15 +190,14 @@ def _entries(
         name = names[number - 1] if names else ""
         alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
         values = numbers.get(number)
-        item = {
-            "path": alone,
-            "shape": [] if values is None else [values.size],
-            "dtype": "float64" if kind else "",
-            "unit": unit_in(name),
-            "remark": "",
-            "fault": faults.get(number, "") if kind else "is no column of numbers",
-        }
-        entries.append(make_entry(item | ({} if values is None else facts(values))))
+        entry = Entry(
+            path=alone,
+            shape=() if values is None else (values.size,),
+            dtype="float64" if kind else "",
+            unit=unit_in(name),
+            fault=faults.get(number, "") if kind else "is no column of numbers",
+        )
+        entries.append(entry if values is None else replace(entry, **facts(values)))
     return tuple(entries)
 
 

@@ -10,27 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.tree import Node, array_bytes
+from rsgen.measurement.tree import MAX_NODES, Node, array_bytes
 
 __all__ = ["walk_hdf5"]
 
 MAX_DEPTH = 12
-MAX_NODES = 50_000
 MAX_REFERENCES = 10_000
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
 # MATLAB keeps there what cells and struct arrays refer to; it is met by following these references
 _HIDDEN = ("#refs#", "#subsystem#")
-
-
-def _refused(path: str, reason: str, shape: tuple[int, ...] = ()) -> Node:
-    def load() -> NDArray[Any]:
-        raise MeasurementError(reason)
-
-    return Node(path, shape, "", load, fault=reason)
-
-
-def _unread() -> NDArray[Any]:
-    raise MeasurementError("was not asked for")
 
 
 def _text(value: Any) -> str:
@@ -71,14 +59,20 @@ class _Walk:
         self.largest = largest
         self.count = 0
 
+    def met(self) -> None:
+        """Count a link: empty groups without end give no node that could be counted."""
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
+
     def group(self, group: h5py.Group, path: str, above: tuple[Any, ...]) -> Iterator[Node]:
         info = h5py.h5o.get_info(group.id)
         here = (info.fileno, info.addr)
         if here in above:
-            yield _refused(path, "contains itself; a tree without loops is needed")
+            yield Node.refused(path, "contains itself; a tree without loops is needed")
             return
         if len(above) >= MAX_DEPTH:
-            yield _refused(path, f"is nested more than {MAX_DEPTH} deep")
+            yield Node.refused(path, f"is nested more than {MAX_DEPTH} deep")
             return
         for name in group:
             if not path and name in _HIDDEN:
@@ -86,14 +80,12 @@ class _Walk:
             yield from self.member(group, name, f"{path}/{name}" if path else name, (*above, here))
 
     def member(self, group: h5py.Group, name: str, path: str, above: tuple[Any, ...]) -> Iterator[Node]:
-        self.count += 1
-        if self.count > MAX_NODES:
-            raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
+        self.met()
         link = group.get(name, getlink=True)
         if isinstance(link, h5py.ExternalLink):
-            yield _refused(path, "is a link to another file; what lies in the file itself is read")
+            yield Node.refused(path, "is a link to another file; what lies in the file itself is read")
         elif not isinstance(link, h5py.HardLink):
-            yield _refused(path, "is a soft link; name what it leads to")
+            yield Node.refused(path, "is a soft link; name what it leads to")
         else:
             yield from self.item(group[name], path, above)
 
@@ -103,18 +95,18 @@ class _Walk:
         elif isinstance(item, h5py.Dataset):
             yield from self.dataset(item, path, above)
         else:
-            yield _refused(path, "is neither group nor dataset; arrays of numbers are read")
+            yield Node.refused(path, "is neither group nor dataset; arrays of numbers are read")
 
     def dataset(self, data: h5py.Dataset, path: str, above: tuple[Any, ...]) -> Iterator[Node]:
         shape = tuple(map(int, data.shape)) if data.shape is not None else (0,)
         if data.external:
-            yield _refused(path, "is stored in another file; what lies in the file itself is read", shape)
+            yield Node.refused(path, "is stored in another file; what lies in the file itself is read", shape)
         elif data.is_virtual:
-            yield _refused(path, "is a virtual dataset, put together from files; copy it into one", shape)
+            yield Node.refused(path, "is a virtual dataset, put together from files; copy it into one", shape)
         elif h5py.check_ref_dtype(data.dtype) is h5py.Reference:
             yield from self.references(data, path, shape, above)
         elif h5py.check_string_dtype(data.dtype) or _text(_attribute(data, "MATLAB_class")) == "char":
-            yield _refused(path, "is a text; numbers are needed", shape)
+            yield Node.refused(path, "is a text; numbers are needed", shape)
         else:
             yield self.numbers(data, path, shape)
 
@@ -125,17 +117,15 @@ class _Walk:
         try:
             array_bytes(shape, np.dtype("u8"), 8 * MAX_REFERENCES)
         except MeasurementError:
-            yield _refused(path, f"holds more than {MAX_REFERENCES} references", shape)
+            yield Node.refused(path, f"holds more than {MAX_REFERENCES} references", shape)
             return
         if len(above) >= MAX_DEPTH:
-            yield _refused(path, f"is nested more than {MAX_DEPTH} deep")
+            yield Node.refused(path, f"is nested more than {MAX_DEPTH} deep")
             return
         found = data[()]
         # a single one comes alone, without an array about it
         for number, reference in enumerate(found.flat if shape else [found], start=1):
-            self.count += 1
-            if self.count > MAX_NODES:
-                raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
+            self.met()
             target = self.file[reference] if reference else None
             if target is not None:
                 yield from self.item(target, f"{path}/{number}", (*above, None))
@@ -145,11 +135,11 @@ class _Walk:
         dtype = pair or data.dtype
         matlab = "MATLAB_class" in data.attrs
         if data.shape is None or _attribute(data, "MATLAB_empty") is not None:
-            return _refused(path, "is empty; numbers are needed", shape)
+            return Node.refused(path, "is empty; numbers are needed", shape)
         try:
             array_bytes(shape, dtype, self.largest)
         except MeasurementError as fault:
-            return _refused(path, str(fault), shape)
+            return Node.refused(path, str(fault), shape)
 
         def load() -> NDArray[Any]:
             try:
@@ -194,8 +184,7 @@ def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
             if name in _HIDDEN:
                 continue
             if heads is not None and name not in heads and "*" not in "".join(heads):
-                # not looked at, but known when a wanted name is not there
-                yield Node(name, (), "unread", _unread)
+                yield Node.unread(name)
                 continue
             yield from walk.member(opened, name, name, ((info.fileno, info.addr),))
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as fault:

@@ -11,21 +11,16 @@ from numpy.typing import NDArray
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.tree import Node, array_bytes, kept
+from rsgen.measurement.tree import Node, array_bytes
 
 __all__ = ["walk_matlab"]
 
 MAX_DEPTH = 12
-MAX_NODES = 50_000
 _WIDTHS = {
     "double": "f8", "single": "f4", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "logical": "u1",
 }  # fmt: skip
 _NOT_READ = "is no array of numbers; structs, cells and numbers are read, nothing else"
-
-
-def _nothing() -> NDArray[Any]:
-    raise MeasurementError(_NOT_READ)
 
 
 def _children(value: NDArray[Any], path: str) -> Iterator[tuple[str, Any]]:
@@ -47,23 +42,23 @@ def _is_text(value: Any) -> bool:
 def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
     known = isinstance(value, np.ndarray)
     if not known or isinstance(value, MatlabObject | MatlabOpaque | MatlabFunction):
-        yield Node(path, (), "", _nothing, fault=_NOT_READ)
+        yield Node.refused(path, _NOT_READ)
     elif value.dtype.names or value.dtype == object:
         if depth >= MAX_DEPTH:
-            yield Node(path, value.shape, "", _nothing, fault=f"is nested more than {MAX_DEPTH} deep")
+            yield Node.refused(path, f"is nested more than {MAX_DEPTH} deep", value.shape)
             return
         if not value.dtype.names and value.size and all(_is_text(member) for member in value.flat):
-            yield Node(path, value.shape, "", _nothing, fault="is a list of texts; numbers are needed")
+            yield Node.refused(path, "is a list of texts; numbers are needed", value.shape)
             return
         for inner, child in _children(value, path):
             yield from _walk(child, inner, depth + 1)
     elif value.dtype.kind in "US":
         first = str(value.ravel()[0]) if value.size else ""
-        yield Node(path, value.shape, "", _nothing, remark=first[:60], fault="is a text; numbers are needed")
+        yield Node.refused(path, "is a text; numbers are needed", value.shape, first[:60])
     elif value.dtype.kind in "fiubc":
-        yield Node(path, value.shape, value.dtype.name, kept(value))
+        yield Node(path, value.shape, value.dtype.name, lambda: value)
     else:
-        yield Node(path, value.shape, "", _nothing, fault=_NOT_READ)
+        yield Node.refused(path, _NOT_READ, value.shape)
 
 
 def _check_sizes(
@@ -75,7 +70,7 @@ def _check_sizes(
     opened: Any = file
     for name, shape, kind in scipy.io.whosmat(opened):
         if name.startswith("__"):
-            # of MATLAB's own
+            # MATLAB's names
             continue
         if heads is not None and name not in heads and "*" not in "".join(heads):
             others.append((name, tuple(map(int, shape))))
@@ -109,14 +104,8 @@ def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterato
     names, others = _check_sizes(file, heads, largest)
     opened: Any = file
     loaded = scipy.io.loadmat(opened, variable_names=names, chars_as_strings=True, struct_as_record=True)
-    count = 0
     # in the order of the file
     for name in names:
-        for node in _walk(loaded.pop(name, None), name, 0):
-            count += 1
-            if count > MAX_NODES:
-                raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
-            yield node
+        yield from _walk(loaded.pop(name, None), name, 0)
     for name, shape in others:
-        # not read, but known when a wanted name is not there
-        yield Node(name, shape, "unread", _nothing)
+        yield Node.unread(name, shape)

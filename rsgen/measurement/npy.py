@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from typing import IO, Any, BinaryIO
 
 import numpy as np
@@ -15,8 +17,9 @@ from rsgen.measurement.tree import Node, array_bytes
 
 __all__ = ["walk_npy", "walk_npz"]
 
-MAX_MEMBERS = 10_000
 _PICKLE = "holds Python objects (a pickle), which could run code; arrays of numbers are read"
+
+Open = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
 def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
@@ -36,7 +39,7 @@ def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dt
 
 
 def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> NDArray[Any]:
-    # one dimension first, so that a file cut off is told from one that is whole
+    # one dimension first, to see whether the file is cut off
     flat = np.empty(int(np.prod(shape, dtype=object)), dtype=dtype)
     view = flat.view(np.uint8).data
     done = 0
@@ -48,17 +51,14 @@ def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtyp
     return flat.reshape(shape[::-1]).transpose() if fortran else flat.reshape(shape)
 
 
-def _nodes(path: str, opened: Callable[[], IO[bytes]], largest: int) -> Iterator[Node]:
+def _nodes(
+    path: str, opened: Callable[[], AbstractContextManager[IO[bytes]]], largest: int
+) -> Iterator[Node]:
     with opened() as file:
         try:
             shape, _, dtype = _header(file, largest)
         except MeasurementError as fault:
-            reason = str(fault)
-
-            def refuse() -> NDArray[Any]:
-                raise MeasurementError(reason)
-
-            yield Node(path, (), "", refuse, fault=reason)
+            yield Node.refused(path, str(fault))
             return
 
     def load(field: str | None = None) -> NDArray[Any]:
@@ -69,26 +69,19 @@ def _nodes(path: str, opened: Callable[[], IO[bytes]], largest: int) -> Iterator
     if dtype.names is None:
         yield Node(path, shape, dtype.name, load)
     for name in dtype.names or ():
-        yield Node(f"{path}/{name}", shape, dtype[name].name, lambda name=name: load(name))  # type: ignore[misc]
+        yield Node(f"{path}/{name}", shape, dtype[name].name, partial(load, name))
 
 
-class _Kept:
-    """A file that stays open: each array is read from its beginning."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self.file = file
-
-    def __enter__(self) -> BinaryIO:
-        self.file.seek(0)
-        return self.file
-
-    def __exit__(self, *fault: object) -> None:
-        pass
+@contextmanager
+def _rewound(file: BinaryIO) -> Iterator[BinaryIO]:
+    """Give a file that stays open, from its beginning."""
+    file.seek(0)
+    yield file
 
 
 def walk_npy(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
     """Walk through a .npy file: one array called "array", or the fields of a structured one below it."""
-    nodes = list(_nodes("array", lambda: _Kept(file), largest))  # type: ignore[arg-type, return-value]
+    nodes = list(_nodes("array", lambda: _rewound(file), largest))
     if nodes[0].fault:
         raise MeasurementError(nodes[0].fault)
     yield from nodes
@@ -100,8 +93,6 @@ def walk_npz(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[N
         archive = zipfile.ZipFile(file)
     except (zipfile.BadZipFile, OSError, ValueError) as fault:
         raise MeasurementError(f"is no .npz archive: {str(fault)[:120]}") from None
-    members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-    if len(members) > MAX_MEMBERS:
-        raise MeasurementError(f"{len(members)} arrays; at most {MAX_MEMBERS} are listed")
-    for member in members:
-        yield from _nodes(member.filename[:-4], lambda member=member: archive.open(member), largest)  # type: ignore[misc]
+    for member in archive.infolist():
+        if member.filename.endswith(".npy"):
+            yield from _nodes(member.filename[:-4], partial(archive.open, member), largest)

@@ -1,4 +1,4 @@
-"""Open a binary file in a process of its own that can be killed, and take nothing but numbers from it."""
+"""Open a binary file in a separate process that can be killed, and take nothing but numbers from it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.data_files import file_label, open_regular
-from rsgen.measurement.tree import Channel, Contents, array_bytes, largest_bytes, make_entry
+from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
 __all__ = ["list_binary", "read_binary"]
 
@@ -30,8 +31,8 @@ START_SECONDS = 60.0
 """To start the process, on a busy machine as well."""
 WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
-"""Time to wait for an answer, so many seconds and one more for so many bytes: the reading process itself ends
-sooner, after a second of work, but only where the system can count that."""
+"""Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
+ends sooner, after a second of work, but only where the system can count that."""
 UNCOUNTED = 10.0
 """Where it cannot, waiting is shorter by this factor."""
 _READY = b"ready\n"
@@ -55,7 +56,7 @@ class _Process:
         self.name = name
         self.seconds = seconds
         self.late = False
-        # the program is our own, the file is standard input, and nothing goes through a shell
+        # the program is a constant, the file is standard input, and nothing goes through a shell
         self.process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-I", "-c", _PROGRAM, json.dumps(order), json.dumps(sys.path)],
             stdin=file,
@@ -78,7 +79,7 @@ class _Process:
     def __enter__(self) -> _Process:
         return self
 
-    def __exit__(self, *fault: object) -> None:
+    def __exit__(self, *_: object) -> None:
         self.clock.cancel()
         self.process.kill()
         self.process.wait()
@@ -155,10 +156,31 @@ def _seconds(size: int) -> float:
     return seconds if find_spec("resource") else seconds / UNCOUNTED
 
 
+@contextmanager
+def _reading(
+    path: Path, form: str, wanted: list[int | str] | None, sha256: str | None = None
+) -> Iterator[tuple[_Process, dict[str, Any], int]]:
+    """Start the process that reads a file; give it, the header of its answer and the size of the file."""
+    name = file_label(path)
+    with open_regular(path, MAX_BYTES) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if sha256 is not None and (found := _hash(file)) != sha256:
+            raise MeasurementError(
+                f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
+            )
+        with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size)) as process:
+            try:
+                yield process, process.answer(), size
+            except (KeyError, TypeError, ValueError, IndexError):
+                # an answer of another form than the program's: the file has taken it over
+                raise process.broken() from None
+
+
 def read_binary(
     path: Path, form: str, wanted: Sequence[int | str], sha256: str | None = None
 ) -> list[list[Channel]]:
-    """Read channels of a binary file in a process of its own.
+    """Read channels of a binary file in a separate process.
 
     Parameters
     ----------
@@ -179,31 +201,17 @@ def read_binary(
         Missing, too large, damaged, not what it says to be, an address that is not there; the reading process
         broke down or took too long.
     """
-    name = file_label(path)
-    with open_regular(path, MAX_BYTES) as file:
-        size = file.seek(0, 2)
-        file.seek(0)
-        if sha256 is not None and (found := _hash(file)) != sha256:
-            raise MeasurementError(
-                f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
-            )
-        order = {"format": form, "wanted": list(wanted)}
-        channels: list[list[Channel]] = [[] for _ in wanted]
+    channels: list[list[Channel]] = [[] for _ in wanted]
+    with _reading(path, form, list(wanted), sha256) as (process, header, size):
         most = 2 * largest_bytes(size)
-        with _Process(file, name, order, _seconds(size)) as process:
-            header = process.answer()
-            try:
-                for item in header["arrays"]:
-                    shape = tuple(int(length) for length in item["shape"])
-                    if item["dtype"] not in _DTYPES:
-                        raise process.broken()
-                    most -= array_bytes(shape, np.dtype(item["dtype"]), most)
-                    values = process.array(shape, item["dtype"])
-                    channels[int(item["wanted"])].append(
-                        Channel(str(item["path"]), values, str(item["unit"]), str(item["unit_source"]))
-                    )
-            except (KeyError, TypeError, ValueError, IndexError):
-                raise process.broken() from None
+        for item in header["arrays"]:
+            shape = tuple(int(length) for length in item["shape"])
+            if item["dtype"] not in _DTYPES:
+                raise process.broken()
+            most -= array_bytes(shape, np.dtype(item["dtype"]), most)
+            values = process.array(shape, item["dtype"])
+            texts = (str(item[key]) for key in ("unit", "unit_source"))
+            channels[int(item["wanted"])].append(Channel(str(item["path"]), values, *texts))
     return channels
 
 
@@ -215,15 +223,9 @@ def list_binary(path: Path, form: str) -> Contents:
     MeasurementError
         As ``read_binary``.
     """
-    name = file_label(path)
-    with open_regular(path, MAX_BYTES) as file:
-        size = file.seek(0, 2)
-        file.seek(0)
-        order = {"format": form, "wanted": None}
-        with _Process(file, name, order, _seconds(size)) as process:
-            entries = process.answer().get("entries")
-            try:
-                listed = tuple(make_entry(item) for item in entries or ())
-            except (KeyError, TypeError, ValueError):
-                raise process.broken() from None
-    return Contents(path, form, listed)
+    # imported here, for reading alone needs no checks of entries
+    from pydantic import TypeAdapter
+
+    with _reading(path, form, None) as (_, header, _):
+        entries = TypeAdapter(tuple[Entry, ...]).validate_python(header["entries"])
+    return Contents(path, form, entries)

@@ -13,7 +13,9 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from importlib import import_module
+from itertools import islice
 from math import ceil
 from typing import Any, BinaryIO
 
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.address import find, select
-from rsgen.measurement.tree import LARGEST_BYTES, Node, array_bytes, facts, largest_bytes
+from rsgen.measurement.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
 
 __all__ = ["FORMATS", "READY", "main"]
 
@@ -38,13 +40,13 @@ _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 _SECONDS = 1.0
 _RATE = 20 * 2**20
-"""Time to read a file: so many seconds, and one more for so many bytes."""
+"""Time to read a file: _SECONDS, and one more for each _RATE bytes."""
 
 Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
 
 
 def _sample(form: str) -> bytes:
-    """Make a small file of a format, or nothing where the reader is our own."""
+    """Make a small file of a format, or nothing where the reader is rsgen's."""
     numbers = np.arange(3.0)
     file = io.BytesIO()
     if form == "mat":
@@ -71,7 +73,7 @@ def _rehearse(form: str, walk: Walk) -> None:
     sample = _sample(form)
     if sample:
         for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
-            _describe(node)
+            describe(node)
     # names in files may come in any of these, and Python loads each when it is first met
     for name in ("ascii", "latin-1", "cp437", "utf-16", "utf-16-le", "utf-32", "utf-8-sig"):
         codecs.lookup(name)
@@ -87,7 +89,7 @@ def _limit(largest: int, size: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # seconds of work, not of waiting: a busy machine must not refuse a good file
     seconds = ceil(time.process_time() + _SECONDS + size / _RATE)
-    # first the signal that tells why, then the one that cannot be caught
+    # first the signal that names the reason, then the one that cannot be caught
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     # none beyond standard input, output and error: links to other files lead nowhere
@@ -101,25 +103,6 @@ def _limit(largest: int, size: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
-def _describe(node: Node) -> dict[str, Any]:
-    entry: dict[str, Any] = {
-        "path": node.path,
-        "shape": list(node.shape),
-        "dtype": node.dtype,
-        "unit": node.unit,
-        "unit_source": node.unit_source,
-        "remark": node.remark,
-        "fault": node.fault,
-    }
-    if node.fault or not node.dtype:
-        return entry
-    try:
-        values = node.load().ravel()
-    except MeasurementError as fault:
-        return entry | {"fault": str(fault)}
-    return entry | facts(values)
-
-
 def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
     out = sys.stdout.buffer
     out.write(json.dumps(header, allow_nan=False).encode("ascii") + b"\n")
@@ -130,7 +113,7 @@ def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
 
 
 def _portable(values: NDArray[Any]) -> NDArray[Any]:
-    """Little-endian, contiguous, as numbers: what the other side is told to expect."""
+    """Little-endian, contiguous, as numbers: what the header declares."""
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
@@ -167,14 +150,12 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
 
 
 def _heads(wanted: list[int | str] | None) -> set[str] | None:
-    """Tell the names at the root that the addresses begin with; None where all are needed."""
+    """Give the names at the root that the addresses begin with; None where all are needed."""
     if wanted is None or any(isinstance(address, int) for address in wanted):
         return None
-    return {part for address in map(str, wanted) for part in _beginnings(address.split("/")[0])}
-
-
-def _beginnings(name: str) -> tuple[str, ...]:
-    return (name, name.split("[")[0])
+    names = [str(address).split("/")[0] for address in wanted]
+    # a bracket may be an index or a part of the name
+    return {*names, *(name.split("[")[0] for name in names)}
 
 
 def main() -> None:
@@ -192,11 +173,13 @@ def main() -> None:
     wanted = order["wanted"]
     try:
         try:
-            nodes = list(walk(sys.stdin.buffer, _heads(wanted), largest))
+            nodes = list(islice(walk(sys.stdin.buffer, _heads(wanted), largest), MAX_NODES + 1))
             if not nodes:
                 raise MeasurementError("holds nothing; arrays of numbers are needed")
+            if len(nodes) > MAX_NODES:
+                raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
             if wanted is None:
-                _say({"entries": [_describe(node) for node in nodes]}, [])
+                _say({"entries": [asdict(describe(node)) for node in nodes]}, [])
             else:
                 _channels(nodes, wanted, largest)
         except MemoryError:
@@ -204,9 +187,9 @@ def main() -> None:
         except MeasurementError:
             raise
         except Exception as fault:
-            # what a reader says of its own variables tells nobody anything
-            own = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
-            reason = "its parts do not fit together" if own else " ".join(str(fault).split())[:160]
+            # what a reader says of its variables helps nobody
+            internal = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
+            reason = "its parts do not fit together" if internal else " ".join(str(fault).split())[:160]
             raise MeasurementError(
                 f"cannot be read as {order['format']}: {reason or type(fault).__name__}; it is damaged"
             ) from None

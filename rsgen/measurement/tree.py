@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,18 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.measurement.plan import Layout
 
-__all__ = ["LARGEST_BYTES", "Channel", "Contents", "Entry", "Node", "array_bytes", "kept", "largest_bytes"]
+__all__ = [
+    "LARGEST_BYTES", "MAX_NODES", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe", "facts",
+    "largest_bytes",
+]  # fmt: skip
 
 LARGEST_BYTES = 2**30
 """Bytes of numbers that are taken from one file, at most."""
+MAX_NODES = 50_000
+"""Arrays that are listed of one file, at most."""
 _SMALL_BYTES = 32 * 2**20
 _EXPANSION = 20
-"""A file may unpack to so many times its size: measured numbers hardly compress, bombs do a thousandfold."""
+"""A file may unpack to this multiple of its size: measurements hardly compress, bombs do a thousandfold."""
 _KINDS = "fiubc"
 FIRST = 4
 """Values shown of each array."""
@@ -57,6 +61,20 @@ class Node:
     remark: str = ""
     fault: str = ""
     unit_source: str = ""
+
+    @classmethod
+    def refused(cls, path: str, reason: str, shape: tuple[int, ...] = (), remark: str = "") -> Node:
+        """Make a node that cannot be read."""
+
+        def load() -> NDArray[Any]:
+            raise MeasurementError(reason)
+
+        return cls(path, shape, "", load, remark=remark, fault=reason)
+
+    @classmethod
+    def unread(cls, path: str, shape: tuple[int, ...] = ()) -> Node:
+        """Make a node that is not asked for, but known when a name that is asked for is not there."""
+        return cls(path, shape, "unread", lambda: np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,13 +163,8 @@ class Channel:
     unit_source: str = ""
 
 
-def kept(values: NDArray[Any]) -> Callable[[], NDArray[Any]]:
-    """Give the ``load`` of a node whose numbers are read already."""
-    return lambda: values
-
-
 def largest_bytes(size: int) -> int:
-    """Tell how many bytes of numbers a file of ``size`` bytes may unpack to."""
+    """Limit the bytes of numbers that a file of ``size`` bytes may unpack to."""
     return min(LARGEST_BYTES, max(_SMALL_BYTES, _EXPANSION * size))
 
 
@@ -182,9 +195,9 @@ def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> i
 
 
 def facts(values: NDArray[Any]) -> dict[str, Any]:
-    """Describe numbers for ``Entry``: first values, range, order, even step, how many distinct ones."""
+    """Give the facts of ``Entry``: first values, range, order, even step, count of distinct ones."""
     flat = values.ravel()
-    known: dict[str, Any] = {"first": [f"{value:.6g}" for value in flat[:FIRST]]}
+    known: dict[str, Any] = {"first": tuple(f"{value:.6g}" for value in flat[:FIRST])}
     if not flat.size or flat.dtype.kind not in "fiu":
         return known
     finite = np.isfinite(flat)
@@ -208,28 +221,16 @@ def facts(values: NDArray[Any]) -> dict[str, Any]:
 
 
 def _distinct(flat: NDArray[Any]) -> int:
-    # of long histories a part is enough to tell that there are many
+    # a part of a long history shows that there are many
     return int(np.count_nonzero(np.diff(np.sort(flat[:MANY])))) + 1
 
 
-def _finite(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and isfinite(value) else None
-
-
-def make_entry(item: dict[str, Any]) -> Entry:
-    """Make an entry from what the reading process says of it."""
-    return Entry(
-        path=str(item["path"]),
-        shape=tuple(int(length) for length in item["shape"]),
-        dtype=str(item["dtype"]),
-        unit=str(item["unit"]),
-        remark=str(item["remark"]),
-        fault=str(item["fault"]),
-        first=tuple(str(value) for value in item.get("first", ())),
-        low=_finite(item.get("low")),
-        high=_finite(item.get("high")),
-        order=str(item.get("order", "")),
-        step=_finite(item.get("step")),
-        distinct=int(item.get("distinct", 0)),
-        unit_source=str(item.get("unit_source", "")),
-    )
+def describe(node: Node) -> Entry:
+    """Describe an array; what cannot be read is described by its fault."""
+    known: dict[str, Any] = {"remark": node.remark, "fault": node.fault}
+    if node.dtype and not node.fault:
+        try:
+            known |= facts(node.load())
+        except MeasurementError as fault:
+            known["fault"] = str(fault)
+    return Entry(node.path, node.shape, node.dtype, node.unit, unit_source=node.unit_source, **known)

@@ -24,7 +24,6 @@ from rsgen.measurement.uff_units import SI, UnitSystem, axis_unit, unit_system
 __all__ = ["walk_universal"]
 
 MAX_LINE = 4096
-MAX_SETS = 10_000
 HEADER_LINES = 11
 PARSED_LINES = 20_000
 _FIELD = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
@@ -344,10 +343,7 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
     file.seek(0)
     sets = _Sets(file, size, largest)
     number = 0
-    for head, flat in sets.walk():
-        number += 1
-        if number > MAX_SETS:
-            raise MeasurementError(f"more than {MAX_SETS} data sets; at most that many are read")
+    for number, (head, flat) in enumerate(sets.walk(), start=1):
         known, unit = _ABSCISSAS.get(head.abscissa.kind, ("", ""))
         fault = ""
         if head.function not in _RESPONSES:
