@@ -1,12 +1,24 @@
 """Identify nonlinear springs and dampers from the response surface of a vibration test.
 
-The whole program in five lines::
+The whole program::
 
-    case           = rsgen.load_case("cases/cubic.toml")
-    surface        = rsgen.simulate(case.oscillator, case.test)      # or rsgen.read_measurement(case.test)
-    identification = rsgen.identify(surface, case.model)             # laws without values: truth cannot leak
-    comparison     = rsgen.compare(identification, case.truth, case.accept)
-    rsgen.write_report("reports/cubic", case, surface, identification, comparison)
+    import rsgen as rs
+
+    law     = rs.Law("k*x + k3*x**3 + c*v")                        # or rs.laws["cubic-spring"] + "c*v"
+    surface = rs.ResponseSurface(level, frequency, force, response)   # or .from_frame(df), rs.simulate(...)
+    found   = rs.identify(surface, law)                            # rs.Observation(...) says more of the test
+    print(found, found["k3"].interval)
+    ranking = rs.rank(surface, [law, *rs.laws])
+    curves  = rs.predict(found, levels=[1, 3, 9])
+    rs.write_report("reports/joint", surface, found)
+
+and with a case file, which holds test, law, and, of a virtual test, the truth::
+
+    case           = rs.load_case("cases/cubic.toml")
+    surface        = rs.simulate(case.oscillator, case.test)       # or rs.read_measurement(case.test)
+    identification = rs.identify(surface, case.model)              # laws without values: truth cannot leak
+    comparison     = rs.compare(identification, case.truth, case.accept)
+    rs.write_report("reports/cubic", case, surface, identification, comparison)
 
 Names are imported when they are first used, so that ``import rsgen`` and ``rsgen --help`` stay quick.
 """
@@ -17,46 +29,51 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsgen import figures
+    from rsgen import figures, history
     from rsgen.case import Case, load_case
     from rsgen.comparison import Comparison, compare
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
-    from rsgen.identification import Identification, identify
+    from rsgen.finding import Finding
+    from rsgen.identification import Identification, Ranking, identify
     from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
+    from rsgen.observation import Observation
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
     from rsgen.ranking import rank
     from rsgen.report import write_report
+    from rsgen.report.wording import sentence
     from rsgen.simulation import SimulatedTest, simulate
     from rsgen.steady_state import SteadyStates, solve_steady_states
     from rsgen.surface import ResponseSurface, load_surface, save_surface
 
 __version__ = "0.1.0"
 
-# name -> the package or module that has it; a module itself where the two are equal
-_PACKAGES = {
+# name -> the package or module that has it
+_PLACES = {
     "Case": "case",
     "CaseError": "errors",
     "Comparison": "comparison",
     "DescribingFunction": "describing",
     "Element": "law",
     "ExpressionError": "errors",
+    "Finding": "finding",
     "Identification": "identification",
     "Law": "law",
     "MeasuredTest": "measurement",
     "MeasurementError": "errors",
     "Model": "oscillator",
+    "Observation": "observation",
     "Oscillator": "oscillator",
     "Prediction": "prediction",
+    "Ranking": "identification",
     "ResponseSurface": "surface",
     "RsgenError": "errors",
     "SimulatedTest": "simulation",
     "SteadyStates": "steady_state",
     "compare": "comparison",
     "derive": "describing",
-    "figures": "figures",
     "identify": "identification",
     "laws": "law",
     "load_case": "case",
@@ -66,10 +83,12 @@ _PACKAGES = {
     "rank": "ranking",
     "read_measurement": "measurement",
     "save_surface": "surface",
+    "sentence": "report.wording",
     "simulate": "simulation",
     "solve_steady_states": "steady_state",
     "write_report": "report",
 }
+_PACKAGES = ("figures", "history")
 
 __all__ = [
     "Case",
@@ -78,13 +97,16 @@ __all__ = [
     "DescribingFunction",
     "Element",
     "ExpressionError",
+    "Finding",
     "Identification",
     "Law",
     "MeasuredTest",
     "MeasurementError",
     "Model",
+    "Observation",
     "Oscillator",
     "Prediction",
+    "Ranking",
     "ResponseSurface",
     "RsgenError",
     "SimulatedTest",
@@ -92,6 +114,7 @@ __all__ = [
     "compare",
     "derive",
     "figures",
+    "history",
     "identify",
     "laws",
     "load_case",
@@ -101,6 +124,7 @@ __all__ = [
     "rank",
     "read_measurement",
     "save_surface",
+    "sentence",
     "simulate",
     "solve_steady_states",
     "write_report",
@@ -108,13 +132,14 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _PACKAGES:
-        raise AttributeError(f"module 'rsgen' has no attribute {name!r}")
-    module = import_module(f"rsgen.{_PACKAGES[name]}")
-    value = module if name == "figures" else getattr(module, name)
+    if name in _PACKAGES:
+        return import_module(f"rsgen.{name}")
+    if name not in _PLACES:
+        raise AttributeError(f"module 'rsgen' has no attribute {name!r}; it has {', '.join(__all__)}")
+    value = getattr(import_module(f"rsgen.{_PLACES[name]}"), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_PACKAGES])
+    return sorted([*__all__, "__version__"])

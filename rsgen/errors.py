@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["CaseError", "ExpressionError", "MeasurementError", "RsgenError"]
+__all__ = ["CaseError", "ExpressionError", "MeasurementError", "RsgenError", "UnknownNameError"]
 
 
 class RsgenError(Exception):
     """A fault of the input, in a sentence that names place, fault and what is allowed."""
+
+
+class UnknownNameError(RsgenError, KeyError):
+    """Nothing has the name that was asked for; also a ``KeyError``."""
+
+    def __str__(self) -> str:
+        """Give the message as it is; a KeyError would quote it."""
+        return str(self.args[0])
 
 
 class ExpressionError(RsgenError):

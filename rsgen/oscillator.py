@@ -2,29 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
+from typing import Any
 
 import sympy
 
 from rsgen.errors import RsgenError
-from rsgen.law.element import Element
+from rsgen.expression import write
+from rsgen.law import Element, LawLike, as_elements
+from rsgen.law.notation import latex
 from rsgen.observation import Observation
 
 __all__ = ["Model", "Oscillator"]
 
 
-def _total_force(elements: Iterable[Element]) -> sympy.Expr:
-    return sympy.Add(*(element.force for element in elements))
+class _Elements:
+    """What a structure with values and one without have in common."""
+
+    __slots__ = ()
+
+    elements: tuple[Element, ...]
+
+    @property
+    def force(self) -> sympy.Expr:
+        """n(x, v) [N], the sum of all element forces."""
+        return sympy.Add(*(element.force for element in self.elements))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters of the laws, sorted; the mass is not among them."""
+        return _parameters(self.elements)
+
+    def _repr_latex_(self) -> str:
+        return f"$m \\ddot x + n(x, v) = f(t),\\quad n(x, v) = {latex(self.force)}$"
 
 
-def _parameters(elements: Iterable[Element]) -> tuple[str, ...]:
+def _parameters(elements: tuple[Element, ...]) -> tuple[str, ...]:
     return tuple(sorted({name for element in elements for name in element.parameters}))
 
 
-def _check_elements(elements: tuple[Element, ...]) -> None:
+def _checked_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
+    elements = as_elements(law)
     if not elements:
         raise RsgenError("elements: none given; a structure needs at least one spring or damper")
     names = [element.name for element in elements]
@@ -33,10 +54,26 @@ def _check_elements(elements: tuple[Element, ...]) -> None:
         raise RsgenError(
             f"elements: {', '.join(map(repr, twice))} named more than once; every name must be unique"
         )
+    return elements
 
 
-@dataclass(frozen=True, slots=True)
-class Oscillator:
+def _checked_values(values: Mapping[str, float], wanted: tuple[str, ...]) -> Mapping[str, float]:
+    missing = [name for name in wanted if name not in values]
+    unknown = sorted(set(values) - set(wanted))
+    if missing or unknown:
+        raise RsgenError(
+            f"values: missing {', '.join(missing) or 'none'}; unknown {', '.join(unknown) or 'none'}; "
+            f"the elements have {', '.join(wanted)}"
+        )
+    numbers = {name: float(values[name]) for name in wanted}
+    for name, value in numbers.items():
+        if not isfinite(value):
+            raise RsgenError(f"values.{name}: {value!r}; must be finite")
+    return MappingProxyType(numbers)
+
+
+@dataclass(frozen=True, slots=True, init=False, repr=False)
+class Oscillator(_Elements):
     """m x'' + sum of element forces = f(t), with every parameter known.
 
     Parameters
@@ -44,7 +81,7 @@ class Oscillator:
     mass
         m [kg], positive.
     elements
-        The springs and dampers whose forces add up.
+        The springs and dampers whose forces add up: a formula, an element, a law, or a sequence of these.
     values
         One finite SI value for each parameter of the elements, no more and no less.
 
@@ -52,54 +89,43 @@ class Oscillator:
     ------
     RsgenError
         Mass not positive and finite, a value missing, unknown or not finite, element names not unique.
+
+    Examples
+    --------
+    >>> Oscillator(1.5, "k*x + c*v", {"k": 5000, "c": 4})
+    Oscillator(1.5, 'c*v + k*x', {'c': 4.0, 'k': 5000.0})
     """
 
     mass: float
     elements: tuple[Element, ...]
     values: Mapping[str, float] = field(hash=False)
 
-    def __post_init__(self) -> None:
-        if not (isfinite(self.mass) and self.mass > 0):
-            raise RsgenError(f"mass: {self.mass!r} kg; must be positive and finite")
-        object.__setattr__(self, "elements", tuple(self.elements))
-        _check_elements(self.elements)
-        wanted = _parameters(self.elements)
-        missing = [name for name in wanted if name not in self.values]
-        unknown = sorted(set(self.values) - set(wanted))
-        if missing or unknown:
-            raise RsgenError(
-                f"values: missing {', '.join(missing) or 'none'}; unknown {', '.join(unknown) or 'none'}; "
-                f"the elements have {', '.join(wanted)}"
-            )
-        values = {name: float(self.values[name]) for name in wanted}
-        for name, value in values.items():
-            if not isfinite(value):
-                raise RsgenError(f"values.{name}: {value!r}; must be finite")
-        object.__setattr__(self, "values", MappingProxyType(values))
+    def __init__(
+        self, mass: float, elements: LawLike | Sequence[LawLike], values: Mapping[str, float]
+    ) -> None:
+        if not (isfinite(mass) and mass > 0):
+            raise RsgenError(f"mass: {mass!r} kg; must be positive and finite")
+        object.__setattr__(self, "mass", float(mass))
+        object.__setattr__(self, "elements", _checked_elements(elements))
+        object.__setattr__(self, "values", _checked_values(values, self.parameters))
 
-    @property
-    def force(self) -> sympy.Expr:
-        """n(x, v) [N], the sum of all element forces."""
-        return _total_force(self.elements)
+    def __repr__(self) -> str:
+        """Mass, law and values, as they make the same oscillator."""
+        return f"Oscillator({self.mass:g}, {write(self.force)!r}, {dict(self.values)})"
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters, sorted; the order of ``values``."""
-        return _parameters(self.elements)
-
-    def __reduce__(self) -> tuple[type[Oscillator], tuple[float, tuple[Element, ...], dict[str, float]]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values as a plain dict, so that processes can exchange oscillators."""
         return Oscillator, (self.mass, self.elements, dict(self.values))
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+@dataclass(frozen=True, slots=True, init=False, repr=False)
+class Model(_Elements):
     """What identification gets: laws without values, so that truth cannot leak.
 
     Parameters
     ----------
     elements
-        The candidate springs and dampers.
+        The candidate springs and dampers: a formula, an element, a law, or a sequence of these.
     mass
         m [kg] where it is known beforehand; None where it is to be identified.
     observation
@@ -110,26 +136,34 @@ class Model:
     RsgenError
         Mass not positive and finite, element names not unique, or a mass given of a test that is not
         calibrated.
+
+    Examples
+    --------
+    >>> Model("k*x + c*v", mass=1.5)
+    Model('c*v + k*x', mass=1.5)
     """
 
     elements: tuple[Element, ...]
-    mass: float | None = None
-    observation: Observation = field(default_factory=Observation)
+    mass: float | None
+    observation: Observation
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "elements", tuple(self.elements))
-        _check_elements(self.elements)
-        if self.mass is not None and not (isfinite(self.mass) and self.mass > 0):
-            raise RsgenError(f"mass: {self.mass!r} kg; must be positive and finite, or None to identify it")
-        if self.mass is not None and not self.observation.calibrated:
+    def __init__(
+        self,
+        elements: LawLike | Sequence[LawLike],
+        mass: float | None = None,
+        observation: Observation | None = None,
+    ) -> None:
+        observation = Observation() if observation is None else observation
+        if mass is not None and not (isfinite(mass) and mass > 0):
+            raise RsgenError(f"mass: {mass!r} kg; must be positive and finite, or None to identify it")
+        if mass is not None and not observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
+        object.__setattr__(self, "elements", _checked_elements(elements))
+        object.__setattr__(self, "mass", mass)
+        object.__setattr__(self, "observation", observation)
 
-    @property
-    def force(self) -> sympy.Expr:
-        """n(x, v) [N], the sum of all element forces."""
-        return _total_force(self.elements)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters of the laws, sorted; the mass is not among them."""
-        return _parameters(self.elements)
+    def __repr__(self) -> str:
+        """Law, mass and what was declared about the test."""
+        mass = "" if self.mass is None else f", mass={self.mass:g}"
+        observed = "" if self.observation == Observation() else f", observation={self.observation!r}"
+        return f"Model({write(self.force)!r}{mass}{observed})"

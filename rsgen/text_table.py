@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from math import floor, isfinite, log10
-from typing import Any
+from typing import Any, TypeVar
 
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, UnknownNameError
 
-__all__ = ["TextTable", "data_frame", "short", "with_error"]
+__all__ = ["Printed", "TextTable", "data_frame", "lookup", "short", "with_error"]
+
+T = TypeVar("T")
 
 _MOST_DIGITS = 10
 """More digits than this say nothing about a measured structure."""
@@ -84,8 +86,37 @@ class TextTable:
         return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>{notes}"
 
 
-def data_frame(columns: dict[str, Any]) -> Any:
-    """Give a ``pandas.DataFrame`` of columns; pandas is needed for this alone.
+class Printed:
+    """A record that prints as a table, on a terminal and in a notebook."""
+
+    __slots__ = ()
+
+    def _table(self) -> TextTable:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Give the table as text."""
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+
+def lookup(name: object, known: Mapping[str, T], what: str) -> T:
+    """Give what has this name.
+
+    Raises
+    ------
+    UnknownNameError
+        Nothing has it; the message names what there is. It is a ``KeyError``, too.
+    """
+    if isinstance(name, str) and name in known:
+        return known[name]
+    raise UnknownNameError(f"{what} {name!r:.80}: there is none; there are {', '.join(known)}")
+
+
+def data_frame(columns: dict[str, Any], index: str = "") -> Any:
+    """Give a ``pandas.DataFrame`` of columns, one of them as its index; pandas is needed for this alone.
 
     Raises
     ------
@@ -96,4 +127,5 @@ def data_frame(columns: dict[str, Any]) -> Any:
         pandas = import_module("pandas")
     except ImportError:
         raise RsgenError("to_frame: pandas is not installed; install it with: pip install pandas") from None
-    return pandas.DataFrame(columns)
+    frame = pandas.DataFrame(columns)
+    return frame.set_index(index) if index else frame

@@ -10,7 +10,8 @@ import pytest
 import sympy
 
 from rsgen.errors import RsgenError
-from rsgen.law.element import Element
+from rsgen.expression import symbol
+from rsgen.law import Element, Law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 
@@ -84,3 +85,14 @@ def test_a_model_has_no_place_for_values():
 def test_an_impossible_observation_is_refused(declared, said):
     with pytest.raises(RsgenError, match=said):
         Observation(**declared)
+
+
+@pytest.mark.parametrize("law", ["k*x + c*v", ["k*x", "c*v"], Law("k*x") + DAMPER, (SPRING, DAMPER)])
+def test_a_structure_takes_any_way_to_write_a_law(law):
+    oscillator = Oscillator(2, law, {"k": 3, "c": 2})
+    model = Model(law, 2.0)
+    assert oscillator.force == model.force == symbol("k") * symbol("x") + symbol("c") * symbol("v")
+    assert oscillator.parameters == model.parameters == ("c", "k")
+    assert repr(oscillator) == "Oscillator(2, 'c*v + k*x', {'c': 2.0, 'k': 3.0})"
+    assert eval(repr(oscillator)) == Oscillator(2.0, "c*v + k*x", {"c": 2.0, "k": 3.0})
+    assert repr(model) == "Model('c*v + k*x', mass=2)"

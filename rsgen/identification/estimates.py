@@ -70,4 +70,4 @@ def _units(model: Model) -> dict[str, str]:
     except RsgenError:
         # a law whose terms do not agree in units can be fitted all the same
         units = dict.fromkeys(model.parameters, "")
-    return {"m": "kg", **units}
+    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
+from rsgen.errors import RsgenError
 from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
+
+if TYPE_CHECKING:
+    from rsgen.identification.result import Identification
 
 __all__ = ["Candidate", "Ranking"]
 
@@ -41,9 +48,12 @@ class Candidate:
     values: Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Ranking:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Ranking(Printed):
     """Candidate laws against one test.
+
+    ``print(ranking)`` gives a table, ``ranking.best`` the identification of the best law,
+    ``ranking["coulomb"]`` a candidate by name.
 
     Parameters
     ----------
@@ -62,6 +72,8 @@ class Ranking:
         do not share.
     unexplained
         What even the best leaves beyond noise, relative to force and response [1]; 0 where it fits.
+    surface
+        The test; ``best`` identifies the best law on it.
     """
 
     candidates: tuple[Candidate, ...]
@@ -70,3 +82,71 @@ class Ranking:
     verdict: tuple[str, ...]
     noise: float
     unexplained: float
+    surface: ResponseSurface | None = None
+    _best: list[Identification] = field(default_factory=list, init=False)
+
+    @property
+    def best(self) -> Identification:
+        """The best law identified on the test, with intervals; computed when it is first asked for.
+
+        Raises
+        ------
+        RsgenError
+            As for ``identify``.
+        """
+        if self.surface is None:
+            raise RsgenError("ranking.best: the ranking was made without its surface")
+        if not self._best:
+            # imported here: the flow of an identification imports this record
+            from rsgen.identification.identify import identify
+
+            found = replace(identify(self.surface, self.model), ranking=self)
+            self._best.append(
+                found if self.fits else replace(found, warnings=(*self.verdict, *found.warnings))
+            )
+        return self._best[0]
+
+    def __getitem__(self, name: str) -> Candidate:
+        """Candidate of this name.
+
+        Raises
+        ------
+        RsgenError
+            There is none; it is a ``KeyError``, too.
+        """
+        return lookup(name, {each.name: each for each in self.candidates}, "candidate")
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self.candidates)
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    def to_frame(self) -> Any:
+        """Give the candidates as a ``pandas.DataFrame``, best first.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        names = ("name", "force", "parameters", "bic", "held_out_error", "tied")
+        return data_frame({name: [getattr(each, name) for each in self] for name in names}, "name")
+
+    def _table(self) -> TextTable:
+        rows = tuple(
+            (
+                each.name,
+                each.parameters,
+                short(each.bic, 4),
+                short(each.held_out_error, 2),
+                "best" if each is self.candidates[0] else "tied" if each.tied else "",
+                each.force,
+            )
+            for each in self
+        )
+        fits = "fits" if self.fits else f"none fits, unexplained {self.unexplained:.2g}"
+        heads = ("law", "parameters", "BIC", "held-out error", "verdict", "force")
+        return TextTable(
+            heads, rows, caption=f"best: {self.candidates[0].name} ({fits}), noise {self.noise:.2g}"
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import RsgenError
+from rsgen.expression import write
 from rsgen.finding import Finding
 from rsgen.identification.background import Shape, shape_of
 from rsgen.identification.ranking import Ranking
 from rsgen.oscillator import Model
+from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 
 __all__ = [
     "Background",
@@ -75,6 +77,15 @@ class Estimate:
     def told(self) -> bool:
         """True where the test tells the parameter."""
         return isfinite(self.value) and not self.remark
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Name, value, 95 % interval, unit and finding, as a table prints them."""
+        if not self.told:
+            return (self.name, "", "", self.unit, "not-identifiable")
+        digits = with_error(self.value, self.standard_error)
+        low, high = (short(end, digits) for end in self.interval)
+        return (self.name, short(self.value, digits), f"{low} to {high}", self.unit, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,9 +223,12 @@ class Background:
         return shape_of(self.kind, omega, self.band)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identification:
-    """All that a response surface tells about a model.
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Identification(Printed):
+    """What a response surface determines of a model.
+
+    ``found["k3"]`` is the refined estimate of a parameter, "m" that of the mass; ``print(found)`` gives a
+    table, ``found.to_frame()`` a data frame.
 
     Parameters
     ----------
@@ -303,3 +317,64 @@ class Identification:
         """Refined value of every parameter of the laws (not of the mass)."""
         names = set(self.model.parameters)
         return {estimate.name: estimate.value for estimate in self.refined if estimate.name in names}
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Refined estimate of a parameter, or of the mass ("m", also where it was given).
+
+        Raises
+        ------
+        RsgenError
+            The model has no such parameter; it is a ``KeyError``, too.
+        """
+        return lookup(name, self._estimates, "parameter")
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._estimates
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return iter(self.refined)
+
+    @property
+    def _estimates(self) -> dict[str, Estimate]:
+        estimates = {estimate.name: estimate for estimate in self.refined}
+        if self.model.mass is not None:
+            mass = self.model.mass
+            estimates["m"] = Estimate("m", mass, 0.0, (mass, mass), "kg")
+        return estimates
+
+    def to_frame(self) -> Any:
+        """Give the refined estimates as a ``pandas.DataFrame``, a row a parameter.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        columns = {
+            "name": [estimate.name for estimate in self],
+            "value": [estimate.value for estimate in self],
+            "standard_error": [estimate.standard_error for estimate in self],
+            "lower": [estimate.interval[0] for estimate in self],
+            "upper": [estimate.interval[1] for estimate in self],
+            "unit": [estimate.unit for estimate in self],
+            "identifiable": [estimate.told for estimate in self],
+        }
+        return data_frame(columns, "name")
+
+    def _table(self) -> TextTable:
+        background = () if self.background is None else self.background.estimates
+        rows = [estimate.cells for estimate in (*self.refined, *background)]
+        if self.model.mass is not None:
+            rows.append(("m", short(self.model.mass), "given", "kg", ""))
+        low, high = self.amplitude_range
+        slow, fast = self.frequency_range
+        tested = (
+            f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
+            f"noise {self.noise:.2g}, misfit {self.residual:.2g}"
+        )
+        return TextTable(
+            ("parameter", "value", "95 % interval", "unit", "finding"),
+            tuple(rows),
+            caption=write(self.model.force),
+            notes=(tested, *map(repr, self.findings)),
+        )

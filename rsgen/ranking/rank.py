@@ -123,7 +123,7 @@ def rank(surface: ResponseSurface, model: Model) -> Ranking:
     # rounds may go in a circle: that counts whose own law leaves least, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + LEAST)
-    return _ranking(points, *rounds[best], model)
+    return replace(_ranking(points, *rounds[best], model), surface=surface)
 
 
 def identify_best(surface: ResponseSurface, model: Model) -> Identification:
@@ -139,9 +139,7 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     RsgenError
         As for ``rank`` and ``identify``.
     """
-    ranking = rank(surface, model)
-    found = replace(identify(surface, ranking.model), ranking=ranking)
-    return found if ranking.fits else replace(found, warnings=(*ranking.verdict, *found.warnings))
+    return rank(surface, model).best
 
 
 def _points(surface: ResponseSurface, model: Model) -> Points:

@@ -1,0 +1,85 @@
+"""The public names of rsgen: what a user may import, and nothing by accident."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rsgen
+
+PUBLIC = [
+    "Case",
+    "CaseError",
+    "Comparison",
+    "DescribingFunction",
+    "Element",
+    "ExpressionError",
+    "Finding",
+    "Identification",
+    "Law",
+    "MeasuredTest",
+    "MeasurementError",
+    "Model",
+    "Observation",
+    "Oscillator",
+    "Prediction",
+    "Ranking",
+    "ResponseSurface",
+    "RsgenError",
+    "SimulatedTest",
+    "SteadyStates",
+    "compare",
+    "derive",
+    "figures",
+    "history",
+    "identify",
+    "laws",
+    "load_case",
+    "load_surface",
+    "make_element",
+    "predict",
+    "rank",
+    "read_measurement",
+    "save_surface",
+    "sentence",
+    "simulate",
+    "solve_steady_states",
+    "write_report",
+]
+
+
+def test_the_public_names_are_these():
+    assert sorted(rsgen.__all__) == PUBLIC
+    assert dir(rsgen) == sorted([*PUBLIC, "__version__"])
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_is_there_and_says_what_it_is(name: str):
+    assert getattr(rsgen, name).__doc__
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones():
+    with pytest.raises(AttributeError, match="identify, laws"):
+        _ = rsgen.identfy
+
+
+def test_importing_rsgen_loads_no_numerics():
+    code = "import rsgen, sys; print([m for m in ('numpy', 'sympy', 'matplotlib') if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+def test_a_type_checker_sees_each_name_where_it_is_taken_from():
+    tree = ast.parse(Path(rsgen.__file__).read_text())
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name: line.module for line in block.body for alias in line.names}
+    assert sorted(seen) == PUBLIC
+    for name, module in seen.items():
+        place = f"rsgen.{name}" if module == "rsgen" else module
+        assert (sys.modules[place] if module == "rsgen" else getattr(sys.modules[place], name)) is getattr(
+            rsgen, name
+        )
