@@ -1,20 +1,36 @@
-"""Time histories to response surfaces: swept sine, stepped sine, free decay."""
+"""Time histories to response surfaces: swept sine, stepped sine, free decay.
+
+With the samples of force and response as arrays, two lines make a surface::
+
+    history = rsgen.history.TimeHistory(400, force, acceleration, "acceleration")  # sampled at 400 Hz
+    surface = rsgen.history.from_swept_sine(history)
+
+``TimeHistory.from_times`` takes instants in place of the sampling rate. Several histories (levels, up and
+down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests;
+``follow_decay`` gives frequency and damping of a free decay against its amplitude, and ``record_findings``
+says where a record is clipped or stands still.
+"""
 
 from __future__ import annotations
 
-from rsgen.history.decay import RingDown, follow_decay
+from rsgen.history.decay import FreeDecay, follow_decay, from_free_decay
 from rsgen.history.record import TimeHistory
 from rsgen.history.soundness import record_findings
-from rsgen.history.stepped_sine import fit_steps
+from rsgen.history.stepped_sine import from_stepped_sine
 from rsgen.history.sweep_law import SweepLaw
-from rsgen.history.swept_sine import demodulate_sweep
+from rsgen.history.swept_sine import from_swept_sine
 
 __all__ = [
-    "RingDown",
+    "FreeDecay",
     "SweepLaw",
     "TimeHistory",
-    "demodulate_sweep",
-    "fit_steps",
     "follow_decay",
+    "from_free_decay",
+    "from_stepped_sine",
+    "from_swept_sine",
     "record_findings",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,4 +1,4 @@
-"""Free decay to the same curves k(X) and c(X): the mode's own frequency is the reference, its force is zero.
+"""Free decay to the same curves k(X) and c(X): the mode's frequency is the reference, its force is zero.
 
 In a free decay the complex rate s (growth and frequency) of the fundamental obeys, to first order in the slow
 change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
@@ -8,6 +8,7 @@ change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -17,36 +18,41 @@ from scipy.interpolate import PchipInterpolator
 
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
-from rsgen.history.envelope import NOISE_WIDTH, demodulate, place_windows
+from rsgen.history.envelope import PERIODS, demodulate, independent_instants, place_windows
 from rsgen.history.quasi_steady import steady_force
-from rsgen.history.record import TimeHistory
-from rsgen.history.sensor import Motion, displace
+from rsgen.history.record import QUIET, TimeHistory, as_histories, check_options
+from rsgen.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.surface import ResponseSurface
 
-__all__ = ["RingDown", "follow_decay"]
+__all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-PERIODS = 10.0
-HARMONICS = 5
-_NYQUIST = 0.45
 _ROUNDS = 4
+"""Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
+
+_FEWEST_SAMPLES = 64
+"""Samples of a decay at least: some periods, or there is nothing to look for."""
+
 _LOOK = 8
-"""Periods of the spectra that follow the frequency at first."""
+"""Periods of the spectra that follow the frequency at first, padded to as many times finer lines."""
+
+_NEAR = (0.5, 1.6)
+"""The frequency is followed within these multiples of the strongest line, short of its octaves."""
 
 _CLEAR = 20.0
-"""A point is used where the amplitude is this many times its own scatter."""
-
-_RESTS = 0.02
-"""The force is off where it is below this fraction of its largest."""
+"""A point is used where the amplitude is this many times its scatter: 5 % of noise in c(X)."""
 
 _GROUP = 7
 """Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
 
+_HALF_WIDTHS = 3.0
+"""Forced points this near to resonance are compared; farther off, k(X) is lost in m omega^2."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RingDown:
+class FreeDecay:
     """A free decay, point by point as the amplitude falls.
 
     Parameters
@@ -85,36 +91,28 @@ class RingDown:
         """(n,) X, amplitude of the fundamental of the displacement [m]."""
         return np.asarray(np.abs(self.harmonics[:, 1]))
 
-    def surface(self) -> ResponseSurface:
-        """Write the decay as points of a steady test: each with the force that would have held it.
+    @property
+    def force(self) -> ComplexArray:
+        """(n,) complex amplitude of the force that would have held each motion [N].
 
         Raises
         ------
         MeasurementError
-            The mass is not known: without it a decay tells k/m and c/m, but no force.
+            The mass is not known: without it a decay determines k/m and c/m, but no force.
         """
         if self.mass is None:
             raise MeasurementError(
-                f"{self.label}: a free decay tells stiffness and damping per mass only; give the mass of the "
-                "system, or 1 kg where it is not known: all parameters are then per kg"
+                f"{self.label}: a free decay determines stiffness and damping per mass only; give the mass, "
+                "or 1 kg where it is not known: all parameters are then per kg"
             )
         omega = 2 * pi * self.frequency
         needed = self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
-        return ResponseSurface(
-            # one test, one level: the largest force that would have been needed
-            level=float(f"{np.max(np.abs(needed) * self.amplitude):.3g}"),
-            frequency=self.frequency,
-            force=needed * self.harmonics[:, 1],
-            harmonics=self.harmonics,
-            sweep="rest",
-            findings=(Finding("force-of-decay", "info", names={"record": self.label}),),
-        )
+        return np.asarray(needed * self.harmonics[:, 1])
 
     def differ(self, forced: ResponseSurface) -> tuple[float, float]:
         """Compare with a forced test of the same structure: median relative difference of k(X) and of c(X).
 
-        Only forced points within the amplitudes of the decay and within three half widths of resonance count,
-        since k(X) of a point far from it is the small difference of large numbers.
+        Only forced points within the amplitudes of the decay and within three half widths of resonance count.
 
         Raises
         ------
@@ -130,17 +128,65 @@ class RingDown:
         omega = forced.omega
         stiffness = np.interp(np.abs(x), size, self.stiffness[order])
         damping = np.interp(np.abs(x), size, self.damping[order])
-        near = np.abs(dynamic.real) < 3 * np.abs(dynamic.imag)
+        near = np.abs(dynamic.real) < _HALF_WIDTHS * np.abs(dynamic.imag)
         shared = forced.settled & near & (np.abs(x) >= size[0]) & (np.abs(x) <= size[-1])
         if not shared.any():
             raise MeasurementError(
                 f"{self.label}: the free and the forced test share no amplitude near resonance"
             )
-        own = dynamic.real + self.mass * omega**2
         return (
-            float(np.median(np.abs(own / stiffness - 1)[shared])),
+            float(np.median(np.abs((dynamic.real + self.mass * omega**2) / stiffness - 1)[shared])),
             float(np.median(np.abs(dynamic.imag / omega / damping - 1)[shared])),
         )
+
+
+def from_free_decay(
+    histories: TimeHistory | Sequence[TimeHistory],
+    *,
+    mass: float | None = None,
+    band: tuple[float, float] | None = None,
+    harmonics: int = HARMONICS,
+) -> ResponseSurface:
+    """Turn free decays of one structure into a response surface.
+
+    Every point has the force that would have held its motion, F = (k(X) - m omega^2 + i omega c(X)) X; each
+    decay is one level, named by the largest of its forces.
+
+    Parameters
+    ----------
+    histories
+        One or several, as ``follow_decay`` takes them.
+    mass
+        Modal mass [kg]; 1 where it is not known: all parameters are then per kg.
+    band, harmonics
+        As ``follow_decay`` takes them.
+
+    Raises
+    ------
+    MeasurementError
+        No decay is found, or the mass is not given.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 20, 0.005)
+    >>> x = 1e-3 * np.exp(-0.5 * t) * np.cos(60 * t)
+    >>> surface = from_free_decay(TimeHistory(200, None, x), mass=2.0)
+    >>> c = (surface.force / surface.harmonics[:, 1]).imag / surface.omega
+    >>> round(float(np.median(c)), 2)  # 2 m 0.5/s
+    2.0
+    """
+    several = as_histories(histories, "free decay")
+    decays = [follow_decay(history, mass=mass, band=band, harmonics=harmonics) for history in several]
+    force = [decay.force for decay in decays]
+    level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
+    return ResponseSurface(
+        level=np.repeat(level, [len(part) for part in force]),
+        frequency=np.concatenate([decay.frequency for decay in decays]),
+        force=np.concatenate(force),
+        harmonics=np.concatenate([decay.harmonics for decay in decays]),
+        sweep="rest",
+        findings=tuple(Finding("force-of-decay", "info", names={"record": d.label}) for d in decays),
+    )
 
 
 def follow_decay(
@@ -149,7 +195,7 @@ def follow_decay(
     mass: float | None = None,
     band: tuple[float, float] | None = None,
     harmonics: int = HARMONICS,
-) -> RingDown:
+) -> FreeDecay:
     """Follow frequency and damping of a free decay against its amplitude.
 
     Parameters
@@ -168,61 +214,41 @@ def follow_decay(
     MeasurementError
         No decay is found: the force never ends, or fewer than some 40 periods stand out of the noise.
     """
+    check_options(history.label, band=band, mass=mass, harmonics=harmonics)
     rate = history.rate
     begin = _release(history)
     samples = history.response[begin:]
-    if len(samples) < 64:
+    if len(samples) < _FEWEST_SAMPLES:
         raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
-    first = _strongest(samples, rate, band)
+    first = _strongest(samples, history, band)
     time, frequency = _follow(samples, rate, first)
+    if len(time) < 2:
+        raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
     for _ in range(_ROUNDS):
         curve = PchipInterpolator(time, frequency, extrapolate=True)
-        turns, slope = curve.antiderivative(), curve.derivative()
-        lowest, highest = time[0], time[-1]
-
-        def phase(i: Array, turns: PchipInterpolator = turns) -> Array:
-            return np.asarray(2 * pi * turns(i / rate))
-
-        t = _instants(curve, lowest, highest)
-        period = rate / curve(t)
-        orders = max(1, min(harmonics, int(_NYQUIST * rate / float(np.max(curve(t))))))
-        windows = place_windows(t * rate, PERIODS * period, period, orders, len(samples))
-        if len(windows) < 2 * _GROUP:
+        t, envelope = _demodulated(samples, history, curve, time, harmonics)
+        clear = _clear(envelope[:, 1, 0])
+        if np.count_nonzero(clear) < 2 * _GROUP:
             raise MeasurementError(
-                f"{history.label}: the decay at {first:.4g} Hz stands out for only {len(windows)} "
-                f"independent windows of {PERIODS:g} periods; at least {2 * _GROUP} are needed"
+                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
+                f"{2 * _GROUP} independent windows of {PERIODS:g} periods, as is needed"
             )
-        kinds = tuple(range(orders + 1))
-        envelope = demodulate(samples, phase, windows, kinds) * np.array([1.0, rate, rate**2])
-        t = windows.middle / rate
-        growth = envelope[:, 1, 1] / envelope[:, 1, 0]
-        time, frequency = t, np.asarray(curve(t) + growth.imag / (2 * pi))
-        kept = _clear(envelope[:, 1, 0])
-        time, frequency = time[kept], frequency[kept]
-        if len(time) < 2 * _GROUP:
-            raise MeasurementError(
-                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise long enough"
-            )
-    omega, change = 2 * pi * np.asarray(curve(t)), 2 * pi * np.asarray(slope(t))
-    motion = displace(envelope[:, 1], omega, change, history.quantity)
-    motion = Motion(*(getattr(motion, name)[kept] for name in Motion.__slots__))
-    table = np.full((int(kept.sum()), harmonics + 1), np.nan, dtype=complex)
-    power = {"displacement": 0, "velocity": 1, "acceleration": 2}[history.quantity]
-    for order in kinds[0 if power == 0 else 1 :]:
-        table[:, order] = (envelope[:, order, 0] / (1j * max(order, 1) * omega) ** power)[kept]
-    if power == 0:
-        table[:, 0] = table[:, 0].real
+        growth = envelope[clear, 1, 1] / envelope[clear, 1, 0]
+        time, frequency = t[clear], np.asarray(curve(t[clear]) + growth.imag / (2 * pi))
+    omega, change = 2 * pi * np.asarray(curve(t)), 2 * pi * np.asarray(curve.derivative()(t))
+    motion = differentiate(envelope[:, 1], omega, change, history.quantity).select(clear)
+    table = displacement_harmonics(envelope[clear][:, :, 0], omega[clear], history.quantity, harmonics)
     table[:, 1] = motion.displacement
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale)
-    stiffness = (needed / motion.displacement).real + scale * motion.omega**2
-    return RingDown(
+    stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
+    return FreeDecay(
         time=time + begin / rate,
         frequency=motion.omega / (2 * pi),
         damping_ratio=damping / (2 * scale * motion.omega),
-        stiffness=np.asarray(stiffness),
+        stiffness=stiffness,
         damping=damping,
-        stiffness_error=_scatter(np.asarray(stiffness)),
+        stiffness_error=_scatter(stiffness),
         damping_error=_scatter(damping),
         harmonics=table,
         mass=mass,
@@ -230,24 +256,43 @@ def follow_decay(
     )
 
 
+def _demodulated(
+    samples: NDArray[np.float64], history: TimeHistory, curve: PchipInterpolator, time: Array, harmonics: int
+) -> tuple[Array, ComplexArray]:
+    """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
+    rate, turns = history.rate, curve.antiderivative()
+
+    def phase(i: Array) -> Array:
+        return np.asarray(2 * pi * turns(i / rate))
+
+    t = independent_instants(lambda t: PERIODS / np.asarray(curve(t)), time[0], time[-1])
+    period = rate / curve(t)
+    orders = highest_order(harmonics, rate, float(np.max(curve(t))))
+    windows = place_windows(t * rate, PERIODS * period, period, orders, len(samples))
+    envelope = demodulate(samples, phase, windows, tuple(range(orders + 1)))
+    return windows.middle / rate, envelope * np.array([1.0, rate, rate**2])
+
+
 def _release(history: TimeHistory) -> int:
     """Find the first sample of the free decay."""
-    n = len(history)
     if history.force is not None:
-        size = np.abs(np.asarray(history.force))
+        size = np.abs(history.force)
         largest = float(size.max())
         if largest > 0:
-            return int(n - np.argmax(size[::-1] > _RESTS * largest))
+            return int(len(size) - np.argmax(size[::-1] > QUIET * largest))
     return int(np.argmax(np.abs(history.response)))
 
 
-def _strongest(samples: NDArray[np.float64], rate: float, band: tuple[float, float] | None) -> float:
+def _strongest(samples: NDArray[np.float64], history: TimeHistory, band: tuple[float, float] | None) -> float:
+    """Find the strongest line of the decay in the band [Hz]."""
     taper = np.hanning(2 * len(samples) + 1)[len(samples) + 1 :]
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
-    line = np.fft.rfftfreq(len(samples), 1 / rate)
+    line = np.fft.rfftfreq(len(samples), 1 / history.rate)
     allowed = (line > 0) if band is None else (line >= band[0]) & (line <= band[1])
     if not allowed.any() or not power[allowed].max() > 0:
-        raise MeasurementError("free decay: nothing moves in the band; a band around the mode is needed")
+        raise MeasurementError(
+            f"{history.label}: nothing moves in the band; a band around the mode is needed"
+        )
     return float(line[allowed][np.argmax(power[allowed])])
 
 
@@ -256,9 +301,9 @@ def _follow(samples: NDArray[np.float64], rate: float, first: float) -> tuple[Ar
     length = int(_LOOK * rate / first)
     starts = np.arange(0, max(len(samples) - length, 1), max(length // 2, 1))
     taper = np.hanning(length + 2)[1:-1]
-    padded = 8 * length
+    padded = _LOOK * length
     line = np.fft.rfftfreq(padded, 1 / rate)
-    near = (line > 0.5 * first) & (line < 1.6 * first)
+    near = (line > _NEAR[0] * first) & (line < _NEAR[1] * first)
     out = np.empty(len(starts))
     for i, start in enumerate(starts):
         part = np.asarray(samples[start : start + length], dtype=np.float64)
@@ -267,22 +312,15 @@ def _follow(samples: NDArray[np.float64], rate: float, first: float) -> tuple[Ar
     return np.asarray((starts + length / 2) / rate), out
 
 
-def _instants(curve: PchipInterpolator, begin: float, end: float) -> Array:
-    """Lay instants as far apart as windows of PERIODS periods are independent."""
-    dense = np.linspace(begin, end, 4001)
-    count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * curve(dense)[1:] * NOISE_WIDTH / PERIODS)])
-    return np.asarray(np.interp(np.arange(int(count[-1]) + 1), count, dense))
-
-
 def _clear(envelope: ComplexArray) -> NDArray[np.bool_]:
-    """Tell points well above their own scatter, up to the first that is not."""
-    scatter = np.zeros(len(envelope))
-    bend = np.abs(envelope[:-2] - 2 * envelope[1:-1] + envelope[2:]) / np.sqrt(6)
-    # at the quiet end the bend is noise alone
-    scatter[:] = float(np.median(bend[-max(len(bend) // 5, 3) :]))
+    """Mark points well above their scatter, up to the first that is not."""
+    curvature = np.abs(envelope[:-2] - 2 * envelope[1:-1] + envelope[2:]) / np.sqrt(6)
+    if not len(curvature):
+        return np.zeros(len(envelope), dtype=bool)
+    # at the quiet end, the last fifth, the curvature is noise alone
+    scatter = float(np.median(curvature[-max(len(curvature) // 5, 3) :]))
     clear = np.abs(envelope) > _CLEAR * scatter
-    stop = int(np.argmin(clear)) if not clear.all() else len(clear)
-    return np.asarray(np.arange(len(envelope)) < stop)
+    return np.asarray(np.logical_and.accumulate(clear))
 
 
 def _scatter(values: Array) -> Array:

@@ -18,19 +18,25 @@ from numpy.typing import NDArray
 
 from rsgen.history.record import BLOCK
 
-__all__ = ["NOISE_WIDTH", "Windows", "demodulate", "place_windows"]
+__all__ = ["NOISE_WIDTH", "PERIODS", "Windows", "demodulate", "independent_instants", "place_windows"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+PERIODS = 10.0
+"""Window in periods: the shortest whose taper separates the harmonics by 100 dB."""
+
 _PER_PERIOD = 8
-"""Sums of samples that are kept in a period of the highest harmonic; finer sampling is added up first."""
+"""Finer sampling is added up to this many sums a period of the highest harmonic: four times Nyquist's."""
 
 _FEWEST = 24
-"""Sums in a window; fewer do not carry the taper."""
+"""Sums in a window: the taper has four periods of its own in it, of six sums each."""
 
 _LENGTHS = 16
-"""Lengths of windows in an octave."""
+"""Lengths of windows in an octave, 4 % apart: neighbours have one length and share their sums."""
+
+_DENSE = 20_001
+"""Instants by which lengths of windows are added up: at least ten a window in a history of 2000 windows."""
 
 
 @lru_cache(maxsize=256)
@@ -93,7 +99,6 @@ def place_windows(middle: Array, length: Array, period: Array, orders: int, size
     middle, length, period = np.broadcast_arrays(middle, length, period)
     finest = np.minimum(period / (_PER_PERIOD * max(orders, 1)), length / _FEWEST)
     step = np.maximum(1, 2 ** np.floor(np.log2(np.maximum(finest, 1.0)))).astype(np.int64)
-    # in steps of 4 %, so that neighbours have one length and are mixed together
     even = np.exp2(np.round(_LENGTHS * np.log2(length / step)) / _LENGTHS)
     count = np.maximum(np.round(even), _FEWEST // 2).astype(np.int64)
     # on the grid of their sums, so that neighbours share them
@@ -102,21 +107,31 @@ def place_windows(middle: Array, length: Array, period: Array, orders: int, size
     return Windows(first[inside], step[inside], count[inside])
 
 
+def independent_instants(
+    length: Callable[[Array], Array], begin: float, end: float, most: float | None = None
+) -> Array:
+    """Lay instants [s] as far apart as windows of ``length(t)`` [s] are independent.
+
+    With ``most``, at most that many, evenly thinned and ``end`` among them.
+    """
+    dense = np.linspace(begin, end, _DENSE)
+    count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * NOISE_WIDTH / length(dense)[1:])])
+    if most is None:
+        return np.asarray(np.interp(np.arange(int(count[-1]) + 1), count, dense))
+    return np.asarray(np.interp(np.linspace(0, count[-1], int(min(max(count[-1], 2), most))), count, dense))
+
+
 def _batches(windows: Windows) -> list[NDArray[np.intp]]:
     """Cut windows in their order into runs of one step and one count that span about a block."""
-    batches: list[NDArray[np.intp]] = []
-    start = 0
-    for i in range(1, len(windows) + 1):
-        if (
-            i == len(windows)
-            or windows.step[i] != windows.step[start]
-            or windows.count[i] != windows.count[start]
-            or windows.first[i] - windows.first[start] > BLOCK
-            # what lies between windows far apart is not looked at
-            or windows.first[i] > windows.first[i - 1] + windows.step[start] * windows.count[start]
-        ):
-            batches.append(np.arange(start, i))
-            start = i
+    first, step, count = windows.first, windows.step, windows.count
+    # windows far apart are apart here: the samples between them are not needed
+    cut = (np.diff(step) != 0) | (np.diff(count) != 0) | (np.diff(first) > (step * count)[:-1])
+    batches = []
+    for run in np.split(np.arange(len(windows)), np.flatnonzero(cut) + 1):
+        while len(run):
+            here = int(np.searchsorted(first[run], first[run[0]] + BLOCK, side="right"))
+            batches.append(run[:here])
+            run = run[here:]
     return batches
 
 

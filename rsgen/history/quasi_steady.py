@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.history.sensor import Motion
+from rsgen.history.sensor import Kinematics
 
 __all__ = ["Inertia", "estimate_mass", "steady_force"]
 
@@ -30,18 +30,27 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _KNOTS = 12
-"""Most knots of the free functions k(X) and c(X) ..."""
+"""Most knots of the free functions k(X) and c(X): straight lines between them follow any curve to 1 %."""
 
 _ROWS_A_KNOT = 8
-"""... and how many points each needs."""
+"""Points that each knot needs; of their 16 numbers it takes two."""
 
 _ROUNDS = 4
+"""Fits in which outliers lose weight; more change the mass by less than its error."""
+
 _OUTLIER = 3.0
+"""A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
+
+_FAINT = 1e-3
+"""A force below this fraction of the median weighs as if it were as large as this: it is noise."""
+
+_INDEPENDENT = 1e-10
+"""Columns whose singular values are below this fraction of the largest do not determine the mass."""
 
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """The mass that sweeps themselves tell [kg], its standard error, the misfit relative to the force."""
+    """The mass that sweeps determine [kg], its standard error, the misfit relative to the force."""
 
     mass: float
     standard_error: float
@@ -57,8 +66,8 @@ def _hats(amplitude: Array) -> Array:
     return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
-def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
-    """Find the mass from F = k(X) X + c(X) V + m A with k and c free, outliers aside; None if it is not told.
+def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
+    """Find the mass from F = k(X) X + c(X) V + m A with k and c free; None if it is not identifiable.
 
     Parameters
     ----------
@@ -76,7 +85,7 @@ def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
         ],
         axis=1,
     )
-    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * 1e-3)
+    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * _FAINT)
     if len(force) < 2 * columns.shape[1]:
         return None
     weight = scale.copy()
@@ -87,10 +96,11 @@ def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
         size = np.linalg.norm(stacked, axis=0)
         if not (np.all(np.isfinite(size)) and np.all(size > 0)):
             return None
-        solution, _, rank, _ = np.linalg.lstsq(stacked / size, right, rcond=1e-10)
+        solution, _, rank, _ = np.linalg.lstsq(stacked / size, right, rcond=_INDEPENDENT)
         if rank < stacked.shape[1]:
             return None
         residual = np.abs(columns @ (solution / size) - force) * scale
+        # of exact data, rounding is left
         spread = max(float(np.median(residual)), 1e-12)
         weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
     left = right - stacked / size @ solution
@@ -100,7 +110,7 @@ def estimate_mass(force: ComplexArray, motion: Motion) -> Inertia | None:
     return Inertia(float(solution[-1] / size[-1]), error, float(np.median(residual)))
 
 
-def steady_force(force: ComplexArray, motion: Motion, mass: float) -> tuple[ComplexArray, Array]:
+def steady_force(force: ComplexArray, motion: Kinematics, mass: float) -> tuple[ComplexArray, Array]:
     """Find the force that would hold the motion steady, and the damping c(X) [N s/m].
 
     Parameters

@@ -2,25 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 
-__all__ = ["BLOCK", "QUANTITIES", "TimeHistory"]
+__all__ = [
+    "BLOCK",
+    "DERIVATIVES",
+    "QUIET",
+    "TimeHistory",
+    "as_histories",
+    "blocks",
+    "check_options",
+    "sampling_rate",
+]
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
+DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+"""What a response may be, and which time derivative of the displacement that is."""
+
+QUIET = 0.02
+"""A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
+
 BLOCK = 2**18
-"""Samples looked at in one go: long histories are never copied whole."""
+"""Samples worked on at once, 2 MB that fit into a cache: long histories are never copied whole."""
+
+_FEWEST = 16
+"""Samples below which nothing is a vibration: two periods of eight."""
+
+_LARGEST = 1e30
+"""Samples beyond this are no measurement; their squares would overflow."""
+
+_UNEVEN = 0.1
+"""An instant may be off by this fraction of a step, as rounded times in a text are."""
 
 
-def _watched(values: Any, name: str, label: str) -> NDArray[Any]:
-    """Look at an array without copying it: one dimension, floating point, finite, read-only."""
+def blocks(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Cut samples into parts of at most BLOCK, without copying."""
+    return [values[start : start + BLOCK] for start in range(0, len(values), BLOCK)]
+
+
+def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
+    """View samples, without a copy: one dimension, floating point, finite, read-only."""
     array = np.asarray(values)
     if array.dtype not in (np.float32, np.float64):
         if array.dtype.kind not in "iu":
@@ -30,38 +59,76 @@ def _watched(values: Any, name: str, label: str) -> NDArray[Any]:
         array = array.astype(np.float64)
     if array.ndim != 1:
         raise MeasurementError(f"{label}: {name}: shape {array.shape}; one row of samples is needed")
-    for start in range(0, len(array), BLOCK):
-        finite = np.isfinite(array[start : start + BLOCK])
+    for number, block in enumerate(blocks(array)):
+        finite = np.abs(block) < _LARGEST
         if not finite.all():
-            place = start + int(np.argmin(finite)) + 1
+            place = number * BLOCK + int(np.argmin(finite)) + 1
             raise MeasurementError(
-                f"{label}: {name}: sample {place} is not finite; fill the gap, or leave it out by start "
-                "and stop"
+                f"{label}: {name}: sample {place} is not finite, or above {_LARGEST:g}; fill the gap, or "
+                "leave it out by start and stop"
             )
     view = array.view()
     view.flags.writeable = False
     return view
 
 
+def _number(value: Any, name: str, unit: str, label: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise MeasurementError(f"{label}: {name}: {value!r}; a number of {unit} is needed") from None
+
+
+def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
+    """Find sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s].
+
+    Parameters
+    ----------
+    name
+        Of the instants, for messages.
+
+    Raises
+    ------
+    MeasurementError
+        Fewer than two instants, or they do not rise in even steps.
+    """
+    if len(time) < 2:
+        raise MeasurementError(f"{name} has {len(time)} instants; at least two are needed")
+    first, last = float(time[0]), float(time[-1])
+    step = (last - first) / (len(time) - 1)
+    if not step > 0:
+        raise MeasurementError(f"{name} does not rise; instants one after the other are needed")
+    for number, part in enumerate(blocks(time)):
+        begin = number * BLOCK
+        off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
+        # a NaN is off as well
+        bad = ~(off <= _UNEVEN * step)
+        if bad.any():
+            raise MeasurementError(
+                f"{name}: sample {begin + int(np.argmax(bad)) + 1} is off the even spacing of {step:g} s; "
+                "evenly sampled histories are needed (resample it)"
+            )
+    return 1 / step, first
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeHistory:
     """Force and one response of a test, sampled at the same instants.
 
-    Arrays are not copied: a long history may lie in a file that is mapped into memory. float32 and float64
-    are kept as they are.
+    Arrays of floats are not copied: a long history may lie in a file that is mapped into memory.
 
     Parameters
     ----------
     rate
         Samples per second [Hz].
     force
-        (n,) [N]; all zero, or None, where nothing was measured (free decay).
+        (n,) [N]; None, or all zero, where nothing was measured (free decay).
     response
         (n,) displacement [m], velocity [m/s] or acceleration [m/s^2].
     quantity
-        What the response is: one of QUANTITIES.
+        What the response is: "displacement", "velocity" or "acceleration".
     level
-        Nominal force amplitude [N], or None: to be found from the force.
+        Nominal force amplitude [N], or None: it is then found from the force.
     start
         Time of the first sample [s].
     label
@@ -74,6 +141,12 @@ class TimeHistory:
     MeasurementError
         Rate or level not positive and finite, lengths differ, fewer than 16 samples, a sample that is not
         finite, an unknown quantity.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 2, 0.01)
+    >>> TimeHistory.from_times(t, np.cos(30 * t), 1e-3 * np.sin(30 * t), "velocity").rate
+    100.0
     """
 
     rate: float
@@ -85,27 +158,53 @@ class TimeHistory:
     label: str = "time history"
     findings: tuple[Finding, ...] = ()
 
+    @classmethod
+    def from_times(
+        cls,
+        time: ArrayLike,
+        force: ArrayLike | None,
+        response: ArrayLike,
+        quantity: str = "displacement",
+        *,
+        level: float | None = None,
+        label: str = "time history",
+    ) -> TimeHistory:
+        """Make a history from evenly spaced instants ``time`` (n,) [s] in place of the sampling rate."""
+        instants = _samples(time, "time", label)
+        rate, start = sampling_rate(instants, f"{label}: time")
+        history = cls(rate, force, response, quantity, level, start, label)  # type: ignore[arg-type]
+        if len(instants) != len(history):
+            raise MeasurementError(
+                f"{label}: {len(instants)} instants, {len(history)} samples; one instant a sample is needed"
+            )
+        return history
+
     def __post_init__(self) -> None:
+        for name, unit in (("rate", "Hz"), ("level", "N"), ("start", "s")):
+            if getattr(self, name) is not None or name != "level":
+                object.__setattr__(self, name, _number(getattr(self, name), name, unit, self.label))
         if not (isfinite(self.rate) and self.rate > 0):
             raise MeasurementError(f"{self.label}: rate: {self.rate!r} Hz; must be positive and finite")
         if self.level is not None and not (isfinite(self.level) and self.level > 0):
             raise MeasurementError(f"{self.label}: level: {self.level!r} N; must be positive and finite")
         if not isfinite(self.start):
             raise MeasurementError(f"{self.label}: start: {self.start!r} s; must be finite")
-        if self.quantity not in QUANTITIES:
+        if self.quantity not in tuple(DERIVATIVES):
             raise MeasurementError(
-                f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(QUANTITIES)}"
+                f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(DERIVATIVES)}"
             )
-        object.__setattr__(self, "response", _watched(self.response, "response", self.label))
+        object.__setattr__(self, "response", _samples(self.response, "response", self.label))
         if self.force is not None:
-            object.__setattr__(self, "force", _watched(self.force, "force", self.label))
+            object.__setattr__(self, "force", _samples(self.force, "force", self.label))
             if len(self.force) != len(self.response):
                 raise MeasurementError(
                     f"{self.label}: {len(self.force)} samples of force, {len(self.response)} of response; "
                     "one of each an instant is needed"
                 )
-        if len(self.response) < 16:
-            raise MeasurementError(f"{self.label}: {len(self.response)} samples; at least 16 are needed")
+        if len(self.response) < _FEWEST:
+            raise MeasurementError(
+                f"{self.label}: {len(self.response)} samples; at least {_FEWEST} are needed"
+            )
 
     def __len__(self) -> int:
         """Count the samples."""
@@ -118,7 +217,29 @@ class TimeHistory:
             raise MeasurementError(f"{self.label}: no force; a forced test needs the measured force")
         return self.force
 
-    @property
-    def duration(self) -> float:
-        """Length of the history [s]."""
-        return len(self.response) / self.rate
+
+def as_histories(histories: TimeHistory | Sequence[TimeHistory], test: str) -> list[TimeHistory]:
+    """List one or several histories of a ``test``; a MeasurementError where there is none."""
+    several = [histories] if isinstance(histories, TimeHistory) else list(histories)
+    if not several or not all(isinstance(history, TimeHistory) for history in several):
+        raise MeasurementError(f"{test}: one TimeHistory or more are needed")
+    return several
+
+
+def check_options(
+    label: str,
+    *,
+    band: tuple[float, float] | None = None,
+    mass: float | None = None,
+    harmonics: int = 1,
+    points: int = 2,
+) -> None:
+    """Refuse a band [Hz], mass [kg] or number of harmonics or points that no history can have."""
+    if band is not None and not (len(band) == 2 and 0 <= band[0] < band[1]):
+        raise MeasurementError(f"{label}: band: {band!r}; (lowest, highest) frequency in Hz is needed")
+    if mass is not None and not (isfinite(mass) and mass > 0):
+        raise MeasurementError(f"{label}: mass: {mass!r} kg; must be positive and finite")
+    if harmonics < 1:
+        raise MeasurementError(f"{label}: harmonics: {harmonics!r}; must be 1 or more")
+    if points < 2:
+        raise MeasurementError(f"{label}: points: {points!r}; must be 2 or more")

@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.history.record import BLOCK
+from rsgen.history.record import BLOCK, blocks
 
 __all__ = ["Sine", "fit_sine", "refine_frequency"]
 
 ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 12
+"""Corrections of the frequency at most; three are usual, each squares the error."""
+
 _EXACT = 1e-13
+"""Relative correction of the frequency that rounding leaves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,13 +63,14 @@ def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tupl
     gram, right, square = np.zeros((size, size)), np.zeros(size), 0.0
     scale = np.ones(size)
     scale[size - 2 :] = 2 / n if drift else 1.0
-    for first in range(0, n, BLOCK):
-        samples = np.asarray(signal[first : first + BLOCK], dtype=np.float64)
-        columns = _columns(first, len(samples), omega, orders, drift, middle) * scale
+    for number, block in enumerate(blocks(signal)):
+        samples = np.asarray(block, dtype=np.float64)
+        columns = _columns(number * BLOCK, len(samples), omega, orders, drift, middle) * scale
         gram += columns.T @ columns
         right += columns.T @ samples
         square += float(samples @ samples)
-    solution = np.linalg.solve(gram, right)
+    # columns coincide where a harmonic is at the Nyquist frequency
+    solution = np.linalg.lstsq(gram, right, rcond=None)[0]
     return solution * scale, max(square - float(solution @ right), 0.0)
 
 

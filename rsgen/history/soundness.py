@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.finding import Finding, Quantity
-from rsgen.history.record import BLOCK, TimeHistory
+from rsgen.history.record import BLOCK, TimeHistory, blocks
 
 __all__ = ["record_findings"]
 
 _FLAT = 3
-"""A top is flat from so many equal samples on; one of a sine may be so where the steps are coarse."""
+"""A top is flat from 3 equal samples on; where the steps are coarse, a sine has some of these."""
 _FEWEST = 24
-"""So many samples on flat tops are no chance."""
+"""At least 24 samples on flat tops are no chance."""
 _CROWD = 8
-"""A cut meets its value more often than the next lower one by this; a sine in steps by 2.4 alone."""
+"""A clipped record meets its limit this many times as often as the next value; a coarse sine 2.4 times."""
 _STILL = 32
-"""A live response does not repeat a value so many times while the force moves ..."""
+"""A live response does not repeat a value 32 times while the force moves ..."""
 _MOVES = 0.2
 """... by this fraction of its largest."""
 
@@ -30,10 +30,9 @@ def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]
 
 def _clipped(values: NDArray[np.float32] | NDArray[np.float64], sign: int) -> int:
     """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
-    blocks = [values[start : start + BLOCK] for start in range(0, len(values), BLOCK)]
-    top = max(float((sign * block).max()) for block in blocks)
+    top = max(float((sign * block).max()) for block in blocks(values))
     next_top, count, on_flat = -np.inf, 0, 0
-    for block in blocks:
+    for block in blocks(values):
         raised = sign * block.astype(np.float64)
         _, lengths = _runs(raised == top)
         on_flat += int(lengths[lengths >= _FLAT].sum())
@@ -48,9 +47,7 @@ def _clipped(values: NDArray[np.float32] | NDArray[np.float64], sign: int) -> in
 def _stands(history: TimeHistory) -> list[tuple[float, float]]:
     """Find stretches of equal response while the force moves: begin and length [s]."""
     force, response = history.reference, history.response
-    least = _MOVES * max(
-        float(np.abs(force[start : start + BLOCK]).max()) for start in range(0, len(force), BLOCK)
-    )
+    least = _MOVES * max(float(np.abs(block).max()) for block in blocks(force))
     found = []
     for start in range(0, len(response), BLOCK):
         first, lengths = _runs(np.diff(response[start : start + BLOCK]) == 0)
@@ -73,27 +70,15 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
     for name, values in (("force", history.force), ("response", history.response)):
         cut = 0 if values is None else _clipped(values, 1) + _clipped(values, -1)
         if cut:
-            findings.append(
-                Finding(
-                    "record-clipped",
-                    "warning",
-                    numbers={"samples": Quantity(cut)},
-                    names={"record": history.label, "signal": name},
-                )
-            )
+            names = {"record": history.label, "signal": name}
+            findings.append(Finding("record-clipped", "warning", "", {"samples": Quantity(cut)}, names))
     stands = [] if history.force is None else _stands(history)
     if stands:
         begin, length = max(stands, key=lambda stand: stand[1])
-        findings.append(
-            Finding(
-                "response-stands-still",
-                "warning",
-                numbers={
-                    "times": Quantity(len(stands)),
-                    "begin": Quantity(begin, "s"),
-                    "length": Quantity(length, "s"),
-                },
-                names={"record": history.label},
-            )
-        )
+        numbers = {
+            "times": Quantity(len(stands)),
+            "begin": Quantity(begin, "s"),
+            "length": Quantity(length, "s"),
+        }
+        findings.append(Finding("response-stands-still", "warning", "", numbers, {"record": history.label}))
     return tuple(findings)

@@ -7,19 +7,21 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
-from rsgen.history.record import BLOCK, TimeHistory
+from rsgen.history.record import TimeHistory, blocks
 from rsgen.history.sweep_law import LAWS, SweepLaw
+from rsgen.surface.directions import monotone_runs
 
 __all__ = ["Sweep", "find_sweeps"]
 
 Array = NDArray[np.float64]
 
 _LOOKS = 128
-"""Spectra taken along a history to see where the frequency goes."""
+"""Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
 
 _FEWEST = 10
 """Spectra that a sweep must last; shorter ones are a start, a stop or an accident."""
@@ -27,19 +29,29 @@ _FEWEST = 10
 _LINES = 0.5
 """Lines of a spectrum over which the frequency must go to be a sweep."""
 
-_QUIET = 0.1
+_NEAR = 2
+"""Lines on either side of the strongest that belong to it: the width of a Hann window's main lobe."""
+
+_FAINT = 0.1
 """Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
 
 _TURN = 0.05
-"""A sweep has turned when the frequency moves back by this fraction of its range."""
+"""A sweep has turned when the frequency moves back by this fraction of its range; spectra jitter by less."""
 
 _PERIODS = 16.0
-"""Window of the refinement, in periods."""
+"""Window of the refinement, in periods: a first law may be off by a sixteenth of the frequency."""
 
 _PLACES = 500
-"""Windows of the refinement, once the law is nearly right."""
+"""Windows of the refinement, once the law is nearly right: their phases fix three numbers."""
+
+_FEWEST_PLACES = 8
+"""Windows of the refinement at least, for its three numbers."""
 
 _ROUNDS = 4
+"""Refinements at most; each leaves the square of the error."""
+
+_STILL = 1e-6
+"""A refinement by less [rad at the ends of the sweep] is the last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +84,9 @@ def find_sweeps(
     """
     time, frequency, loud, line = _ridge(history)
     if given is not None:
-        kept = np.flatnonzero(loud)
-        if not len(kept):
+        if not loud.any():
             raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
-        return (Sweep(float(time[kept[0]]), float(time[kept[-1]]), given),)
+        return (Sweep(float(time[loud][0]), float(time[loud][-1]), given),)
     sweeps = []
     for run in _runs(frequency, loud, line):
         law = _first_law(time[run], frequency[run], kind)
@@ -84,7 +95,7 @@ def find_sweeps(
     if not sweeps:
         raise MeasurementError(
             f"{history.label}: no sweep found in the force: its frequency must rise or fall over at least "
-            f"{_FEWEST / _LOOKS:.0%} of the history; a stepped sine or a ring-down is told by test.excitation"
+            f"{_FEWEST / _LOOKS:.0%} of the history; set test.excitation for a stepped sine or a free decay"
         )
     return tuple(sweeps)
 
@@ -101,14 +112,14 @@ def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float
         samples = np.asarray(force[start : start + length], dtype=np.float64)
         power = np.abs(np.fft.rfft((samples - samples.mean()) * taper)) ** 2
         top = int(np.argmax(power[1:])) + 1
-        near = slice(max(top - 2, 0), top + 3)
+        near = slice(max(top - _NEAR, 0), top + _NEAR + 1)
         total = float(power[near].sum())
         place = np.arange(len(power))[near]
         frequency[i] = float(power[near] @ place) / total if total > 0 else 0.0
         size[i] = np.sqrt(total)
     frequency *= history.rate / length
     time = (starts + (length - 1) / 2) / history.rate
-    loud = (size > _QUIET * size.max(initial=0.0)) & (frequency > 0)
+    loud = (size > _FAINT * size.max(initial=0.0)) & (frequency > 0)
     line = history.rate / length
     return np.asarray(time, dtype=np.float64), frequency, np.asarray(loud, dtype=np.bool_), line
 
@@ -117,8 +128,8 @@ def _typical(history: TimeHistory) -> float:
     """Find a frequency that stands for the force: the mean over its spectrum [Hz]."""
     # a long history is looked at in parts, for the spectrum of the whole costs time and memory
     total, moment = 0.0, 0.0
-    for start in range(0, len(history), BLOCK):
-        power = np.abs(np.fft.rfft(history.reference[start : start + BLOCK])) ** 2
+    for block in blocks(history.reference):
+        power = np.abs(np.fft.rfft(block)) ** 2
         power[0] = 0.0
         total += float(power.sum())
         moment += float(power @ np.linspace(0, history.rate / 2, len(power)))
@@ -126,37 +137,19 @@ def _typical(history: TimeHistory) -> float:
 
 
 def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
-    """Split where the frequency turns or the force is quiet; the spectra resolve a ``line`` [Hz]."""
-    smooth = frequency.copy()
-    for i in range(1, len(frequency) - 1):
-        # a single spectrum taken in by a disturbance is no turn
-        smooth[i] = np.median(frequency[i - 1 : i + 2])
+    """Split where the frequency turns or the force is faint; the spectra resolve a ``line`` [Hz]."""
+    # a single spectrum taken in by a disturbance is no turn
+    smooth = median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
-    if not loud.any():
-        return runs
-    threshold = _TURN * float(np.ptp(smooth[loud]))
-    start, extreme, direction = -1, 0, 0
-    for i in range(len(frequency) + 1):
-        if i == len(frequency) or not loud[i]:
-            if start >= 0:
-                runs.append(np.arange(start, i))
-            start, direction = -1, 0
-            continue
-        if start < 0:
-            start = extreme = i
-            continue
-        move = smooth[i] - smooth[extreme]
-        if direction == 0:
-            direction = int(np.sign(move)) if abs(move) > threshold else 0
-            extreme = i if direction else extreme
-        elif move * direction >= 0:
-            extreme = i
-        elif abs(move) > threshold:
+    least = max(_TURN * float(np.ptp(smooth[loud])), _LINES * line) if loud.any() else 0.0
+    for stretch in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
+        turns = monotone_runs(smooth[stretch], _TURN) if loud[stretch[0]] else []
+        for number, (start, stop, _) in enumerate(turns):
             # spectra over the turn see both sides: they belong to neither run
-            runs.append(np.arange(start, extreme))
-            start, extreme, direction = extreme + 2, i, -direction
-    least = max(threshold, _LINES * line)
-    return [run for run in runs if len(run) >= _FEWEST and np.ptp(smooth[run]) > least]
+            run = stretch[start + (number > 0) : stop - (number < len(turns) - 1)]
+            if len(run) >= _FEWEST and np.ptp(smooth[run]) > least:
+                runs.append(run)
+    return runs
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
@@ -193,10 +186,10 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
             time = time[np.linspace(0, len(time) - 1, min(len(time), _PLACES)).astype(np.intp)]
         period = rate / law.frequency_at(time)
         windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
-        if len(windows) < 8:
+        if len(windows) < _FEWEST_PLACES:
             break
         law, moved = _shifted(law, force, rate, windows, end - begin)
-        if moved < 1e-6:
+        if moved < _STILL:
             break
     return law
 
@@ -236,7 +229,7 @@ def _shifted(
 
 
 def _instants(law: SweepLaw, begin: float, end: float, periods: float) -> Array:
-    """Lay instants as far apart as windows of so many periods are independent."""
+    """Lay instants as far apart as windows of n ``periods`` are independent."""
     dense = np.linspace(begin, end, 20_001)
     passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * periods / NOISE_WIDTH)
     return np.asarray(np.interp(np.arange(int(passed[-1]) + 1), passed, dense))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.history import TimeHistory
+from rsgen.history.record import sampling_rate
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
@@ -21,10 +22,6 @@ from rsgen.measurement.runs import level_of_file
 from rsgen.measurement.text_columns import read_columns
 
 __all__ = ["read_histories"]
-
-UNEVEN = 0.1
-"""An instant may be off by this fraction of a step, as rounded times in a text are."""
-_BLOCK = 2**18
 
 
 def _rows(
@@ -53,30 +50,6 @@ def _rows(
     return rows
 
 
-def _rate_of(label: str, name: int | str, time: NDArray[Any]) -> tuple[float, float]:
-    """Find rate and first instant of evenly spaced times."""
-    if len(time) < 2:
-        raise MeasurementError(f"{label}: {show(name)} has {len(time)} instants; at least two are needed")
-    first, last = float(time[0]), float(time[-1])
-    step = (last - first) / (len(time) - 1)
-    if not step > 0:
-        raise MeasurementError(
-            f"{label}: {show(name)} does not rise; instants one after the other are needed"
-        )
-    for begin in range(0, len(time), _BLOCK):
-        part = time[begin : begin + _BLOCK]
-        off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
-        # a NaN is off as well
-        bad = ~(off <= UNEVEN * step)
-        if bad.any():
-            place = begin + int(np.argmax(bad)) + 1
-            raise MeasurementError(
-                f"{label}: {show(name)}: sample {place} is off the even spacing of {step:g} s; "
-                "evenly sampled histories are needed (resample it)"
-            )
-    return 1 / step, first
-
-
 def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
     distinct = np.unique(values)
     if len(distinct) != 1 or not (np.isfinite(distinct[0]) and distinct[0] > 0):
@@ -102,7 +75,7 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     other = _rows(test.response_files[number], test, [response], None, findings) if apart else rows
     start = 0.0
     if rule.time is not None:
-        rate, start = _rate_of(label, rule.time, rows[rule.time])
+        rate, start = sampling_rate(rows[rule.time], f"{label}: {show(rule.time)}")
         rate, start = rate / rule.factor, start * rule.factor
     elif rule.rate_column is not None:
         rate = _rate_in(label, rule.rate_column, rows[rule.rate_column]) * rule.factor

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,44 +176,21 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     )
 
 
-def _joined(surfaces: list[ResponseSurface]) -> ResponseSurface:
-    """Put the points of several surfaces into one."""
-    if len(surfaces) == 1:
-        return surfaces[0]
-
-    def column(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(surface, name) for surface in surfaces])
-
-    return ResponseSurface(
-        level=column("level"),
-        frequency=column("frequency"),
-        force=column("force"),
-        harmonics=column("harmonics"),
-        peak=column("peak"),
-        sweep=column("sweep"),
-        outcome=column("outcome"),
-        residual=column("residual"),
-        error=column("error"),
-        findings=tuple(dict.fromkeys(finding for surface in surfaces for finding in surface.findings)),
-    )
-
-
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this room and must start quickly
-    from rsgen.history import demodulate_sweep, fit_steps, follow_decay, record_findings
+    from rsgen.history import from_free_decay, from_stepped_sine, from_swept_sine, record_findings
     from rsgen.measurement.histories import read_histories
 
     histories = read_histories(test)
     given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
     if rule.excitation == "swept-sine":
-        surface = demodulate_sweep(
+        surface = from_swept_sine(
             histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
         )
     elif rule.excitation == "stepped-sine":
-        surface = fit_steps(histories, band=rule.band, **given)
+        surface = from_stepped_sine(histories, band=rule.band, **given)
     else:
-        decays = [follow_decay(history, mass=rule.mass, band=rule.band, **given) for history in histories]
-        surface = _joined([decay.surface() for decay in decays])
+        surface = from_free_decay(histories, mass=rule.mass, band=rule.band, **given)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]
     return replace(surface, findings=(*records, *surface.findings))
 

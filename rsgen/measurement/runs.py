@@ -11,6 +11,7 @@ from rsgen.errors import MeasurementError
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.plan import MeasuredTest
+from rsgen.surface.directions import group_forces
 
 __all__ = ["group_levels", "level_of_file"]
 
@@ -37,13 +38,8 @@ def group_levels(force: NDArray[np.float64], spread: float) -> NDArray[np.float6
     >>> group_levels(np.array([1.0, 1.02, 2.0, 0.99]), 0.1).tolist()
     [1.0, 1.0, 2.0, 1.0]
     """
-    order = np.argsort(force, kind="stable")
-    ordered = force[order]
-    group = np.concatenate(([0], np.cumsum(np.diff(ordered) > spread * ordered[:-1])))
-    medians = np.array([np.median(ordered[group == number]) for number in range(int(group[-1]) + 1)])
-    level = np.empty(len(force))
-    level[order] = medians[group]
-    return level
+    group = group_forces(force, spread)
+    return np.array([np.median(force[group == number]) for number in range(int(group.max()) + 1)])[group]
 
 
 def level_of_file(test: MeasuredTest, number: int) -> float | None:

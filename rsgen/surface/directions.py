@@ -1,4 +1,4 @@
-"""The sweep direction of every test point, from the order of the frequencies."""
+"""Sweep direction and level of every test point, from the order of the frequencies and from like forces."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["recognise_directions"]
+__all__ = ["group_forces", "monotone_runs", "recognise_directions"]
 
 TURN = 0.02
 """A sweep has turned when the frequency moves back by this fraction of the block's range; less is jitter."""
@@ -17,16 +17,35 @@ MOST_RUNS = 8
 """Up to this number of runs may be short all the same: a few points at some levels."""
 
 
-def _runs(frequency: NDArray[np.float64]) -> list[tuple[int, int, str]]:
-    """Split one block into monotone runs: (start, stop, direction)."""
-    n = len(frequency)
-    span = float(np.ptp(frequency))
-    if n < 2 or span == 0:
-        return [(0, n, "rest")]
-    threshold = TURN * span
+def group_forces(force: NDArray[np.float64], spread: float) -> NDArray[np.intp]:
+    """Number the groups of like forces (n,) [N]; in ascending order, a gap of more than ``spread`` parts two.
+
+    Examples
+    --------
+    >>> group_forces(np.array([1.0, 1.02, 2.0, 0.99]), 0.1).tolist()
+    [0, 0, 1, 0]
+    """
+    order = np.argsort(force, kind="stable")
+    ordered = force[order]
+    group = np.zeros(len(force), dtype=np.intp)
+    group[order[1:]] = np.cumsum(np.diff(ordered) > spread * ordered[:-1])
+    return group
+
+
+def monotone_runs(frequency: NDArray[np.float64], turn: float) -> list[tuple[int, int, str]]:
+    """Split where the frequency (n,) turns back by a fraction of its range: (start, stop, direction).
+
+    Examples
+    --------
+    >>> monotone_runs(np.array([1.0, 2.0, 2.99, 3.0, 2.99, 1.5]), 0.02)
+    [(0, 4, 'up'), (4, 6, 'down')]
+    """
+    threshold = turn * float(np.ptp(frequency)) if len(frequency) else 0.0
+    if threshold == 0:
+        return [(0, len(frequency), "rest")]
     runs: list[tuple[int, int, str]] = []
     start, extreme, direction = 0, 0, ""
-    for i in range(1, n):
+    for i in range(1, len(frequency)):
         move = frequency[i] - frequency[extreme]
         if direction == "":
             if abs(move) >= threshold:
@@ -37,8 +56,7 @@ def _runs(frequency: NDArray[np.float64]) -> list[tuple[int, int, str]]:
             # the turning point still belongs to the run that reached it
             runs.append((start, extreme + 1, direction))
             start, extreme, direction = extreme + 1, i, ("up" if move > 0 else "down")
-    runs.append((start, n, direction or "rest"))
-    return runs
+    return [*runs, (start, len(frequency), direction or "rest")]
 
 
 def recognise_directions(
@@ -74,7 +92,7 @@ def recognise_directions(
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(frequency)]
     count = 0
     for left, right in pairwise(edges):
-        for start, stop, direction in _runs(frequency[left:right]):
+        for start, stop, direction in monotone_runs(frequency[left:right], TURN):
             directions[left + start : left + stop] = direction
             count += 1
     if count > max(MOST_RUNS, SHORTEST * len(frequency)):

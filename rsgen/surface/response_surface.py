@@ -30,7 +30,7 @@ OUTCOMES = (
 )
 """What became of a test point; the table stores the index."""
 
-_NOT_MEASURED = 5
+SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
 
 SWEEPS = ("rest", "up", "down")
 

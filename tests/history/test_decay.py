@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rsgen.errors import MeasurementError
-from rsgen.history import SweepLaw, TimeHistory, demodulate_sweep, follow_decay
+from rsgen.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
 from rsgen.law.element import make_element
 from rsgen.oscillator import Oscillator
 from tests.oracles.swept import sweep
@@ -70,12 +70,12 @@ def test_without_mass_all_is_per_mass_and_no_force_is_made_up() -> None:
     found = follow_decay(history)
     np.testing.assert_allclose(found.stiffness, STIFFNESS / MASS, rtol=1e-4)
     with pytest.raises(MeasurementError, match=r"tap.csv: .* give the mass"):
-        found.surface()
+        from_free_decay(history)
 
 
 def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     found = follow_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
-    surface = found.surface()
+    surface = from_free_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
     dynamic = surface.force / surface.harmonics[:, 1]
     np.testing.assert_allclose(dynamic.real + MASS * surface.omega**2, found.stiffness, rtol=1e-12)
     np.testing.assert_allclose(dynamic.imag / surface.omega, found.damping, rtol=1e-9)
@@ -88,7 +88,7 @@ def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:
     def differ(kn: float) -> tuple[float, float]:
         law = make_element("all", "k*x + kn*x**3 + c*v")
         o = Oscillator(MASS, (law,), {"k": STIFFNESS, "kn": kn, "c": 1.9})
-        return free.differ(demodulate_sweep(sweep(o, 0.8, SweepLaw("linear", 9.0, 0.02), 11.0, RATE)))
+        return free.differ(from_swept_sine(sweep(o, 0.8, SweepLaw("linear", 9.0, 0.02), 11.0, RATE)))
 
     k, c = differ(-2e6)
     assert k < 1e-3

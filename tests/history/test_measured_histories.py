@@ -11,7 +11,7 @@ import pytest
 
 from rsgen import identify
 from rsgen.case import load_case
-from rsgen.history import TimeHistory, demodulate_sweep
+from rsgen.history import TimeHistory, from_swept_sine
 from rsgen.measurement import read_measurement
 from rsgen.measurement.histories import read_histories
 from rsgen.oscillator import Oscillator
@@ -34,7 +34,7 @@ def needs(folder: str) -> pytest.MarkDecorator:
 
 def uncorrected(history: TimeHistory) -> ResponseSurface:
     """The envelopes as they are: with hardly any mass the sweep asks for no force."""
-    return demodulate_sweep(history, band=(6.6, 8.2), mass=1e-9, harmonics=1)
+    return from_swept_sine(history, band=(6.6, 8.2), mass=1e-9, harmonics=1)
 
 
 def peak(surface: ResponseSurface) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import cont2discrete, lfilter
 
 from rsgen.errors import MeasurementError
-from rsgen.history import TimeHistory, fit_steps
+from rsgen.history import TimeHistory, from_stepped_sine
 from rsgen.history.sine import fit_sine, refine_frequency
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
@@ -31,7 +31,7 @@ def stepped(frequencies: np.ndarray, levels: np.ndarray, dwell: float) -> tuple[
 def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -> None:
     frequencies = np.concatenate([np.linspace(9, 11, 21), np.linspace(10.9, 9, 20)])
     force, x = stepped(frequencies, np.full(41, 3.0), 30)
-    surface = fit_steps(TimeHistory(RATE, force, x))
+    surface = from_stepped_sine(TimeHistory(RATE, force, x))
     assert len(surface) == 41
     np.testing.assert_allclose(surface.frequency, frequencies, rtol=1e-8)
     assert surface.sweep.tolist() == ["up"] * 21 + ["down"] * 20
@@ -45,7 +45,7 @@ def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -
 def test_steps_of_level_at_one_frequency_are_told_apart() -> None:
     levels = np.array([1.0, 2.0, 4.0, 2.0])
     force, x = stepped(np.full(4, 10.0), levels, 30)
-    surface = fit_steps(TimeHistory(RATE, force, x))
+    surface = from_stepped_sine(TimeHistory(RATE, force, x))
     np.testing.assert_allclose(np.abs(surface.force), levels, rtol=1e-4)
     assert surface.level.tolist() == levels.tolist()
 
@@ -54,7 +54,7 @@ def test_noise_neither_makes_nor_hides_steps() -> None:
     frequencies = np.linspace(9, 11, 41)  # 0.5 % apart
     force, x = stepped(frequencies, np.full(41, 3.0), 20)
     noise = np.random.default_rng(3).normal(size=(2, len(x)))
-    surface = fit_steps(
+    surface = from_stepped_sine(
         TimeHistory(RATE, force + 0.01 * np.std(force) * noise[0], x + 0.01 * np.std(x) * noise[1])
     )
     assert len(surface) == 41
@@ -64,7 +64,7 @@ def test_noise_neither_makes_nor_hides_steps() -> None:
 def test_steps_too_short_to_settle_are_marked() -> None:
     # the response settles in 1/(zeta omega) = 1.6 s; these steps last 3 s
     force, x = stepped(np.linspace(9, 11, 11), np.full(11, 3.0), 3)
-    surface = fit_steps(TimeHistory(RATE, force, x))
+    surface = from_stepped_sine(TimeHistory(RATE, force, x))
     near = np.abs(surface.frequency - 10) < 0.3
     assert len(surface) == 11
     assert not surface.settled[near].any()
@@ -78,7 +78,7 @@ def test_quantities_and_harmonics(quantity: str, power: int) -> None:
     shape = np.array([0.0, 1e-3, 2e-4j, -1e-4])
     turn = np.exp(1j * omega * np.arange(4)[:, None] * t)
     response = ((1j * omega * np.arange(4))[:, None] ** power * shape[:, None] * turn).sum(0).real
-    surface = fit_steps(TimeHistory(RATE, np.cos(omega * t), response, quantity))
+    surface = from_stepped_sine(TimeHistory(RATE, np.cos(omega * t), response, quantity))
     found = surface.harmonics[0] / (surface.force[0] / np.abs(surface.force[0])) ** np.arange(6)
     np.testing.assert_allclose(found[1:4], shape[1:], rtol=1e-6, atol=1e-12)
     assert np.isnan(found[0]) == (power > 0)
@@ -86,9 +86,9 @@ def test_quantities_and_harmonics(quantity: str, power: int) -> None:
 
 def test_no_steps_are_refused() -> None:
     with pytest.raises(MeasurementError, match="no step found"):
-        fit_steps(TimeHistory(RATE, np.zeros(4000), np.zeros(4000)))
+        from_stepped_sine(TimeHistory(RATE, np.zeros(4000), np.zeros(4000)))
     with pytest.raises(MeasurementError, match="no force"):
-        fit_steps(TimeHistory(RATE, None, np.zeros(4000)))
+        from_stepped_sine(TimeHistory(RATE, None, np.zeros(4000)))
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)

@@ -1,0 +1,166 @@
+"""Findings about sweeps: their pace at resonances, other modes in the band, harmonics of the force."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.finding import Finding, Quantity
+from rsgen.history.sensor import Kinematics
+
+__all__ = ["SweptPoints", "distorted_forces", "fast_sweeps", "other_modes"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_OTHER = 0.3
+"""Another maximum this high, relative to the highest, is reported ..."""
+
+_VALLEY = 0.5
+"""... where the receptance falls to this fraction of it between the two."""
+
+_APART = 0.04
+"""Nearer to the highest maximum than this, relatively, another one is of the same mode."""
+
+_HALF_POWER = 0.7
+"""Points down to this fraction of the highest receptance are the resonance; a single point may be noise."""
+
+_SLOW = 0.1
+"""rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
+
+_FAST = 10.0
+"""rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
+
+_DISTORTED = 0.05
+"""Harmonics of the force, relative to its fundamental, from which on they are reported."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweptPoints:
+    """The n points of one sweep.
+
+    Parameters
+    ----------
+    label, level, direction
+        Of the history: its name, nominal level [N] or None, "up" or "down".
+    force
+        (n,) fundamental of the force [N].
+    motion
+        Of the fundamental.
+    harmonics
+        (n, H+1) displacement [m].
+    rate
+        (n,) of the sweep [Hz/s], positive.
+    flattened, smoothed
+        (n,) relative difference of A/X and of X between two windows.
+    distortion
+        Harmonics of the force over its fundamental.
+    """
+
+    label: str
+    level: float | None
+    direction: str
+    force: ComplexArray
+    motion: Kinematics
+    harmonics: ComplexArray
+    rate: Array
+    flattened: Array
+    smoothed: Array
+    distortion: float
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.force)
+
+
+def _sweep_by_sweep(
+    parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]
+) -> Iterator[tuple[SweptPoints, NDArray[np.intp], slice, Array]]:
+    """Each sweep that has good points: which of its points, where it stands in all, and their receptance."""
+    begin = 0
+    for part in parts:
+        here = slice(begin, begin + len(part))
+        chosen = np.flatnonzero(good[here])
+        if len(chosen):
+            yield part, chosen, here, np.abs(part.motion.displacement / steady[here])[chosen]
+        begin += len(part)
+
+
+def fast_sweeps(
+    parts: list[SweptPoints],
+    steady: ComplexArray,
+    damping: Array,
+    good: NDArray[np.bool_],
+    mass: float,
+    *,
+    given: bool,
+) -> list[Finding]:
+    """Judge the sweeps at their resonances: a finding about the fastest, none where all are slow.
+
+    Parameters
+    ----------
+    parts
+        The sweeps; their points one after the other are those of the arrays.
+    steady, damping, good
+        (n,) corrected force [N], c(X) [N s/m], and which points are used.
+    mass
+        [kg], ``given`` or from the sweeps.
+    """
+    worst, findings = _SLOW, []
+    for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):
+        top = chosen[size > _HALF_POWER * size.max()]
+        width = float(np.median(damping[here][top])) / (4 * pi * mass)
+        rate = float(np.median(part.rate[top]))
+        pace = rate / width**2 if width > 0 else np.inf
+        if pace <= worst:
+            continue
+        worst = pace
+        change = float(np.median(np.abs(part.force[top] / steady[here][top] - 1)))
+        numbers = {
+            "rate": Quantity(rate, "Hz/s"),
+            "resonance": Quantity(float(np.median(part.motion.omega[top])) / (2 * pi), "Hz"),
+            "half_width": Quantity(width, "Hz"),
+            "pace": Quantity(pace),
+            "shift": Quantity(pace / (2 * pi)),
+            "correction": Quantity(change),
+            "mass": Quantity(mass, "kg"),
+            "proved_up_to": Quantity(_FAST),
+        }
+        origin = "given" if given else "from the sweeps themselves"
+        names = {"record": part.label, "direction": part.direction, "mass": origin}
+        findings = [Finding("sweep-fast", "info" if pace <= _FAST else "warning", "", numbers, names)]
+    return findings
+
+
+def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]) -> list[Finding]:
+    """Find another maximum of the receptance, in the first sweep that has one."""
+    for part, chosen, _, size in _sweep_by_sweep(parts, steady, good):
+        omega = part.motion.omega[chosen]
+        order = np.argsort(omega, kind="stable")
+        omega, size = omega[order], size[order]
+        top = int(np.argmax(size))
+        for places in (np.arange(top, -1, -1), np.arange(top, len(size))):
+            side = size[places]
+            away = np.abs(omega[places] / omega[top] - 1) > _APART
+            # the lowest place on the way out
+            valley = np.minimum.accumulate(side)
+            height = np.where(away & (side > _OTHER * size[top]) & (valley < _VALLEY * side), side, 0.0)
+            if height.any():
+                f = Quantity(float(omega[places[int(np.argmax(height))]]) / (2 * pi), "Hz")
+                return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
+    return []
+
+
+def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
+    """Find the sweeps whose force is no sine."""
+    return [
+        Finding(
+            "force-distorted", "info", "", {"harmonics": Quantity(part.distortion)}, {"record": part.label}
+        )
+        for part in parts
+        if part.distortion > _DISTORTED
+    ]

@@ -1,0 +1,140 @@
+"""From arrays to a surface in two lines, through the public ``rsgen.history`` alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+import rsgen as rs
+
+MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
+RATE = 500.0
+TIME = np.arange(0, 200, 1 / RATE)
+
+SAMPLED = 5e-3
+"""Straight lines between 50 samples a period, by which the response is simulated."""
+
+
+def response_to(force: np.ndarray, quantity: str = "displacement") -> np.ndarray:
+    """Exact motion of a linear oscillator from rest under a force that is straight between samples."""
+    order = {"displacement": [1.0], "velocity": [1.0, 0.0], "acceleration": [1.0, 0.0, 0.0]}[quantity]
+    above, below, _ = cont2discrete((order, [MASS, DAMPING, STIFFNESS]), 1 / RATE, "foh")
+    return lfilter(above.ravel(), below, force)
+
+
+def assert_is_the_oscillator(surface: rs.ResponseSurface) -> None:
+    used = surface.select(surface.settled)
+    dynamic = used.force / used.harmonics[:, 1]
+    near = np.abs(dynamic.real) < np.abs(dynamic.imag)
+    assert np.count_nonzero(near) > 3
+    np.testing.assert_allclose((dynamic.real + MASS * used.omega**2)[near], STIFFNESS, rtol=SAMPLED)
+    np.testing.assert_allclose((dynamic.imag / used.omega)[near], DAMPING, rtol=SAMPLED)
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_a_swept_sine(quantity: str) -> None:
+    force = 2 * np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME)
+    history = rs.history.TimeHistory(RATE, force, response_to(force, quantity), quantity)
+    surface = rs.history.from_swept_sine(history)
+    assert_is_the_oscillator(surface)
+    assert surface.levels.tolist() == [2.0]
+    assert set(surface.sweep) == {"up"}
+
+
+def test_a_stepped_sine() -> None:
+    frequency = np.repeat(np.linspace(9.5, 10.5, 21), len(TIME) // 10)
+    force = 2 * np.cos(np.cumsum(2 * np.pi * frequency / RATE))
+    time = np.arange(len(force)) / RATE + 3.0
+    history = rs.history.TimeHistory.from_times(time, force, response_to(force, "velocity"), "velocity")
+    surface = rs.history.from_stepped_sine(history)
+    assert_is_the_oscillator(surface)
+    np.testing.assert_allclose(surface.frequency, np.linspace(9.5, 10.5, 21), rtol=1e-6)
+
+
+def test_free_decays() -> None:
+    free = response_to(np.where(TIME < 50, np.cos(20 * np.pi * TIME), 0.0))[int(50 * RATE) :]
+    histories = [rs.history.TimeHistory(RATE, None, size * free[: int(15 * RATE)]) for size in (1, 2)]
+    surface = rs.history.from_free_decay(histories, mass=MASS)
+    assert_is_the_oscillator(surface)
+    assert surface.levels[1] == pytest.approx(2 * surface.levels[0], rel=5e-3)
+
+
+def test_three_surfaces_identify_one_oscillator() -> None:
+    force = 2 * np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME)
+    surface = rs.history.from_swept_sine(rs.history.TimeHistory(RATE, force, response_to(force)))
+    model = rs.Model((rs.make_element("all", "k*x + c*v"),))
+    found = {estimate.name: estimate.value for estimate in rs.identify(surface, model).refined}
+    assert found == pytest.approx({"k": STIFFNESS, "c": DAMPING, "m": MASS}, rel=SAMPLED)
+
+
+def test_the_package_shows_what_is_meant_and_no_more() -> None:
+    assert dir(rs.history) == sorted(rs.history.__all__)
+    assert "history" in dir(rs)
+    for name in rs.history.__all__:
+        assert getattr(rs.history, name).__doc__
+
+
+SINE = np.cos(20 * np.pi * TIME)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda h: h.TimeHistory.from_times(TIME**2, SINE, SINE), "sample 2 is off the even spacing"),
+        (lambda h: h.TimeHistory.from_times(TIME[:-1], SINE, SINE), "instants, 100000 samples"),
+        (lambda h: h.TimeHistory.from_times(-TIME, SINE, SINE), "does not rise"),
+        (lambda h: h.TimeHistory("fast", SINE, SINE), "a number of Hz is needed"),
+        (lambda h: h.TimeHistory(RATE, SINE, np.where(TIME == 1, np.nan, SINE)), "sample 501 is not finite"),
+        (lambda h: h.TimeHistory(RATE, SINE, 1e40 * SINE), "not finite, or above 1e"),
+        (lambda h: h.TimeHistory(RATE, SINE, SINE[1:]), "100000 samples of force, 99999 of response"),
+        (lambda h: h.TimeHistory(RATE, SINE[:9], SINE[:9]), "9 samples; at least 16"),
+        (lambda h: h.from_swept_sine([]), "swept sine: one TimeHistory or more"),
+        (lambda h: h.from_swept_sine(h.TimeHistory(RATE, SINE, SINE)), "no sweep found in the force"),
+        (lambda h: h.from_swept_sine(h.TimeHistory(RATE, SINE, SINE), mass=-1.0), "mass: -1.0 kg"),
+        (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(9, 2)), "lowest, highest"),
+        (
+            lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(2, 9)),
+            "no step .* in the band",
+        ),
+        (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), harmonics=0), "must be 1 or more"),
+        (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE)), "give the mass"),
+        (lambda h: h.from_free_decay(h.TimeHistory(RATE, SINE, SINE), mass=1.0), "force does not end"),
+        (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE[:100]), mass=1.0), "too short|stand out"),
+    ],
+)
+def test_faults_are_sentences(make: object, message: str) -> None:
+    with pytest.raises(rs.RsgenError, match=message):
+        make(rs.history)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_record_ends_in_a_traceback(seed: int) -> None:
+    """Any record of any test gives a surface or a sentence."""
+    random = np.random.default_rng(seed)
+    for _ in range(25):
+        n = int(10 ** random.uniform(1.3, 3.7))
+        i, f = np.arange(n), random.uniform(1e-3, 0.5)
+        records = [
+            np.zeros(n),
+            random.normal(size=n),
+            np.cos(2 * np.pi * f * i),
+            np.cos(2 * np.pi * (f + random.uniform(-0.2, 0.2) * i / n) * i),
+            np.exp(-5 * i / n) * np.cos(2 * np.pi * f * i),
+            np.where(i < n // 2, np.cos(2 * np.pi * f * i), 0),
+            np.where(i == n // 3, 1.0, 0.0),
+            random.integers(-3, 3, n),
+            1e-300 * np.cos(2 * np.pi * f * i),
+        ]
+        force, response = (records[k] for k in random.integers(0, len(records), 2))
+        history = rs.history.TimeHistory(100.0, force, response, "acceleration")
+        for surface_of in (rs.history.from_swept_sine, rs.history.from_stepped_sine, follow):
+            try:
+                outcome = str(type(surface_of(history)))
+            except rs.RsgenError as fault:
+                outcome = str(fault)
+            assert outcome.startswith(("time history: ", "<class 'rsgen.surface"))
+
+
+def follow(history: rs.history.TimeHistory) -> rs.ResponseSurface:
+    return rs.history.from_free_decay(history, mass=1.0)
