@@ -3,6 +3,12 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
+# measured data that lie beside the checkout; an empty RSGEN_DATA leaves them out
+ifeq ($(origin RSGEN_DATA),undefined)
+RSGEN_DATA := $(wildcard $(abspath ../shared/data))
+endif
+export RSGEN_DATA
+
 .DEFAULT_GOAL := help
 .PHONY: help reports test fast bench clean
 
@@ -18,7 +24,8 @@ $(READY): pyproject.toml
 reports: $(READY) ## run every case and leave reports/index.html
 	$(BIN)/rsgen run cases
 
-test: $(READY) ## run every check: format, lint, types, floors, tests, doctests
+test: $(READY) ## run every check: format, lint, types, imports, tests, doctests
+	@tests/fetch_tools.sh .venv
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,17 +19,12 @@ from rsgen.surface import ResponseSurface
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[1] / "cases"
-DATA = Path(os.environ.get("RSGEN_DATA") or Path(__file__).parents[3] / "shared" / "data")
 
 PREDICTED_FREQUENCY, PREDICTED_PEAK = 5e-3, 0.10
 """The figures of the requirement for a level that identification has not seen."""
 
 SAME_LAW = 0.03
 """The figure of the requirement for k(X) and c(X) of the hysteretic benchmark."""
-
-
-def needs(folder: str) -> pytest.MarkDecorator:
-    return pytest.mark.skipif(not (DATA / folder).is_dir(), reason=f"no {folder}/ in {DATA}")
 
 
 def uncorrected(history: TimeHistory) -> ResponseSurface:
@@ -47,11 +42,10 @@ def peak(surface: ResponseSurface) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-@needs("f16")
-def test_a_level_of_the_f16_is_predicted_from_the_others() -> None:
+def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data: Callable[[str], Path]) -> None:
     # the identified mode is driven by the measured force of the held-out sweep, and its response treated as
     # the measured one: nothing of the correction for the pace of the sweep enters the comparison
-    case = load_case(CASES / "f16.toml", data=DATA)
+    case = load_case(CASES / "f16.toml", data=measured_data("f16").parent)
     found = identify(read_measurement(case.test), case.model)
     oscillator = Oscillator(
         found.mass, case.model.elements, {e.name: e.value for e in found.refined if e.name != "m"}
@@ -93,9 +87,10 @@ def hysteresis(X: np.ndarray) -> np.ndarray:
     return 2 / samples * total / X
 
 
-@needs("bouc_wen")
-def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law() -> None:
-    case = load_case(CASES / "bouc_wen.toml", data=DATA)
+def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(
+    measured_data: Callable[[str], Path],
+) -> None:
+    case = load_case(CASES / "bouc_wen.toml", data=measured_data("bouc_wen").parent)
     surface = read_measurement(case.test)
     surface = surface.select(surface.settled).select(np.arange(0, int(surface.settled.sum()), 8))
     dynamic = surface.force / surface.harmonics[:, 1]

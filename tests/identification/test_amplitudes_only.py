@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,6 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
-
-DATA = Path(os.environ.get("RSGEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}
 """Three harmonics are carried; the quintic law bends the waveform most."""
@@ -88,17 +86,17 @@ def test_a_test_that_is_not_calibrated_says_so():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (DATA / "frid_clamp").is_dir(),
-    reason="the measured clamp is not here; set RSGEN_DATA to the folder that holds frid_clamp",
-)
-def test_the_clamped_beam_has_the_published_backbone():
-    case = load_case(Path(__file__).parents[1] / "cases" / "clamp.toml", data=DATA)
+def test_the_clamped_beam_has_the_published_backbone(measured_data: Callable[[str], Path]):
+    case = load_case(
+        Path(__file__).parents[1] / "cases" / "clamp.toml", data=measured_data("frid_clamp").parent
+    )
     seen = read_measurement(case.test)
     assert not seen.phase_known
     found = identify(seen, case.model)
     assert found.residual < 0.02
-    published, size = np.loadtxt(DATA / "frid_clamp" / "clamp_cons_backbone.csv", delimiter=",", skiprows=1).T
+    published, size = np.loadtxt(
+        measured_data("frid_clamp/clamp_cons_backbone.csv"), delimiter=",", skiprows=1
+    ).T
     # from the lowest to the highest resonance: below, the test saw no resonance
     peaks = [seen.amplitude[seen.level == level].max() for level in seen.levels]
     crossed = (size > min(peaks)) & (size < max(peaks))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,6 @@ from rsgen.observation import Observation
 from rsgen.prediction import predict
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
-
-DATA = Path(os.environ.get("RSGEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 EXACT = 2e-5
 """Steady states are exact to 1e-7 of the amplitude; a background lets that grow."""
@@ -154,12 +152,8 @@ def test_a_model_says_what_a_background_may_be():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (DATA / "wire" / "example6.txt").is_file(),
-    reason="the measured wire is not here; set RSGEN_DATA to the folder that holds wire/example6.txt",
-)
-def test_the_vibrating_wire_beside_its_background():
-    case = load_case(Path(__file__).parents[1] / "cases" / "wire.toml", data=DATA)
+def test_the_vibrating_wire_beside_its_background(measured_data: Callable[[str], Path]):
+    case = load_case(Path(__file__).parents[1] / "cases" / "wire.toml", data=measured_data("wire").parent)
     table = read_measurement(case.test)
     found = identify(table, case.model)
     assert len(found.levels) == 11

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -17,8 +17,6 @@ from rsgen.measurement import read_measurement
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
-
-DATA = Path(os.environ.get("RSGEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 READINGS, NOISE = 8, 0.01
 
@@ -104,12 +102,8 @@ def test_a_wrong_law_is_told_from_noise(cubic):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (DATA / "nlbeam" / "forced_data.mat").is_file(),
-    reason="the measured beam is not here; set RSGEN_DATA to the folder that holds nlbeam/forced_data.mat",
-)
-def test_the_beam_with_fifty_readings_a_point():
-    case = load_case(Path(__file__).parents[1] / "cases" / "nlbeam.toml", data=DATA)
+def test_the_beam_with_fifty_readings_a_point(measured_data: Callable[[str], Path]):
+    case = load_case(Path(__file__).parents[1] / "cases" / "nlbeam.toml", data=measured_data("nlbeam").parent)
     table = read_measurement(case.test)
     assert len(table) == 8000
     # four parameters beside the mass; the exponent costs a search that the errors do not need

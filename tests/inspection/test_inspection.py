@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import signal
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,6 @@ from rsgen.measurement.text_columns import read_columns, text_lines
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
-DATA = Path(os.environ.get("RSGEN_DATA") or ROOT.parent / "shared" / "data")
 MEASURED = sorted(
     file for file in FORMATS.iterdir() if file.suffix not in (".toml", ".py") and file.is_file()
 )
@@ -169,11 +168,19 @@ def test_every_text_survives_toml() -> None:
     assert tomllib.loads(proposal_text(Proposal({"test": {"file": "a\udcff"}})))["test"]["file"] == "a\ufffd"
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (DATA / "uff").glob("*.uff")) or [""])
-def test_universal_files_of_others(name: str) -> None:
-    if not name:
-        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
-    contents = list_contents(DATA / "uff" / name)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Sample_UFF58_ascii",
+        "Sample_UFF58b_bin",
+        "binary8byte",
+        "non_ascii_header",
+        "sample_dataset58_psd",
+        "time-history-not-all-columns-filled",
+    ],
+)
+def test_universal_files_of_others(name: str, measured_data: Callable[[str], Path]) -> None:
+    contents = list_contents(measured_data(f"uff/{name}.uff"))
     assert contents.format == "uff"
     faults = [entry.fault for entry in contents.entries]
     if "psd" in name:
@@ -183,13 +190,11 @@ def test_universal_files_of_others(name: str) -> None:
         assert contents.entries[0].order == "rising"
 
 
-def test_ascii_and_binary_of_one_record_agree() -> None:
-    if not (DATA / "uff").is_dir():
-        pytest.skip("uff: not here; RSGEN_DATA names the folder of measured data")
+def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Path]) -> None:
     from rsgen.measurement.sandbox import read_binary
 
     first, second = (
-        read_binary(DATA / "uff" / name, "uff", ["1/abscissa", "1/ordinate"])
+        read_binary(measured_data(f"uff/{name}"), "uff", ["1/abscissa", "1/ordinate"])
         for name in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff")
     )
     np.testing.assert_allclose(first[0][0].values, second[0][0].values, rtol=1e-12)
@@ -197,17 +202,15 @@ def test_ascii_and_binary_of_one_record_agree() -> None:
     np.testing.assert_allclose(first[1][0].values, second[1][0].values, rtol=1e-5)
 
 
-def test_real_files_are_understood() -> None:
-    if not (DATA / "f16").is_dir():
-        pytest.skip("f16, nlbeam, wire: not here; RSGEN_DATA names the folder of measured data")
-    f16 = proposed(DATA / "f16" / "F16Data_SineSw_Level1.mat")
+def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None:
+    f16 = proposed(measured_data("f16/F16Data_SineSw_Level1.mat"))
     assert f16["time"] == {"rate_column": "Fs"}
     assert f16["force"]["samples"] == "Force"
     assert f16["response"]["samples"] == "Acceleration[1]"
-    beam = proposed(DATA / "nlbeam" / "forced_data.mat")
+    beam = proposed(measured_data("nlbeam/forced_data.mat"))
     assert beam["response"]["real"] == "forced_data/Data/X1__V_/data"
     assert beam["response"]["imaginary"] == "forced_data/Data/Y1__V_/data"
-    wire = proposed(DATA / "wire" / "example6.txt")
+    wire = proposed(measured_data("wire/example6.txt"))
     assert (wire["frequency"]["column"], wire["force"]["amplitude"]) == (2, 5)
     assert (wire["response"]["real"], wire["response"]["imaginary"]) == (3, 4)
 

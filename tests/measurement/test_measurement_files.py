@@ -33,7 +33,6 @@ from rsgen.surface import ResponseSurface
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
 CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "binary.json").read_text(encoding="utf-8"))
-SHARED = ROOT.parent / "shared" / "corpus" / "hostile.json"
 # of the corpus: 2 s and 200 MB above what the reading process needs for a good file
 SECONDS = 2.0
 MEMORY_KB = 200 * 1024
@@ -440,18 +439,9 @@ ADDRESSES: dict[str, list[int | str]] = {
 }
 
 
-def entries() -> list[dict[str, str]]:
-    found = {entry["id"]: entry for entry in CORPUS}
-    if SHARED.is_file():
-        shared = json.loads(SHARED.read_text(encoding="utf-8"))
-        kinds = {entry["kind"] for entry in CORPUS}
-        found |= {entry["id"]: entry for entry in shared if entry["kind"] in kinds}
-    return list(found.values())
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="work and memory of a process are counted as Linux does")
 @pytest.mark.usefixtures("_warm")
-@pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry["id"])
+@pytest.mark.parametrize("entry", CORPUS, ids=lambda entry: entry["id"])
 def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
     path = tmp_path / entry["id"].removeprefix("data-")
     path.write_bytes(base64.b64decode(entry.get("input_b64", "")))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from rsgen.measurement.histories import read_histories
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
-DATA = Path(os.environ.get("RSGEN_DATA") or ROOT.parent / "shared" / "data")
 CSV = {
     entry["id"]: entry
     for entry in json.loads((Path(__file__).parents[1] / "corpus" / "csv.json").read_text(encoding="utf-8"))
@@ -201,15 +200,8 @@ def test_long_histories_are_read_quickly_and_once(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- real files, where they are
 
 
-def real(name: str) -> Path:
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"{name}: not here; RSGEN_DATA names the folder of measured data")
-    return path
-
-
-def test_ground_vibration_test() -> None:
-    files = tuple(real(f"f16/F16Data_SineSw_Level{k}.mat") for k in (1, 3))
+def test_ground_vibration_test(measured_data: Callable[[str], Path]) -> None:
+    files = tuple(measured_data(f"f16/F16Data_SineSw_Level{k}.mat") for k in (1, 3))
     test = MeasuredTest(
         files,
         None,
@@ -228,8 +220,8 @@ def test_ground_vibration_test() -> None:
     assert (low.level, high.level) == (4.8, 28.8)
 
 
-def test_nested_struct_of_a_lock_in() -> None:
-    path = real("nlbeam/forced_data.mat")
+def test_nested_struct_of_a_lock_in(measured_data: Callable[[str], Path]) -> None:
+    path = measured_data("nlbeam/forced_data.mat")
 
     def at(name: str) -> str:
         return f"forced_data/Data/{name}/data"
@@ -251,14 +243,14 @@ def test_nested_struct_of_a_lock_in() -> None:
     assert len(np.unique(surface.frequency.round(6))) == 40
 
 
-def test_input_and_output_in_files_of_their_own() -> None:
+def test_input_and_output_in_files_of_their_own(measured_data: Callable[[str], Path]) -> None:
     test = MeasuredTest(
-        (real("bouc_wen/uval_sinesweep.mat"),),
+        (measured_data("bouc_wen/uval_sinesweep.mat"),),
         None,
         Signal(samples="uval_sinesweep"),
         Signal(samples="yval_sinesweep"),
         "displacement",
-        response_files=(real("bouc_wen/yval_sinesweep.mat"),),
+        response_files=(measured_data("bouc_wen/yval_sinesweep.mat"),),
         history=HistoryRule("swept-sine", rate=750.0),
     )
     (got,) = read_histories(test)

@@ -10,7 +10,7 @@ writes the new numbers and the reason beside them; the reason says what was meas
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ import pytest
 from tests.pins.identifications import IDS, compute, read
 
 PINS = read()
+FOLDERS = {"measured/clamp": "frid_clamp"}
 
 OF_VALUE = 1e-9
 """Largest relative change of a value."""
@@ -88,7 +89,8 @@ def test_the_numbers_are_those_pinned(key: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [key for key in IDS if key.startswith("measured/")])
-def test_the_numbers_of_a_measured_test_are_those_pinned(key: str) -> None:
-    if not Path(os.environ.get("RSGEN_DATA", "")).is_dir() or "RSGEN_DATA" not in os.environ:
-        pytest.skip("RSGEN_DATA names no folder of measured data")
+def test_the_numbers_of_a_measured_test_are_those_pinned(
+    key: str, measured_data: Callable[[str], Path]
+) -> None:
+    measured_data(FOLDERS.get(key, key.removeprefix("measured/")))
     assert changes(PINS[key], compute(key)) == []

@@ -49,7 +49,7 @@ def main() -> None:
         sys.exit(f"reports/: no report of {', '.join(missing)}; `make reports` first")
     browser = find_browser()
     if browser is None:
-        sys.exit("no chromium here and none could be installed")
+        sys.exit("no chromium here")
     PICTURES.mkdir(exist_ok=True)
     for name, content in in_browser(browser, shoot).items():
         if len(content) > MOST_BYTES:

@@ -37,7 +37,9 @@ POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
 def chromium() -> str:
     found = find_browser()
     if found is None:
-        pytest.skip("no chromium here and none could be installed: the pages were not looked at in a browser")
+        pytest.skip(
+            "no chromium here: the pages were not looked at in a browser; make test installs one where it may"
+        )
     return found
 
 
@@ -132,7 +134,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:
-        pytest.skip("axe-core is not kept here and npm could not fetch it: accessibility was not judged")
+        pytest.skip("no axe-core here: accessibility was not judged; make test fetches it with npm")
 
     async def visit(page: Page) -> dict[str, Any]:
         found = {}

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ from rsgen.study.manifest import write_manifest
 from rsgen.study.run_case import current_result
 
 ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("RSGEN_DATA", ROOT.parent / "shared" / "data"))
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
 
 CASE = """\
@@ -327,13 +327,10 @@ def test_killing_the_command_keeps_the_earlier_result(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (DATA / "wire" / "example6.txt").is_file(),
-    reason="the measured wire is not here; set RSGEN_DATA to the folder that holds wire/example6.txt",
-)
-def test_the_vibrating_wire_from_file_to_report(tmp_path: Path) -> None:
+def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: Callable[[str], Path]) -> None:
+    data = measured_data("wire").parent
     path = Path(__file__).parents[1] / "cases" / "wire.toml"
-    case = load_case(path, data=DATA)
+    case = load_case(path, data=data)
     surface = read_measurement(case.test)
     # the head of the file: 12 drives, each up and down but the last, which was stopped after going up
     assert len(surface.levels) == 12
@@ -345,7 +342,7 @@ def test_the_vibrating_wire_from_file_to_report(tmp_path: Path) -> None:
         for mask in (surface.level == surface.levels[0], surface.level == surface.levels[-2])
     ]
     assert peaks[0] > peaks[1] > 1600
-    run = run_case(path, tmp_path / "out", data=DATA)
+    run = run_case(path, tmp_path / "out", data=data)
     assert run.faults == ()
     assert run.passed
     result = json.loads((run.folder / "result.json").read_text())

@@ -1,0 +1,70 @@
+"""What the tests of several packages share: small surfaces, noise, the command line, measured data."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rsgen.cli import main
+from rsgen.surface import ResponseSurface
+from tests.oracles import virtual_test
+
+
+@pytest.fixture(scope="session")
+def surface_of() -> Callable[..., ResponseSurface]:
+    """Steady states of a law of ``virtual_test.LAWS``; those without options are solved once."""
+    plain = functools.cache(virtual_test.surface)
+    return lambda law, **options: virtual_test.surface(law, **options) if options else plain(law)
+
+
+@pytest.fixture(scope="session")
+def noisy() -> Callable[[ResponseSurface, float, int], ResponseSurface]:
+    """A surface with complex Gaussian noise on force and response, relative to either."""
+    return virtual_test.noisy
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command left: its exit code, and what it wrote to standard output and to standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run_cli(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer]]:
+    """Run a command of rsgen in this process."""
+    handler = signal.getsignal(signal.SIGTERM)
+
+    def run(*words: str | Path) -> Answer:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        assert isinstance(caught.value.code, int)
+        return Answer(caught.value.code, *capsys.readouterr())
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture(scope="session")
+def measured_data() -> Callable[[str], Path]:
+    """The folder of this name in the one that RSGEN_DATA names; the test is skipped where it is not there."""
+
+    def find(name: str) -> Path:
+        folder = os.environ.get("RSGEN_DATA")
+        if not folder:
+            pytest.skip("RSGEN_DATA is not set; it names the folder of measured data")
+        path = Path(folder, name)
+        if not path.exists():
+            pytest.skip(f"{path}: not there; RSGEN_DATA names the folder of measured data")
+        return path
+
+    return find
