@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rsgen import kernel
 from rsgen.case import Case
-from rsgen.comparison import Comparison
+from rsgen.comparison import Comparison, compare
 from rsgen.errors import RsgenError
 from rsgen.figures import (
     Drawing,
@@ -25,7 +26,7 @@ from rsgen.figures import (
     draw_surface,
     draw_time_history,
 )
-from rsgen.identification import Estimate, Identification
+from rsgen.identification import Identification
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.report.index import write_index
@@ -35,23 +36,24 @@ from rsgen.report.page import render_page
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
+from rsgen.report.subject import Subject
 from rsgen.surface import ResponseSurface, save_surface
 
 __all__ = ["draw_all", "write_index", "write_report"]
 
 
 def draw_all(
-    case: Case, surface: ResponseSurface, identification: Identification, prediction: Prediction
+    subject: Subject, surface: ResponseSurface, identification: Identification, prediction: Prediction
 ) -> list[Drawing]:
-    """Draw every figure of the report; those that a case does not need are left out."""
+    """Draw every figure of the report; those that it does not need are left out."""
     drawings = [
         draw_surface(surface),
         draw_map(surface),
         draw_resonance(identification),
         draw_collapse(identification),
-        draw_stiffness(identification, case.truth),
-        draw_damping(identification, case.truth),
-        draw_forces(identification, case.truth),
+        draw_stiffness(identification, subject.truth),
+        draw_damping(identification, subject.truth),
+        draw_forces(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
     if describe_mean(surface, identification) is not None:
@@ -61,50 +63,75 @@ def draw_all(
     return drawings
 
 
-def _with_units(
-    case: Case, identification: Identification, comparison: Comparison
-) -> tuple[Identification, Comparison]:
-    """Give every estimate the unit that the case knows; identification sees laws and knows none."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """What a report is made of; ``loaded`` is the case as it was read, None without one."""
 
-    def named(estimate: Estimate) -> Estimate:
-        return estimate if estimate.unit else replace(estimate, unit=case.units.get(estimate.name, ""))
+    loaded: Case | None
+    surface: ResponseSurface
+    identification: Identification
+    comparison: Comparison
 
-    rows = tuple(
-        replace(
-            row,
-            unit=row.unit or case.units.get(row.name, ""),
-            paper=None if row.paper is None else named(row.paper),
-            first_order=None if row.first_order is None else named(row.first_order),
-            refined=named(row.refined),
-        )
-        for row in comparison.rows
-    )
-    known = replace(
-        identification,
-        paper=tuple(map(named, identification.paper)),
-        first_order=tuple(map(named, identification.first_order)),
-        refined=tuple(map(named, identification.refined)),
-    )
-    return known, replace(comparison, rows=rows)
+    @classmethod
+    def tell_apart(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
+        """Sort the arguments of ``write_report``: the one place that tells them apart by type."""
+        kinds = {
+            "case": Case,
+            "surface": ResponseSurface,
+            "identification": Identification,
+            "comparison": Comparison,
+        }
+        parts = {name: part for name, part in named.items() if part is not None}
+        for part in given:
+            name = next((name for name, kind in kinds.items() if isinstance(part, kind)), None)
+            if name is None or name in parts:
+                fault = "is none of them" if name is None else f"is a second {name}"
+                raise RsgenError(
+                    f"write_report: a {type(part).__name__} {fault}; a report is made of a ResponseSurface "
+                    "and an Identification, and of a Case and a Comparison where there are any"
+                )
+            parts[name] = part
+        missing = [name for name in ("surface", "identification") if name not in parts]
+        if missing:
+            raise RsgenError(f"write_report: {' and '.join(missing)} missing")
+        case, found = parts.get("case"), parts["identification"]
+        known = None if case is None else case.with_model(found.model)
+        judged = parts.get("comparison")
+        if judged is None:
+            judged = compare(found) if known is None else compare(found, known.truth, known.accept)
+        return cls(case, parts["surface"], found, judged)
 
 
 def write_report(
     folder: str | Path,
-    case: Case,
-    surface: ResponseSurface,
-    identification: Identification,
-    comparison: Comparison,
-    *,
+    *parts: Case | ResponseSurface | Identification | Comparison,
+    case: Case | None = None,
+    surface: ResponseSurface | None = None,
+    identification: Identification | None = None,
+    comparison: Comparison | None = None,
+    title: str = "",
+    source: str = "",
     durations: Mapping[str, float] | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
 ) -> None:
-    """Write surface.h5, kernel.py, result.json, report.html and notebook.ipynb into a folder.
+    """Write surface.h5, kernel.py, result.json and report.html into a folder; with a case also a notebook.
+
+    ``write_report(folder, surface, identification)`` is enough, by position or by name;
+    ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.
 
     Parameters
     ----------
     folder
-        Made if missing; its parent must exist. Every file is written whole or not at all.
+        Made if missing. Every file is written whole or not at all.
+    case
+        Its title, source, truth and text are shown, and notebook.ipynb is written from it.
+    surface, identification
+        The test, and what was identified from it.
+    comparison
+        None: made from the truth and the tolerances of the case.
+    title, source
+        Heading where there is no case; the title is otherwise the law.
     durations
         Seconds of the stages before, for the provenance: "surface", "identification".
     command
@@ -115,40 +142,70 @@ def write_report(
     Raises
     ------
     RsgenError
-        A file cannot be written, or a cell of the notebook failed. The notebook comes last and is saved even
-        then, so that all files are there.
+        Surface or identification are missing, a file cannot be written, or a cell of the notebook failed. The
+        notebook comes last and is saved even then, so that all files are there.
     """
+    named = {"case": case, "surface": surface, "identification": identification, "comparison": comparison}
+    given = _Parts.tell_apart(parts, named)
     started = time.perf_counter()
     place = Path(folder)
     try:
-        place.mkdir(exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
-    loaded, found, compared = case, identification, comparison
-    case = case.with_model(identification.model)
-    identification, comparison = _with_units(case, identification, comparison)
+    if given.loaded is not None:
+        subject = Subject.of_case(given.loaded, given.identification)
+    else:
+        subject = Subject.of_result(given.identification, place.resolve().name, title, source)
+    _write_files(place, subject, given, dict(durations or {}), command, figures, started)
+
+
+def _write_files(
+    place: Path,
+    subject: Subject,
+    given: _Parts,
+    spent: dict[str, float],
+    command: Sequence[str],
+    figures: str | None,
+    started: float,
+) -> None:
+    surface = given.surface
+    identification = subject.with_units(given.identification)
+    comparison = subject.with_units(given.comparison)
     save_surface(place / "surface.h5", surface)
-    write_atomic(place / "kernel.py", kernel.generate(case.model.force))
-    # where the test held the amplitude, its levels are no forces; those that the resonances needed are
-    tested = choose_levels(surface, 5) if surface.control == "force" else identification.levels.tolist()
-    levels = sorted({*tested, *(case.model.observation.hold_out if surface.control == "force" else ())})
+    write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
+    levels = _levels(surface, identification)
     prediction = predict(identification, levels, surface)
-    printed = check_printed(case, identification)
-    spent = dict(durations or {})
-    result = build_result(case, surface, identification, comparison, prediction, printed, spent)
+    printed = check_printed(subject, identification)
+    result = build_result(subject, surface, identification, comparison, prediction, printed, spent)
     write_atomic(place / "result.json", result_text(result))
-    drawings = draw_all(case, surface, identification, prediction)
+    drawings = draw_all(subject, surface, identification, prediction)
     if figures is not None:
         for drawing in drawings:
             write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(figures))
     spent["report"] = time.perf_counter() - started
-    provenance = collect_provenance(case, surface, spent, command)
-    page = render_page(case, surface, identification, comparison, prediction, printed, drawings, provenance)
+    provenance = collect_provenance(given.loaded, surface, spent, command)
+    page = render_page(
+        subject, surface, identification, comparison, prediction, printed, drawings, provenance
+    )
     write_atomic(place / "report.html", page)
+    if given.loaded is None:
+        return
+    known = known_results(
+        given.loaded, surface, given.identification, given.comparison, prediction, levels, drawings
+    )
     write_notebook(
         place / "notebook.ipynb",
-        case,
-        known_results(loaded, surface, found, compared, prediction, levels, drawings),
+        given.loaded,
+        known,
         mean=describe_mean(surface, identification) is not None,
         held_out=bool(prediction.held_out),
     )
+
+
+def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
+    """Choose the force levels [N] to predict: tested and held-out ones."""
+    if surface.control == "response":
+        # its levels are no forces; those that the resonances needed are
+        return [float(level) for level in identification.levels]
+    return sorted({*choose_levels(surface, 5), *identification.model.observation.hold_out})

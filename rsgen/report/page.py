@@ -10,7 +10,6 @@ import numpy as np
 from markupsafe import Markup
 
 import rsgen
-from rsgen.case import Case
 from rsgen.comparison import FORCE_KEYS, Comparison
 from rsgen.describing import derive
 from rsgen.expression import parse
@@ -23,6 +22,7 @@ from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, describe_mean
 from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.subject import Subject
 from rsgen.report.tables import (
     background_table,
     error_text,
@@ -138,7 +138,7 @@ def _drawing(drawing: Drawing) -> dict[str, Any]:
 
 
 def render_page(
-    case: Case,
+    subject: Subject,
     surface: ResponseSurface,
     identification: Identification,
     comparison: Comparison,
@@ -163,17 +163,17 @@ def render_page(
     RsgenError
         The templates are not found.
     """
-    meaning = describe_elements(case.model.elements, identification)
-    names = case.model.parameters
+    meaning = describe_elements(subject.elements, identification)
+    names = identification.model.parameters
     # identification warns with these words when the misfit is systematic
     fits = not any(text.startswith("the law does not fit") for text in identification.warnings)
     # what comes from the case stays as it is written there
     said = (*identification.warnings, *map(sentence, identification.findings))
-    warnings = [*case.warnings, *(set_sentence(text, names) for text in said)]
+    warnings = [*subject.warnings, *(set_sentence(text, names) for text in said)]
     context = {
-        "title": case.title or case.name,
-        "name": case.name,
-        "source": case.source,
+        "title": subject.title,
+        "name": subject.name,
+        "source": subject.source,
         "contents": _CONTENTS,
         "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
         "verdict": verdict_sentence(comparison, None if fits else identification.noise),
@@ -187,7 +187,7 @@ def render_page(
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
         "prediction_remarks": [set_sentence(remark, names) for remark in prediction.remarks],
         "held_out_table": held_out_table(prediction),
-        "elements": [_element(element) for element in case.model.elements],
+        "elements": [_element(element) for element in subject.elements],
         "printed": [
             {
                 "what": formula.what,
@@ -205,7 +205,7 @@ def render_page(
         "ranking_table": ranking_table(identification),
         "ranking_verdict": identification.ranking.verdict if identification.ranking is not None else (),
         "provenance": list(provenance.items()),
-        "case_text": case.text,
+        "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,
     }
     return page_environment().get_template("report/report.html").render(context)

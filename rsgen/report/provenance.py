@@ -27,6 +27,13 @@ def _versions() -> str:
     return ", ".join(found)
 
 
+def _origin(case: Case | None) -> dict[str, str]:
+    """Name the case file and its test; empty without a case file."""
+    if case is None:
+        return {}
+    return {"Case file": case.path.name, "SHA-256 of the case": case.sha256, **_test(case)}
+
+
 def _test(case: Case) -> dict[str, str]:
     if not isinstance(case.test, SimulatedTest):
         return {
@@ -46,7 +53,7 @@ def _test(case: Case) -> dict[str, str]:
 
 
 def collect_provenance(
-    case: Case, surface: ResponseSurface, durations: Mapping[str, float], command: Sequence[str]
+    case: Case | None, surface: ResponseSurface, durations: Mapping[str, float], command: Sequence[str]
 ) -> dict[str, str]:
     """Give name and value pairs for the last section of the page.
 
@@ -58,10 +65,8 @@ def collect_provenance(
         What was called; empty where rsgen was used from Python.
     """
     entries = {
-        "Case file": case.path.name,
-        "SHA-256 of the case": case.sha256,
+        **_origin(case),
         "Surface": f"{surface.origin}, {len(surface)} points",
-        **_test(case),
         "Versions": _versions(),
         "Machine": f"{platform.system()} {platform.machine()}, {platform.python_implementation()}",
         "Command": " ".join(command) or "called from Python",

@@ -11,13 +11,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.case import Case
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.describing import derive
 from rsgen.expression import write
 from rsgen.identification import Estimate, Identification, Ranking
 from rsgen.prediction import Prediction
 from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
@@ -72,9 +72,9 @@ def _written(formula: sympy.Expr) -> str | None:
     return None if formula.has(sympy.Integral) else write(formula)
 
 
-def _elements(case: Case) -> list[dict[str, Any]]:
+def _elements(subject: Subject) -> list[dict[str, Any]]:
     entries = []
-    for element in case.model.elements:
+    for element in subject.elements:
         function = derive(element)
         entries.append(
             {
@@ -112,7 +112,7 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
 
 
 def build_result(
-    case: Case,
+    subject: Subject,
     surface: ResponseSurface,
     identification: Identification,
     comparison: Comparison,
@@ -130,16 +130,16 @@ def build_result(
     curve = identification.curve
     return {
         "schema": SCHEMA,
-        "case": case.name,
-        "title": case.title,
+        "case": subject.name,
+        "title": subject.title,
         "passed": comparison.passed,
         "outcome": identification.outcome,
-        "warnings": [*case.warnings, *identification.warnings, *map(sentence, identification.findings)],
+        "warnings": [*subject.warnings, *identification.warnings, *map(sentence, identification.findings)],
         "findings": [finding.to_dict() for finding in identification.findings],
         "mass": _finite(identification.mass),
         "parameters": [_row(row) for row in comparison.rows if row.name not in FORCE_KEYS],
         "forces": [_row(row) for row in comparison.rows if row.name in FORCE_KEYS],
-        "elements": _elements(case),
+        "elements": _elements(subject),
         "printed": [
             {
                 "what": formula.what,

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
-from rsgen.case import Case
 from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.expression import symbol
 from rsgen.figures import force_function, number_text, quantity_text
 from rsgen.identification import Identification
 from rsgen.oscillator import Model
 from rsgen.report.free_vibration import free_frequency
+from rsgen.report.subject import Subject
 
 __all__ = ["PrintedFormula", "check_printed"]
 
@@ -56,24 +56,24 @@ def _number(formula: sympy.Expr, values: dict[str, float], X: float, X0: float, 
     return float(value) if value.is_real else float("nan")
 
 
-def check_printed(case: Case, identification: Identification) -> tuple[PrintedFormula, ...]:
-    """Hold every printed formula of a case against the derivation, with the refined values.
+def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedFormula, ...]:
+    """Hold every formula that the source prints against the derivation, with the refined values.
 
     Raises
     ------
     RsgenError
         A formula is of something else than stiffness or damping, or has names that the law does not have.
     """
-    model = case.model
+    model = identification.model
     values = {name: float(identification.values[name]) for name in model.parameters}
     low, high = identification.amplitude_range
-    if not (case.printed and np.isfinite(list(values.values())).all() and 0 < low < high):
+    if not (subject.printed and np.isfinite(list(values.values())).all() and 0 < low < high):
         return ()
     derived = derive(model.force)
     amplitude = np.linspace(low, high, _POINTS)
     omega = 2 * np.pi * float(np.mean(identification.frequency_range))
     checked = []
-    for item in compare_printed(derived, case.printed, values, amplitude, omega):
+    for item in compare_printed(derived, subject.printed, values, amplitude, omega):
         verdict = PrintedFormula(item.what, item.formula, item.agrees, item.largest_deviation, "", ())
         if not item.agrees and "X" in item.where:
             verdict = _place(verdict, derived, values, float(item.where["X"]), omega)

@@ -14,6 +14,7 @@ from rsgen.comparison import Comparison
 from rsgen.prediction import Prediction
 from rsgen.report.index import read_results, table_of_results
 from rsgen.report.result_json import build_result, result_text
+from rsgen.report.subject import Subject
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"))
@@ -30,7 +31,9 @@ def outcome(path: Path) -> tuple[Comparison, dict[str, Any]]:
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
     nothing = Prediction((), (), identification.amplitude_range, ())
-    return comparison, build_result(case, surface, identification, comparison, nothing, (), {})
+    return comparison, build_result(
+        Subject.of_case(case, identification), surface, identification, comparison, nothing, (), {}
+    )
 
 
 def test_every_system_of_the_paper_has_a_case() -> None:

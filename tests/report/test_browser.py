@@ -15,6 +15,7 @@ from rsgen.report.environment import plain_text
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
+from rsgen.report.subject import Subject
 from rsgen.surface import save_surface
 from tests.oracles.axe import find_axe
 from tests.oracles.browser import Page, find_browser, in_browser
@@ -51,14 +52,14 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     identification = cubic_identification(surface)
     prediction = cubic_prediction(surface, held_out=(1.0,))
     comparison = cubic_comparison(identification)
-    drawings = draw_all(cubic_case(), surface, identification, prediction)
+    drawings = draw_all(Subject.of_case(cubic_case(), identification), surface, identification, prediction)
     titles = hostile_titles()
 
     def write(name: str, **changes: Any) -> str:
-        case = cubic_case(**changes)
-        printed = check_printed(case, identification)
+        subject = Subject.of_case(cubic_case(**changes), identification)
+        printed = check_printed(subject, identification)
         provenance = {title or "empty": title for title in titles}
-        parts = (case, surface, identification, comparison, prediction, printed, drawings)
+        parts = (subject, surface, identification, comparison, prediction, printed, drawings)
         text = render_page(*parts, provenance if changes else {"Versions": "rsgen"})
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
         place = folder / "results" / name
@@ -87,7 +88,15 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     # describing functions wider than any phone, as those of laws with pieces are
     law = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
     model, pieces = identified(law, {"k4": 5920.0, "k5": 6900.0, "b": 0.02})
-    parts = (cubic_case(model=model), surface, pieces, comparison, prediction, (), drawings)
+    parts = (
+        Subject.of_case(cubic_case(model=model), pieces),
+        surface,
+        pieces,
+        comparison,
+        prediction,
+        (),
+        drawings,
+    )
     (folder / "pieces.html").write_text(render_page(*parts, {"Versions": "rsgen"}), encoding="utf-8")
     names = ("plain", "wide", "pieces", "hostile", "bare", "difference")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}

@@ -10,6 +10,7 @@ import pytest
 from rsgen.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.result_json import build_result, result_text
+from rsgen.report.subject import Subject
 from tests.oracles.first_order import (
     cubic_case,
     cubic_comparison,
@@ -24,7 +25,14 @@ def write_result(folder: Path, name: str = "cubic", tolerance: float | None = 1e
     identification = cubic_identification(surface)
     comparison = cubic_comparison(identification, tolerance)
     prediction = cubic_prediction(surface)
-    parts = (cubic_case(name=name), surface, identification, comparison, prediction, ())
+    parts = (
+        Subject.of_case(cubic_case(name=name), identification),
+        surface,
+        identification,
+        comparison,
+        prediction,
+        (),
+    )
     result = build_result(*parts, {"surface": 1.0})
     for row in result["parameters"]:
         row["refined"]["value"] *= 1 + changes.get(row["name"], 0.0)

@@ -36,6 +36,7 @@ from rsgen.report.interpretation import describe_element, describe_mean
 from rsgen.report.page import render_page, verdict_sentence
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import PrintedFormula, check_printed
+from rsgen.report.subject import Subject
 from rsgen.surface import save_surface
 from tests.oracles.first_order import (
     C1,
@@ -57,6 +58,10 @@ CORPUS = Path(__file__).parents[1] / "corpus" / "titles.json"
 MOST_BYTES = 2_000_000  # a mail still takes it
 
 
+def cubic_subject(**changes: Any) -> Subject:
+    return Subject.of_case(cubic_case(**changes), IDENTIFICATION)
+
+
 def hostile_titles() -> list[str]:
     titles = []
     for entry in json.loads(CORPUS.read_text(encoding="utf-8")):
@@ -69,7 +74,7 @@ def hostile_titles() -> list[str]:
 
 @pytest.fixture(scope="module")
 def drawings() -> list[Any]:
-    return draw_all(cubic_case(), SURFACE, IDENTIFICATION, PREDICTION)
+    return draw_all(cubic_subject(), SURFACE, IDENTIFICATION, PREDICTION)
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +84,10 @@ def blanks(drawings: list[Any]) -> list[Drawing]:
 
 
 def page(drawings: Sequence[Any], comparison: Comparison = COMPARISON, **changes: Any) -> str:
-    case = cubic_case(**changes)
-    printed = check_printed(case, IDENTIFICATION)
+    subject = cubic_subject(**changes)
+    printed = check_printed(subject, IDENTIFICATION)
     return render_page(
-        case, SURFACE, IDENTIFICATION, comparison, PREDICTION, printed, drawings, {"Versions": "rsgen"}
+        subject, SURFACE, IDENTIFICATION, comparison, PREDICTION, printed, drawings, {"Versions": "rsgen"}
     )
 
 
@@ -145,7 +150,7 @@ def test_page_can_be_found_through(drawings: list[Any]) -> None:
 
 
 def test_same_input_same_bytes(drawings: list[Any]) -> None:
-    again = draw_all(cubic_case(), SURFACE, IDENTIFICATION, PREDICTION)
+    again = draw_all(cubic_subject(), SURFACE, IDENTIFICATION, PREDICTION)
     assert page(drawings) == page(again)
 
 
@@ -196,9 +201,9 @@ def test_missed_tolerance_is_said_first(blanks: list[Drawing]) -> None:
 def result(
     comparison: Comparison = COMPARISON, identification: Identification = IDENTIFICATION
 ) -> dict[str, Any]:
-    case = cubic_case()
-    printed = check_printed(case, identification)
-    return build_result(case, SURFACE, identification, comparison, PREDICTION, printed, {"surface": 0.5})
+    subject = Subject.of_case(cubic_case(), identification)
+    printed = check_printed(subject, identification)
+    return build_result(subject, SURFACE, identification, comparison, PREDICTION, printed, {"surface": 0.5})
 
 
 def strict(text: str) -> Any:
@@ -254,7 +259,7 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
 
 def checked(model: Model, identification: Identification, formula: str) -> PrintedFormula:
     case = cubic_case(model=model, printed={"stiffness": parse(formula)})
-    (verdict,) = check_printed(case, identification)
+    (verdict,) = check_printed(Subject.of_case(case, identification), identification)
     return verdict
 
 

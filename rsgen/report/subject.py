@@ -1,0 +1,93 @@
+"""What a report is about: the heading, the law, the truth; from a case file, or from the result alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import sympy
+
+from rsgen.case import Case
+from rsgen.comparison import Comparison
+from rsgen.expression import write
+from rsgen.identification import Estimate, Identification
+from rsgen.law.element import Element
+
+__all__ = ["Subject"]
+
+R = TypeVar("R", Identification, Comparison)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """The heading of a report and what is known about the structure.
+
+    Parameters
+    ----------
+    name, title, source
+        As in ``Case``; printable text, never markup.
+    elements
+        The springs and dampers that were identified.
+    truth, printed, units, warnings
+        As in ``Case``, as far as they concern these elements.
+    case
+        Where all this comes from; None where a report is made without a case file.
+    """
+
+    name: str
+    title: str
+    source: str
+    elements: tuple[Element, ...]
+    truth: Mapping[str, float] | None = None
+    printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    case: Case | None = None
+
+    @classmethod
+    def of_case(cls, case: Case, identification: Identification) -> Subject:
+        """Take over a case; what concerns another law than the identified one is left out."""
+        case = case.with_model(identification.model)
+        return cls(
+            case.name,
+            case.title or case.name,
+            case.source,
+            case.model.elements,
+            case.truth,
+            case.printed,
+            case.units,
+            case.warnings,
+            case,
+        )
+
+    @classmethod
+    def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
+        """Take the heading as it is given; without a title the law is the title."""
+        model = identification.model
+        return cls(name, title or f"n(x, v) = {write(model.force)}", source, model.elements)
+
+    def with_units(self, result: R) -> R:
+        """Give every estimate of a result the unit that the case knows and the law alone does not tell."""
+
+        def known(estimate: Estimate) -> Estimate:
+            return replace(estimate, unit=estimate.unit or self.units.get(estimate.name, ""))
+
+        if isinstance(result, Identification):
+            return replace(
+                result,
+                paper=tuple(map(known, result.paper)),
+                first_order=tuple(map(known, result.first_order)),
+                refined=tuple(map(known, result.refined)),
+            )
+        rows = tuple(
+            replace(
+                row,
+                unit=row.unit or self.units.get(row.name, ""),
+                paper=None if row.paper is None else known(row.paper),
+                first_order=None if row.first_order is None else known(row.first_order),
+                refined=known(row.refined),
+            )
+            for row in result.rows
+        )
+        return replace(result, rows=rows)
