@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsgen import figures, history
-    from rsgen.case import Case, load_case
+    from rsgen.case import Case, load_case, read
     from rsgen.comparison import Comparison, compare
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
@@ -81,6 +81,7 @@ _PLACES = {
     "make_element": "law",
     "predict": "prediction",
     "rank": "ranking",
+    "read": "case",
     "read_measurement": "measurement",
     "save_surface": "surface",
     "sentence": "report.wording",
@@ -122,6 +123,7 @@ __all__ = [
     "make_element",
     "predict",
     "rank",
+    "read",
     "read_measurement",
     "save_surface",
     "sentence",

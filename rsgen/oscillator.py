@@ -6,17 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import sympy
 
+from rsgen.declaration import Rule
 from rsgen.errors import RsgenError
 from rsgen.expression import write
 from rsgen.law import Element, LawLike, as_elements
 from rsgen.law.notation import latex
 from rsgen.observation import Observation
 
-__all__ = ["Model", "Oscillator"]
+__all__ = ["KNOWN_MASS", "Model", "Oscillator"]
+
+KNOWN_MASS = Rule("Mass, where it is known beforehand.", unit="kg", above=0)
 
 
 class _Elements:
@@ -144,7 +147,7 @@ class Model(_Elements):
     """
 
     elements: tuple[Element, ...]
-    mass: float | None
+    mass: Annotated[float | None, KNOWN_MASS]
     observation: Observation
 
     def __init__(
@@ -154,8 +157,8 @@ class Model(_Elements):
         observation: Observation | None = None,
     ) -> None:
         observation = Observation() if observation is None else observation
-        if mass is not None and not (isfinite(mass) and mass > 0):
-            raise RsgenError(f"mass: {mass!r} kg; must be positive and finite, or None to identify it")
+        if mass is not None and (fault := KNOWN_MASS.fault(mass)):
+            raise RsgenError(f"mass: {fault}, or None to identify it")
         if mass is not None and not observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
         object.__setattr__(self, "elements", _checked_elements(elements))

@@ -43,6 +43,7 @@ PUBLIC = [
     "make_element",
     "predict",
     "rank",
+    "read",
     "read_measurement",
     "save_surface",
     "sentence",

@@ -1,33 +1,29 @@
-"""From the checked document to the objects of rsgen; faults that concern several keys are found here."""
+"""From the checked document to the case; faults that concern several keys are found here."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+import hashlib
+from collections.abc import Collection
 from pathlib import Path
-from types import MappingProxyType
 
 import sympy
 
-from rsgen.case.document import CaseDocument, ElementTable, MeasuredTable, SimulatedTable
-from rsgen.case.grid import expand, size_fault
-from rsgen.case.measured import build_measured
+from rsgen.case.case import Case
+from rsgen.case.declared_test import make_measured, make_observation, make_simulated
+from rsgen.case.document import Document, ElementTable
 from rsgen.case.naming import name_fault, quote, suggest, text_fault
-from rsgen.errors import ExpressionError, RsgenError
+from rsgen.case.tables import Maker, reason
+from rsgen.errors import CaseError, ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
-from rsgen.measurement import MeasuredTest
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
-from rsgen.simulation import SimulatedTest
+from rsgen.oscillator import KNOWN_MASS, Model, Oscillator
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
-__all__ = ["Parts", "build"]
+__all__ = ["build"]
 
 MASS = "m"
 FORCES = ("stiffness_force", "damping_force")
-_STATES = ("x", "v", "X", "X0", "omega")
 
 
 def _make(table: ElementTable) -> Element:
@@ -41,42 +37,31 @@ def _make(table: ElementTable) -> Element:
     return make_element(table.name, table.force)
 
 
-@dataclass(slots=True)
-class Parts:
-    """What a case consists of besides its texts; filled as far as the faults allow."""
-
-    oscillator: Oscillator | None = None
-    model: Model | None = None
-    test: SimulatedTest | MeasuredTest | None = None
-    truth: Mapping[str, float] | None = None
-    accept: Mapping[str, float] = field(default_factory=dict)
-    printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+def _key(name: str) -> str:
+    return name if name.isidentifier() and len(name) <= 40 else quote(name)
 
 
-def _reason(fault: Exception) -> str:
-    return " ".join(str(fault).split())
+def _unknown(name: str, known: Collection[str]) -> str:
+    listed = f"known: {', '.join(known) or 'none'}"
+    if name == MASS:
+        return f"is the mass; it stands in [system]; {listed}"
+    try:
+        check_name(name)
+    except ExpressionError as fault:
+        return reason(fault)
+    return f"is no parameter of the elements; {suggest(name, known)}{listed}"
 
 
 class _Builder:
     """Collects faults while the parts are built one after the other."""
 
-    def __init__(self, document: CaseDocument, folders: tuple[Path, ...]) -> None:
+    def __init__(self, document: Document, folders: tuple[Path, ...]) -> None:
         self.document = document
-        self.folders = folders
-        self.parts = Parts()
-        self.faults = self.parts.faults
+        self.maker = Maker(folders)
+        self.faults = self.maker.faults
+        self.warnings: list[str] = []
         self.units_fit = True
-
-    def quantity(self, path: str, value: float | str, unit: str) -> float | None:
-        """Turn a value into SI, or note a fault."""
-        try:
-            return quantity(value, unit)
-        except RsgenError as fault:
-            self.faults.append(f"{path}: {_reason(fault)}")
-            return None
+        self.simulated = document.test.kind == "simulated"
 
     def texts(self) -> None:
         document = self.document
@@ -95,7 +80,7 @@ class _Builder:
         document = self.document
         if document.element is not None:
             return document.element
-        if document.model == "rank" and isinstance(document.test, MeasuredTable):
+        if document.model == "rank" and not self.simulated:
             return [ElementTable(name=name, law=name) for name in ("linear-spring", "linear-damper")]
         return []
 
@@ -122,7 +107,7 @@ class _Builder:
             try:
                 element = _make(table)
             except RsgenError as error:
-                self.faults.append(f"element.{number}.{key}: {_reason(error)}")
+                self.faults.append(f"element.{number}.{key}: {reason(error)}")
                 continue
             if MASS in element.parameters:
                 self.faults.append(f"element.{number}.{key}: 'm' is the mass; name the parameter otherwise")
@@ -135,14 +120,14 @@ class _Builder:
         try:
             units = dict(parameter_units(force))
         except RsgenError as fault:
-            self.faults.append(f"element: {_reason(fault)}")
+            self.faults.append(f"element: {reason(fault)}")
             self.units_fit = False
             units = {}
         names = sorted({name for element in elements for name in element.parameters})
         for name in names:
             twins = [other for other in names if other != name and other.casefold() == name.casefold()]
             if twins and name < min(twins):
-                self.parts.warnings.append(f"parameters {name} and {', '.join(twins)} differ by case only")
+                self.warnings.append(f"parameters {name} and {', '.join(twins)} differ by case only")
         return {name: units.get(name, "") for name in names}
 
     def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
@@ -153,14 +138,14 @@ class _Builder:
         values: dict[str, float] = {}
         for name, value in table.items():
             if name not in units:
-                self.faults.append(f"truth.{self._key(name)}: {self._unknown(name, units)}")
+                self.faults.append(f"truth.{_key(name)}: {_unknown(name, units)}")
                 continue
             try:
                 values[name] = quantity(value, units[name] or None)
             except RsgenError as fault:
                 term = next((part for part in sympy.Add.make_args(force) if part.has(symbol(name))), force)
                 why = f"; {write(term)} must be a force" if units[name] and "needed" in str(fault) else ""
-                self.faults.append(f"truth.{name}: {_reason(fault)}{why}")
+                self.faults.append(f"truth.{name}: {reason(fault)}{why}")
         for number, element in enumerate(elements, start=1):
             for name in element.parameters:
                 if name not in table and name != MASS:
@@ -175,32 +160,13 @@ class _Builder:
             self.faults += [f"truth: {sentence}" for sentence in contradictions]
         return values
 
-    @staticmethod
-    def _key(name: str) -> str:
-        return name if name.isidentifier() and len(name) <= 40 else quote(name)
-
-    @staticmethod
-    def _unknown(name: str, known: Collection[str]) -> str:
-        listed = f"known: {', '.join(known) or 'none'}"
-        if name == MASS:
-            return f"is the mass; it stands in [system]; {listed}"
-        try:
-            check_name(name)
-        except ExpressionError as fault:
-            return _reason(fault)
-        return f"is no parameter of the elements; {suggest(name, known)}{listed}"
-
-    def mass(self, simulated: bool) -> float | None:
+    def mass(self) -> float | None:
         value = self.document.system.mass
-        if value is None:
-            if simulated:
-                self.faults.append('system.mass: is missing; a simulated case needs a mass such as "1.5 kg"')
-            return None
-        mass = self.quantity("system.mass", value, "kg")
-        if mass is not None and mass <= 0:
-            self.faults.append(f"system.mass: is {mass:g} kg; must be above 0")
-            return None
-        return mass
+        if value is not None:
+            return self.maker.number("system.mass", value, KNOWN_MASS)
+        if self.simulated:
+            self.faults.append('system.mass: is missing; a simulated case needs a mass such as "1.5 kg"')
+        return None
 
     def printed(self, units: dict[str, str]) -> dict[str, sympy.Expr]:
         table = self.document.printed
@@ -212,144 +178,97 @@ class _Builder:
             try:
                 formulas[key] = parse(text, names={*units, "X", "X0", "omega"})
             except ExpressionError as fault:
-                self.faults.append(f"printed.{key}: {_reason(fault)}")
+                self.faults.append(f"printed.{key}: {reason(fault)}")
         return formulas
 
-    def simulated(self, table: SimulatedTable) -> SimulatedTest | None:
-        before = len(self.faults)
-        unit = "N" if table.control == "force" else "m"
-        level = expand(table.level, "test.level", lambda p, v: self.quantity(p, v, unit), self.faults)
-        frequency = expand(
-            table.frequency, "test.frequency", lambda p, v: self.quantity(p, v, "Hz"), self.faults
-        )
-        counts = tuple(
-            g.count if row is None else None
-            for g, row in ((table.level, level), (table.frequency, frequency))
-        )
-        fault = size_fault(level, frequency, counts=counts)
-        if fault:
-            self.faults.append(f"test: {fault}")
-        if len(self.faults) > before or level is None or frequency is None:
-            return None
-        noise = table.noise
-        try:
-            return SimulatedTest(
-                level=level,
-                frequency=frequency,
-                sweep=table.sweep,
-                harmonics=table.harmonics,
-                accuracy=table.accuracy,
-                noise_relative=noise.relative if noise else 0.0,
-                seed=noise.seed if noise else 1,
-                method=table.method,
-                control=table.control,
-            )
-        except RsgenError as error:
-            self.faults.append(_reason(error))
-            return None
-
-    def hold_out(self, test: SimulatedTest | MeasuredTest | None) -> tuple[float, ...]:
-        unit = "m" if isinstance(test, SimulatedTest) and test.control == "response" else "N"
-        levels = []
-        for number, value in enumerate(self.document.identify.hold_out, start=1):
-            path = f"identify.hold_out.{number}"
-            level = self.quantity(path, value, unit)
-            if level is None:
-                continue
-            if isinstance(test, SimulatedTest):
-                near = test.level[abs(test.level - level) <= 1e-9 * abs(level)]
-                if not len(near):
-                    self.faults.append(f"{path}: {level:g} {unit} is not tested; one of test.level needed")
-                    continue
-                level = float(near[0])
-            if level in levels:
-                self.faults.append(f"{path}: {level:g} {unit} stands twice; each level once")
-                continue
-            levels.append(level)
-        if isinstance(test, SimulatedTest) and levels and len(levels) == len(test.level):
-            self.faults.append("identify.hold_out: holds every level back; at least one must remain")
-        return tuple(levels)
-
-    def band(self) -> tuple[float, float] | None:
-        given = self.document.identify.band
-        if given is None:
-            return None
-        ends = [self.quantity(f"identify.band.{i}", end, "Hz") for i, end in enumerate(given, start=1)]
-        if None in ends:
-            return None
-        low, high = (float(end or 0.0) for end in ends)
-        if not 0 <= low < high:
-            self.faults.append(f"identify.band: {low:g} to {high:g} Hz; the lower end first, 0 Hz or more")
-            return None
-        return low, high
-
-    def accept(self, units: dict[str, str], simulated: bool) -> dict[str, float]:
+    def accept(self, units: dict[str, str]) -> dict[str, float]:
         table = self.document.accept
         if table and self.document.model == "rank":
             self.faults.append(
                 'accept: the law is not known before a ranking; leave [accept] out or model = "rank"'
             )
             return {}
-        if table and not simulated:
+        if table and not self.simulated:
             self.faults.append("accept: a measured case has no truth to be compared with; leave [accept] out")
             return {}
         known = [*units, MASS, *FORCES]
         for name in table:
             if name not in known:
                 hint = f"{suggest(name, known)}known: {', '.join(known)}"
-                self.faults.append(f"accept.{self._key(name)}: is no parameter; {hint}")
+                self.faults.append(f"accept.{_key(name)}: is no parameter; {hint}")
         return {name: value for name, value in table.items() if name in known}
 
-    def build(self) -> Parts:
-        document, parts = self.document, self.parts
-        table = document.test
-        simulated = isinstance(table, SimulatedTable)
+    def truth_given(
+        self, elements: tuple[Element, ...], units: dict[str, str], complete: bool
+    ) -> dict[str, float]:
+        """Give the true values of a simulated case; a measured one has none."""
+        given = self.document.truth is not None
+        if self.simulated and not given and any(e.parameters for e in elements):
+            names = ", ".join(units)
+            self.faults.append(f"truth: is missing; a simulated case needs a value for each of {names}")
+        elif not self.simulated and given:
+            self.faults.append("truth: a measured case knows no truth; leave [truth] out")
+        elif self.simulated and complete:
+            return self.truth(elements, units)
+        return {}
+
+    def case(self, path: Path, text: str) -> Case:
+        document = self.document
         self.texts()
         elements = self.elements()
         complete = len(elements) == len(self.tables) > 0
         units = self.parameters(elements)
-        mass = self.mass(simulated)
-        values: dict[str, float] = {}
-        if simulated and document.truth is None and any(e.parameters for e in elements):
-            names = ", ".join(units)
-            self.faults.append(f"truth: is missing; a simulated case needs a value for each of {names}")
-        elif not simulated and document.truth is not None:
-            self.faults.append("truth: a measured case knows no truth; leave [truth] out")
-        elif simulated and complete:
-            values = self.truth(elements, units)
-        if complete:
-            parts.printed = MappingProxyType(self.printed(units))
-            parts.accept = MappingProxyType(self.accept(units, simulated))
-        if isinstance(table, MeasuredTable):
-            scaled = document.identify.calibrated
-            parts.test = build_measured(table, self.folders, self.faults, mass, scaled)
-        else:
-            parts.test = self.simulated(table)
-        hold_out = self.hold_out(parts.test)
-        band = self.band()
-        if mass is not None and not document.identify.calibrated:
-            self.faults.append("system.mass: a test that is not calibrated tells no mass; leave one out")
+        mass = self.mass()
+        values = self.truth_given(elements, units, complete)
+        printed = self.printed(units) if complete else {}
+        accept = self.accept(units) if complete else {}
+        calibrated = document.identify is None or document.identify.calibrated
+        test = (
+            make_simulated(document.test, self.maker)
+            if self.simulated
+            else make_measured(document.test, self.maker, mass, calibrated)
+        )
+        observation = make_observation(document.identify, test, self.maker)
+        if mass is not None and not calibrated:
+            self.faults.append("system.mass: a test that is not calibrated determines no mass; leave one out")
         if self.faults:
-            return parts
-        # "1" is how units calls a plain number; downstream that is no unit
-        parts.units = MappingProxyType({**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"})
-        given = document.identify
-        observation = Observation(given.background, hold_out, band, given.calibrated)
-        parts.model = Model(elements, None if simulated else mass, observation)
-        if simulated and mass is not None:
-            parts.oscillator = Oscillator(mass, elements, values)
-            parts.truth = MappingProxyType({**values, MASS: mass})
-        return parts
+            raise CaseError(self.faults)
+        known = self.simulated and mass is not None
+        return Case(
+            path=path,
+            name=document.name,
+            title=document.title,
+            source=document.source,
+            text=text,
+            sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
+            oscillator=Oscillator(mass, elements, values) if known and mass is not None else None,
+            model=Model(elements, None if self.simulated else mass, observation),
+            test=test,
+            truth={**values, MASS: mass} if mass is not None and known else None,
+            accept=accept,
+            printed=printed,
+            # "1" is how units calls a plain number; downstream that is no unit
+            units={**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"},
+            warnings=tuple(self.warnings),
+            ranked=document.model == "rank",
+        )
 
 
-def build(document: CaseDocument, folders: tuple[Path, ...]) -> Parts:
-    """Build oscillator, model, test, truth and the rest; ``parts.faults`` tells what stands against it.
+def build(document: Document, path: Path, text: str, folders: tuple[Path, ...]) -> Case:
+    """Build the case.
 
     Parameters
     ----------
     document
         The case file, its shapes checked.
+    path, text
+        The file and what it contains.
     folders
-        Where a measured file is looked for, in this order.
+        Where measured files are looked for, in this order.
+
+    Raises
+    ------
+    CaseError
+        With one sentence a fault, each with its key.
     """
-    return _Builder(document, folders).build()
+    return _Builder(document, folders).case(path, text)

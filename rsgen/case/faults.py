@@ -117,7 +117,7 @@ def _sentence(fault: Any) -> str:
         return f"{path}.kind: is missing; 'simulated' or 'measured' is needed"
     if kind == "union_tag_invalid":
         return f"{path}.kind: is {quote(context['tag'])}; 'simulated' or 'measured' is allowed"
-    allowed = fault["msg"] if kind in ("quantity", "column") else _allowed(kind, context)
+    allowed = fault["msg"] if kind == "rule" else _allowed(kind, context)
     return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
 
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import isfinite, prod
+from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.case.document import GridTable
-
-__all__ = ["MAX_POINTS", "expand", "size_fault"]
+__all__ = ["MAX_POINTS", "expand"]
 
 MAX_POINTS = 1_000_000
 
 
 def expand(
-    table: GridTable, path: str, quantity: Callable[[str, float | str], float | None], faults: list[str]
+    table: Any, path: str, quantity: Callable[[str, float | str], float | None], faults: list[str]
 ) -> NDArray[np.float64] | None:
     """Expand a row of positive, ascending values; faults are appended as ``path: what; what is allowed``.
 
@@ -93,12 +92,3 @@ def _listed(
             )
             return None
     return np.array(known)
-
-
-def size_fault(*rows: NDArray[np.float64] | None, counts: tuple[int | None, ...] = ()) -> str | None:
-    """Say when the product of all rows is more than a run may have, or None."""
-    sizes = [len(row) for row in rows if row is not None] + [count for count in counts if count]
-    points = prod(sizes)
-    if points > MAX_POINTS:
-        return f"{' x '.join(map(str, sizes))} = {points} points; at most {MAX_POINTS} in a case"
-    return None

@@ -8,7 +8,7 @@ from pathlib import Path
 import sympy
 
 from rsgen.case import DATA_VARIABLE
-from rsgen.case.measured import path_fault
+from rsgen.case.data_paths import path_fault
 from rsgen.case.naming import name_fault
 from rsgen.cli.terminal import print_json, print_line
 from rsgen.errors import RsgenError
@@ -173,7 +173,8 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
 def _guessed(data: Path, target: Path) -> tuple[str, str]:
     """Give path and [test] tables for a data file, as seen from the folder of the case."""
     from rsgen.cli.inspect_command import proposal_text
-    from rsgen.inspection import list_contents, propose
+    from rsgen.inspection.listing import list_contents
+    from rsgen.inspection.proposal import propose
 
     proposal = propose(list_contents(data))
     if proposal is None:

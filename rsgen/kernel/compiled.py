@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -144,16 +144,15 @@ class Kernel:
         return March(after, trail, waves, peak)
 
 
-def compile_kernel(
-    force: sympy.Expr, *, values: Mapping[str, float] | None = None, locate_all: bool = False
-) -> Kernel:
+@lru_cache(maxsize=64)
+def compile_kernel(force: sympy.Expr, *, locate_all: bool = False) -> Kernel:
     """Compile a force law, or find it compiled.
 
     Parameters
     ----------
     force
         n(x, v) [N].
-    values, locate_all
+    locate_all
         As in ``generate``.
 
     Raises
@@ -163,5 +162,4 @@ def compile_kernel(
     RsgenError
         The compiled law can be kept nowhere.
     """
-    source = generate(force, values=values, locate_all=locate_all)
-    return Kernel(parameter_order(force), load_kernel(source))
+    return Kernel(parameter_order(force), load_kernel(generate(force, locate_all=locate_all)))

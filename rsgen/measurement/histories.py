@@ -99,8 +99,8 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     part = slice(begin, end)
     return TimeHistory(
         rate=rate,
-        force=None if force is None or test.force is None else scaled(rows[force][part], test.force.factor),
-        response=scaled(other[response][part], test.response.factor),
+        force=None if force is None or test.force is None else scaled(rows[force][part], test.force_factor),
+        response=scaled(other[response][part], test.response_factor),
         quantity=test.quantity,
         level=level_of_file(test, number),
         start=start + begin / rate,

@@ -1,15 +1,19 @@
 """Where in measured files what is found: the plan by which a reader fills a response surface.
 
-Units are already resolved to factors, so that readers only multiply.
+The classes are declarations, too: a case file's [test] table has the same keys, derived by ``rsgen.case``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite
+from math import pi, sqrt
 from pathlib import Path
+from typing import Annotated, Literal
 
-from rsgen.errors import MeasurementError
+from rsgen.declaration import Rule, check, documented, given
+from rsgen.errors import MeasurementError, RsgenError
+from rsgen.units import quantity, sensor_unit
 
 __all__ = [
     "EXCITATIONS",
@@ -22,96 +26,122 @@ __all__ = [
     "SweepRule",
 ]
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
-DIRECTIONS = ("recognise", "rest", "up", "down")
+QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 EXCITATIONS = ("swept-sine", "stepped-sine", "ring-down")
-ENCODINGS = ("utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis")
 FORMATS = ("auto", "csv", "mat", "hdf5", "npy", "npz", "uff")
+MAX_FILES = 200
+# by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
+_HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
+_AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+Column = Annotated[
+    int | str,
+    Rule(
+        "A column by its number (1 is the first), by its name in the header, or by its path in the file's "
+        'tree, such as "runs/*/freq" or "Acceleration[3]" (rsgen inspect lists them).',
+        at_least=1,
+        at_most=10_000,
+        fewest=1,
+        most=200,
+        what="a column number from 1 (the first) to 10000, or a column name of 1 to 200 characters,",
+    ),
+]
+Mark = Annotated[int | str, Rule(most=200, what="a whole number or a text of at most 200 characters")]
+Hertz = Annotated[float, Rule(unit="Hz", above=0)]
+Newton = Annotated[float, Rule(unit="N", above=0)]
+Seconds = Annotated[float, Rule(unit="s")]
+Unit = Annotated[str, Rule(most=40)]
+Scale = Annotated[
+    Literal["peak", "rms"], Rule("Whether the numbers are peak amplitudes or root mean squares.")
+]
+Factor = Annotated[
+    float | str, Rule("Every number is multiplied by it, its unit included.", most=200, unit="")
+]
+Band = tuple[Annotated[float, Rule(unit="Hz", at_least=0)], Annotated[float, Rule(unit="Hz", at_least=0)]]
+Harmonics = Annotated[int, Rule("Harmonics of the result.", at_least=1, at_most=64)]
 
 
+def _to_si(unit: str, factor: float | str, scale: str, target: str, calibrated: bool) -> float:
+    """Find what 1 ``unit`` times ``factor`` is in ``target``; the factor may be a text with a unit.
+
+    Where the test is not calibrated, any unit stands for the target's: 1 V of a drive for 1 N.
+    """
+    name = sensor_unit(unit, target)
+    peak = sqrt(2) if scale == "rms" else 1.0
+    if isinstance(factor, str):
+        # column x unit x factor must come out as the target, so this is the unit the factor must have
+        return quantity(f"1 {name}", None) * quantity(factor, f"({target})/({name})") * peak
+    return quantity(f"1 {name}", target if calibrated else None) * factor * peak
+
+
+@documented
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How the text of a data file is laid out.
+    """How the text of a data file is laid out."""
 
-    Parameters
-    ----------
-    delimiter
-        Between the numbers of a line: "auto", "whitespace" or one sign.
-    decimal
-        "." or ",".
-    comments
-        Lines that begin with one of these are no data.
-    skip
-        Lines to pass over before anything else.
-    encoding
-        "auto" (UTF-8, and lines that are not are taken for cp1252) or one of ENCODINGS. Numbers are ASCII in
-        all of them, so that it can change names and remarks alone.
-    """
-
-    delimiter: str = "auto"
-    decimal: str = "."
-    comments: tuple[str, ...] = ("#", "%", "//")
-    skip: int = 0
-    encoding: str = "auto"
-
-
-@dataclass(frozen=True, slots=True)
-class Signal:
-    """A complex amplitude in one or two columns, or the samples of a time history.
-
-    Parameters
-    ----------
-    amplitude, phase, real, imaginary, complex, samples
-        Columns, by number from 1, by name or by path in the file's tree: the first two (phase may be None:
-        zero), the next two, a column of complex numbers, or the samples of a time history.
-    factor
-        The column's numbers times this are SI peak values; it contains unit, rms and sign.
-    phase_factor
-        The phase column times this is the lead in rad; negative where the column holds a lag.
-    conjugate
-        True where a positive imaginary part means a lag.
-    unit_from_file
-        True where numbers times ``factor`` are in the unit that the file itself names, in SI where it names
-        none.
-
-    Raises
-    ------
-    MeasurementError
-        Columns are not one of these sets, or a factor is zero or not finite.
-    """
-
-    amplitude: int | str | None = None
-    phase: int | str | None = None
-    real: int | str | None = None
-    imaginary: int | str | None = None
-    factor: float = 1.0
-    phase_factor: float = 1.0
-    conjugate: bool = False
-    complex: int | str | None = None
-    samples: int | str | None = None
-    unit_from_file: bool = False
+    delimiter: Annotated[
+        Literal["auto", "whitespace", ",", ";", "\t", "|"], Rule("Between the numbers of a line.")
+    ] = "auto"
+    decimal: Literal[".", ","] = "."
+    comments: Annotated[
+        tuple[Annotated[str, Rule(fewest=1, most=4)], ...],
+        Rule("Lines that begin with one of these are no data.", most=8),
+    ] = ("#", "%", "//")
+    skip: Annotated[int, Rule("Lines to pass over first.", at_least=0, at_most=10_000)] = 0
+    encoding: Annotated[
+        Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"],
+        Rule("Of names and remarks; auto is UTF-8, and cp1252 where it is not. Numbers are ASCII in all."),
+    ] = "auto"
 
     def __post_init__(self) -> None:
-        given = {
-            name
-            for name in ("amplitude", "phase", "real", "imaginary", "complex", "samples")
-            if getattr(self, name) is not None
-        }
-        if given not in (
-            {"amplitude"},
-            {"amplitude", "phase"},
-            {"real", "imaginary"},
-            {"complex"},
-            {"samples"},
-        ):
-            raise MeasurementError(
-                "signal: give amplitude (with phase), or real and imaginary, or complex, or samples; "
-                "not one without the other"
-            )
-        for name in ("factor", "phase_factor"):
-            value = getattr(self, name)
-            if not isfinite(value) or value == 0:
-                raise MeasurementError(f"signal.{name}: {value!r}; must be finite and not zero")
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name and what is wrong with it."""
+        if self.decimal == "," == self.delimiter:
+            yield "delimiter", "',' is the decimal sign here; ';', '\\t', '|' or 'whitespace' is allowed"
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A complex amplitude in one or two columns, or the samples of a time history."""
+
+    amplitude: Column | None = None
+    phase: Annotated[Column | None, Rule("Goes with amplitude; 0 without.")] = None
+    real: Column | None = None
+    imaginary: Column | None = None
+    factor: Factor = 1.0
+    unit: Annotated[Unit | None, Rule("Of the column; without it the unit that the file names, else SI.")] = (
+        None
+    )
+    scale: Scale = "peak"
+    phase_unit: Literal["deg", "rad"] = "deg"
+    phase_sense: Annotated[
+        Literal["lag", "lead"] | None,
+        Rule(
+            "Whether a positive phase (or imaginary part) means later or earlier than the reference; "
+            "a case file must say it, otherwise lead."
+        ),
+    ] = None
+    complex: Annotated[Column | None, Rule("A column of complex numbers.")] = None
+    samples: Annotated[Column | None, Rule("The samples of a time history.")] = None
+
+    def __post_init__(self) -> None:
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        columns = ("amplitude", "complex", "samples", "real", "imaginary")
+        if given(self, *columns) not in (["amplitude"], ["complex"], ["samples"], ["real", "imaginary"]):
+            yield "", f"give {_AMPLITUDES}, or samples of a time history; one is needed"
+        elif self.phase is not None and self.amplitude is None:
+            yield "phase", "goes with amplitude only; leave one out"
+        if self.samples is not None and self.scale == "rms":
+            yield "scale", "is 'rms', but samples are instants; leave it out"
+        if self.factor == 0:
+            yield "factor", "is 0; a number other than 0 is needed"
 
     @property
     def columns(self) -> tuple[int | str, ...]:
@@ -119,188 +149,255 @@ class Signal:
         places = (self.amplitude, self.phase, self.real, self.imaginary, self.complex, self.samples)
         return tuple(place for place in places if place is not None)
 
-
-@dataclass(frozen=True, slots=True)
-class SweepRule:
-    """How it is known from which side a point was reached.
-
-    Parameters
-    ----------
-    direction
-        The same for all points, or "recognise" from the order of the frequencies in the file.
-    column, up, down
-        A column, and what it says for either direction; anything else in it means "rest".
-    """
-
-    direction: str = "recognise"
-    column: int | str | None = None
-    up: int | str | None = None
-    down: int | str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LevelRule:
-    """The nominal level of a point: values, a column, a part of the file's name, or groups of like forces.
-
-    Parameters
-    ----------
-    value
-        One level for all files [N].
-    values
-        One level for each file, or for each entry that a * means in one file [N].
-    column, factor
-        A column whose numbers times the factor are the level [N].
-    name
-        A file name with {level} where the number stands; the number times the factor is the level [N].
-    spread
-        Without all these: forces closer than this fraction belong to one level.
-    """
-
-    value: float | None = None
-    column: int | str | None = None
-    factor: float = 1.0
-    spread: float = 0.05
-    values: tuple[float, ...] = ()
-    name: str | None = None
+    @property
+    def lags(self) -> bool:
+        """Whether a positive phase or imaginary part means later."""
+        return self.phase_sense == "lag"
 
     @property
-    def told(self) -> bool:
-        """Whether the level is told without looking at the force."""
-        return self.value is not None or self.column is not None or bool(self.values) or self.name is not None
+    def phase_factor(self) -> float:
+        """The phase column times this is the lead in rad."""
+        return (-1.0 if self.lags else 1.0) * (pi / 180 if self.phase_unit == "deg" else 1.0)
 
 
+@documented
 @dataclass(frozen=True, slots=True)
-class HistoryRule:
-    """How time histories were taken, and where their time is.
+class SweepRule:
+    """From which side a point was reached: the same for all, a column, or recognised from the order."""
 
-    Parameters
-    ----------
-    excitation
-        "swept-sine", "stepped-sine" or "ring-down".
-    rate
-        Samples per second [Hz], if it is not in the file.
-    rate_column
-        Where in the file the one number of the rate is.
-    time
-        A column of evenly spaced instants.
-    factor
-        Its numbers times this are seconds; those of ``rate_column`` times this are Hz.
-    start, stop
-        The part of the history that is used [s]; None to its ends.
-    band
-        Lowest and highest frequency of the result [Hz]; None for all.
-    law, bandwidth, harmonics
-        Of the demodulation; None where it is to choose them.
-    mass
-        Moving mass [kg] if known.
-    """
-
-    excitation: str
-    rate: float | None = None
-    rate_column: int | str | None = None
-    time: int | str | None = None
-    factor: float = 1.0
-    start: float | None = None
-    stop: float | None = None
-    band: tuple[float, float] | None = None
-    law: str | None = None
-    bandwidth: float | None = None
-    harmonics: int | None = None
-    mass: float | None = None
+    direction: Literal["recognise", "rest", "up", "down"] = "recognise"
+    column: Annotated[Column | None, Rule("A column of directions; what is neither up nor down is rest.")] = (
+        None
+    )
+    up: Annotated[Mark | None, Rule("What the column says for an upward sweep.")] = None
+    down: Annotated[Mark | None, Rule("What the column says for a downward sweep.")] = None
 
     def __post_init__(self) -> None:
-        if self.excitation not in EXCITATIONS:
-            raise MeasurementError(
-                f"excitation: {self.excitation!r}; must be one of {', '.join(EXCITATIONS)}"
-            )
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        if self.column is not None and given(self, "direction"):
+            yield "", "has column and direction; give one or the other"
+        if self.column is not None and None in (self.up, self.down):
+            yield "", "up and down must say what the column contains"
+        if self.column is None and given(self, "up", "down"):
+            yield "column", "is missing; up and down need it"
+        if self.up is not None and self.up == self.down:
+            yield "", "up and down are the same; they must differ"
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class LevelRule:
+    """The nominal level of a point: values, a column, a part of the file's name, or groups of like forces."""
+
+    value: Annotated[Newton | None, Rule("One level for all files.")] = None
+    column: Column | None = None
+    factor: Factor = 1.0
+    spread: Annotated[
+        float, Rule("Points whose force differs by less than this fraction share a level.", above=0, below=1)
+    ] = 0.05
+    values: Annotated[
+        tuple[Newton, ...],
+        Rule("One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES),
+    ] = ()
+    name: Annotated[
+        str | None,
+        Rule('The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000),
+    ] = None
+    unit: Unit = "N"
+    scale: Scale = "peak"
+
+    def __post_init__(self) -> None:
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        both = given(self, "value", "values", "column", "name", "spread")
+        if len(both) > 1:
+            yield "", f"has {' and '.join(both)}; give one of them"
+        if self.name is not None and self.name.count("{level}") != 1:
+            yield "name", "must have {level} once, where the number stands: run_{level}N.csv"
+
+    @property
+    def known(self) -> bool:
+        """Whether the level is known without looking at the force."""
+        return bool(given(self, "value", "values", "column", "name"))
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class HistoryRule:
+    """How time histories were taken, and where their time is."""
+
+    excitation: Annotated[
+        Literal["swept-sine", "stepped-sine", "ring-down"], Rule("How the structure was driven.")
+    ]
+    rate: Annotated[Hertz | None, Rule("The sampling rate, such as 400 Hz.", key="time.rate")] = None
+    rate_column: Annotated[Column | None, Rule("Where the file has the rate.", key="time.rate_column")] = None
+    time: Annotated[Column | None, Rule("A column of evenly spaced instants.", key="time.column")] = None
+    unit: Annotated[
+        Literal["s", "ms", "us"], Rule("Of the column of instants; a rate_column is in Hz.", key="time.unit")
+    ] = "s"
+    start: Annotated[Seconds | None, Rule("Leave out what comes before.", key="time.start")] = None
+    stop: Annotated[Seconds | None, Rule("Leave out what comes after.", key="time.stop")] = None
+    band: Annotated[
+        Band | None, Rule("Lowest and highest frequency of the result; all without.", key="demodulation.band")
+    ] = None
+    law: Annotated[
+        Literal["linear", "logarithmic"] | None,
+        Rule("Of a swept sine; recognised without.", key="demodulation.law"),
+    ] = None
+    bandwidth: Annotated[
+        Hertz | None,
+        Rule("Of a swept sine's demodulation; chosen without.", key="demodulation.bandwidth"),
+    ] = None
+    harmonics: Annotated[
+        Harmonics | None, Rule("Harmonics of the result; chosen without.", key="demodulation.harmonics")
+    ] = None
+    mass: Annotated[float | None, Rule("Moving mass, if known.", unit="kg", above=0, outside=True)] = None
+
+    def __post_init__(self) -> None:
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
         if sum(place is not None for place in (self.rate, self.rate_column, self.time)) != 1:
-            raise MeasurementError("time: one of rate, rate_column and column must be given")
+            yield "time", "one of column, rate and rate_column is needed"
+        if self.band is not None and None not in self.band and not self.band[0] < self.band[1]:
+            yield "band", "the lowest frequency stands first, the highest above it"
+
+    @property
+    def factor(self) -> float:
+        """The column's numbers times this are seconds."""
+        return _SECONDS[self.unit] if self.time is not None else 1.0
 
 
+@documented
 @dataclass(frozen=True, slots=True)
 class MeasuredTest:
     """A real test: which files, and where in them frequency, force and response are.
 
-    Parameters
-    ----------
-    files
-        The data files, all laid out alike; a case resolves them inside its own folder or the folder of
-        measured data. One path alone may be given.
-    frequency, frequency_factor
-        The column of the frequency, and what turns its numbers into Hz; None for time histories.
-    force, response
-        The two complex amplitudes, or samples. The force is None where it was not recorded: then the level
-        stands for it.
-    quantity
-        What the response is: "displacement", "velocity" or "acceleration".
-    sweep, level, layout
-        How direction and level are known and how a text is laid out.
-    sha256
-        The SHA-256 of each file in hexadecimal, or nothing where they are not fixed.
-    format
-        One of FORMATS; "auto" recognises each file by its first bytes.
-    per_force
-        True where the response is a quotient, response over force: a frequency response function.
-    phase_known
-        False where amplitudes alone were recorded.
-    response_files
-        Where the response lies in files of its own: one for each of ``files``.
-    history
-        How time histories were taken; None for tables of amplitudes.
-
-    Raises
-    ------
-    MeasurementError
-        An unknown quantity, direction or format; files, levels and hashes differ in number; a force that is
-        neither recorded nor told by a level.
+    One path alone may be given for ``files``. Raises MeasurementError where values contradict.
     """
 
-    files: tuple[Path, ...]
-    frequency: int | str | None
-    force: Signal | None
-    response: Signal
-    quantity: str
-    frequency_factor: float = 1.0
+    files: Annotated[
+        tuple[Path, ...],
+        Rule("The data files, all laid out alike.", key="file", fewest=1, most=MAX_FILES),
+    ]
+    frequency: Annotated[
+        Column | None,
+        Rule("The column of the frequency; None for histories.", key="frequency.column", required=True),
+    ]
+    force: Annotated[
+        Signal | None, Rule("None: not recorded, the level stands for it. Its phase is the reference.")
+    ]
+    response: Annotated[Signal, Rule("Where the response is, and what was measured.")]
+    quantity: Annotated[
+        Literal["displacement", "velocity", "acceleration"],
+        Rule("What the response is.", key="response.quantity"),
+    ]
+    frequency_unit: Annotated[
+        Literal["Hz", "kHz", "mHz", "rad/s", "rpm"], Rule("Of the frequency.", key="frequency.unit")
+    ] = "Hz"
     sweep: SweepRule = SweepRule()
     level: LevelRule = LevelRule()
     layout: Layout = Layout()
-    sha256: tuple[str, ...] = ()
-    format: str = "auto"
-    per_force: bool = False
-    phase_known: bool = True
-    response_files: tuple[Path, ...] = ()
-    history: HistoryRule | None = None
+    sha256: Annotated[
+        tuple[Annotated[str, Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")], ...],
+        Rule("The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES),
+    ] = ()
+    format: Annotated[
+        Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff"],
+        Rule("auto: recognised by how the file begins. csv: columns of text."),
+    ] = "auto"
+    per_force: Annotated[
+        bool, Rule("The response is response over force: a receptance.", key="response.per_force")
+    ] = False
+    phase_known: Annotated[
+        bool, Rule("False: amplitudes alone were recorded.", key="response.phase_known")
+    ] = True
+    response_files: Annotated[
+        tuple[Path, ...],
+        Rule(
+            "Files of the response, one for each of the files of the force.",
+            key="response.file",
+            fewest=1,
+            most=MAX_FILES,
+        ),
+    ] = ()
+    history: Annotated[
+        HistoryRule | None, Rule("How time histories were taken; None for tables.", key="")
+    ] = None
+    calibrated: Annotated[
+        bool, Rule("False: any unit stands for that of force and response.", outside=True)
+    ] = True
 
     def __post_init__(self) -> None:
         files = self.files if isinstance(self.files, tuple) else (self.files,)
         object.__setattr__(self, "files", tuple(map(Path, files)))
-        if not self.files:
-            raise MeasurementError("files: none; at least one is needed")
-        if self.quantity not in QUANTITIES:
-            raise MeasurementError(f"quantity: {self.quantity!r}; must be one of {', '.join(QUANTITIES)}")
-        if self.sweep.direction not in DIRECTIONS:
-            raise MeasurementError(
-                f"sweep.direction: {self.sweep.direction!r}; must be one of {', '.join(DIRECTIONS)}"
-            )
-        if self.format not in FORMATS:
-            raise MeasurementError(f"format: {self.format!r}; must be one of {', '.join(FORMATS)}")
-        for name, count in (
-            ("sha256", len(self.sha256)),
-            ("response_files", len(self.response_files)),
-        ):
-            if count not in (0, len(self.files)):
-                raise MeasurementError(f"{name}: {count} for {len(self.files)} files; one each is needed")
-        one = len(self.files) == 1 and self.history is None
-        if len(self.level.values) not in (0, len(self.files)) and not one:
-            raise MeasurementError(
-                f"level.values: {len(self.level.values)} for {len(self.files)} files; one each is needed"
-            )
-        if self.history is None and (self.frequency is None or self.response.samples is not None):
-            raise MeasurementError("frequency: is missing; where it is must be told, or a history given")
-        if self.force is None and self.history is None and not self.level.told:
-            raise MeasurementError("force: was not recorded, so the level must be told")
+        check(self, MeasurementError)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name and what is wrong with it."""
+        files = len(self.files)
+        for name, count in (("sha256", len(self.sha256)), ("response_files", len(self.response_files))):
+            if count not in (0, files):
+                yield name, f"{count} for {files} files; one for each is needed"
+        one = files == 1 and self.history is None
+        if len(self.level.values) not in (0, files) and not one:
+            yield "level.values", f"{len(self.level.values)} for {files} files; one for each is needed"
+        if self.history is None:
+            if self.frequency is None:
+                yield "frequency", "is missing; its column is needed"
+            if self.force is None and not self.level.known:
+                yield "level", "is missing; without a force value, values, column or name is needed"
+        else:
+            if self.frequency is not None:
+                yield "frequency", "is found from the time histories; leave it out"
+            if self.per_force:
+                yield "per_force", "is for frequency responses, not for time histories"
+        for name in ("force", "response"):
+            signal = getattr(self, name)
+            if signal is None or not signal.columns or (signal.samples is None) == (self.history is None):
+                continue
+            if self.history is None:
+                yield name, f"give {_AMPLITUDES}; 'samples' is for time histories"
+            else:
+                yield name, "a time history needs 'samples', its column, and nothing else"
+        for name in ("force", "response", "level"):
+            try:
+                getattr(self, f"{name}_factor")
+            except RsgenError as fault:
+                yield name, " ".join(str(fault).split())
 
     @property
     def file(self) -> Path:
         """The first file."""
         return self.files[0]
+
+    @property
+    def frequency_factor(self) -> float:
+        """The frequency column times this is in Hz."""
+        return _HERTZ[self.frequency_unit]
+
+    @property
+    def force_factor(self) -> float:
+        """The numbers of the force times this are peak values [N]."""
+        signal = self.force
+        if signal is None:
+            return 1.0
+        return _to_si(signal.unit or "N", signal.factor, signal.scale, "N", self.calibrated)
+
+    @property
+    def response_factor(self) -> float:
+        """The numbers of the response times this are SI peak values."""
+        target = QUANTITIES[self.quantity] + ("/N" if self.per_force else "")
+        signal = self.response
+        return _to_si(signal.unit or target, signal.factor, signal.scale, target, self.calibrated)
+
+    @property
+    def level_factor(self) -> float:
+        """The numbers of the level's column or of the file's name times this are peak values [N]."""
+        return _to_si(self.level.unit, self.level.factor, self.level.scale, "N", self.calibrated)

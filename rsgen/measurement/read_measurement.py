@@ -34,12 +34,12 @@ class _Part:
     findings: tuple[Finding, ...]
 
 
-def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
+def _signal(table: Table, signal: Signal, factor: float, what: str) -> NDArray[np.complex128]:
     """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
-    sense = -1 if signal.conjugate else 1
+    sense = -1 if signal.lags else 1
     if signal.complex is not None:
         value = np.asarray(table.columns[signal.complex], dtype=np.complex128)
-        value = value.conj() if signal.conjugate else value
+        value = value.conj() if signal.lags else value
     elif signal.real is not None and signal.imaginary is not None:
         value = table.real(signal.real) + sense * 1j * table.real(signal.imaginary)
     elif signal.amplitude is not None:
@@ -51,7 +51,7 @@ def _signal(table: Table, signal: Signal, what: str) -> NDArray[np.complex128]:
         raise MeasurementError(
             f"{what}: no column given; amplitude, real and imaginary, or complex is needed"
         )
-    value = np.asarray(value * signal.factor, dtype=np.complex128)
+    value = np.asarray(value * factor, dtype=np.complex128)
     table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
     table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
     return value
@@ -111,15 +111,17 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     elif test.level.values:
         level = _level_of_entries(test.level.values, table)
     elif test.level.column is not None:
-        level = table.real(test.level.column) * test.level.factor
+        level = table.real(test.level.column) * test.level_factor
         table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
     if test.force is not None:
-        force = _signal(table, test.force, "force")
+        force = _signal(table, test.force, test.force_factor, "force")
     elif level is not None:
         force = level.astype(np.complex128)
     else:
         raise MeasurementError(f"{table.label}: no force recorded and no level told; one of them is needed")
-    response = _signal(other, test.response, "response") * (force if test.per_force else 1.0)
+    response = _signal(other, test.response, test.response_factor, "response")
+    if test.per_force:
+        response = response * force
     displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
@@ -220,7 +222,6 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     if test.history is not None and test.history.excitation == "ring-down":
         return _from_histories(test, test.history)
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
-    lags = test.response.conjugate or test.response.phase_factor < 0
-    sense = None if test.history is not None else "lag" if lags else "lead"
+    sense = None if test.history is not None else "lag" if test.response.lags else "lead"
     passive = passivity_findings(surface, sense, test.quantity)
     return replace(surface, findings=(*surface.findings, *passive))

@@ -65,7 +65,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
         )
-    level = float(match[1].replace(",", ".")) * rule.factor
+    level = float(match[1].replace(",", ".")) * test.level_factor
     if not level > 0:
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.declaration import Rule
 from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
@@ -14,10 +15,10 @@ from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
 from rsgen.steady_state.solution import SteadyStates
 
-__all__ = ["LOOSEST", "MOST_HARMONICS", "TIGHTEST", "solve_steady_states"]
+__all__ = ["ACCURACY", "HARMONICS", "solve_steady_states"]
 
-TIGHTEST, LOOSEST = 1e-9, 1e-2  # accuracies that can be asked for
-MOST_HARMONICS = 64
+ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
+HARMONICS = Rule("Harmonics of the displacement, the mean apart.", at_least=1, at_most=64)
 _CURVATURE = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 _SECOND_LOOK = 8  # times the steps of the first transient
 
@@ -61,7 +62,7 @@ def solve_steady_states(
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < _CURVATURE)
+    kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f
@@ -83,10 +84,9 @@ def _check(
         raise RsgenError("force: must be finite everywhere")
     if not np.all(np.isfinite(frequency) & (frequency > 0)):
         raise RsgenError("frequency: must be positive and finite everywhere [Hz]")
-    if not 1 <= harmonics <= MOST_HARMONICS:
-        raise RsgenError(f"harmonics: {harmonics}; must be 1 to {MOST_HARMONICS}")
-    if not TIGHTEST <= accuracy <= LOOSEST:
-        raise RsgenError(f"accuracy: {accuracy!r}; must be {TIGHTEST:g} to {LOOSEST:g}")
+    for name, rule, value in (("harmonics", HARMONICS, harmonics), ("accuracy", ACCURACY, accuracy)):
+        if fault := rule.fault(value):
+            raise RsgenError(f"{name}: {fault}")
 
 
 def _solve_batch(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
 import time
 from pathlib import Path
@@ -13,9 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rsgen
 from rsgen.case import case_schema, find_cases, load_case, name_clashes
-from rsgen.case.measured import path_fault
-from rsgen.errors import CaseError
+from rsgen.case.data_paths import path_fault
+from rsgen.errors import CaseError, RsgenError
 from rsgen.expression import check_name
 from rsgen.simulation import SimulatedTest
 
@@ -353,3 +355,65 @@ def test_a_damaged_case_is_a_case_or_a_case_error(
     for fault in faults:
         assert fault.startswith("damaged.toml: ")
         assert fault.isprintable()
+
+
+# ---------------------------------------------------------------- one declaration
+
+
+def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path: Path) -> None:
+    path = ROOT / "cases" / "formats" / "csv-table.toml"
+    case = load_case(path)
+    surface = rsgen.read(case.test)
+    rsgen.save_surface(tmp_path / "surface.h5", surface)
+    for source in (case, path, str(path), tmp_path / "surface.h5"):
+        np.testing.assert_array_equal(rsgen.read(source).harmonics, surface.harmonics)
+    with pytest.raises(RsgenError, match="simulate"):
+        rsgen.read(ROOT / "cases" / "cubic.toml")
+
+
+@pytest.mark.parametrize("name", ["cubic", "formats/mat-sweep"])
+def test_a_case_is_sent_to_a_process(name: str) -> None:
+    case = load_case(ROOT / "cases" / f"{name}.toml")
+    twin = pickle.loads(pickle.dumps(case))
+    assert (twin.text, twin.sha256, twin.truth, twin.units) == (
+        case.text,
+        case.sha256,
+        case.truth,
+        case.units,
+    )
+    assert twin.model == case.model
+    assert twin.data_files == case.data_files
+    assert all(file.is_file() for file in twin.data_files)
+
+
+def test_a_range_is_the_same_for_object_schema_and_case(tmp_path: Path) -> None:
+    with pytest.raises(RsgenError, match="harmonics: is 65; a number from 1 to 64 is needed"):
+        SimulatedTest([1.0], [2.0], harmonics=65)
+    schema = case_schema()["$defs"]["SimulatedTest"]["properties"]["harmonics"]
+    assert (schema["minimum"], schema["maximum"]) == (1, 64)
+    (fault,) = refused(write(tmp_path, good().replace("[truth]", "harmonics = 65\n[truth]")))
+    assert "test.harmonics: is 65; a number of at most 64 is needed" in fault
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "count = 5 }",
+            "count = 5 }\nnoise = { relative = -0.1 }",
+            "noise.relative: is -0.1; a number of at",
+        ),
+        ("count = 5 }", "count = 5 }\nnoise = { seed = 3 }", "test.noise.relative: is missing"),
+        ("count = 5 }", 'count = 5 }\n[identify]\nband = ["9 Hz", "8 Hz"]', "identify.band: 9 to 8 Hz"),
+        (
+            "count = 5 }",
+            'count = 5 }\n[identify]\nband = ["9 Hz", "8 m"]',
+            "identify.band.2: '8 m' is a leng",
+        ),
+        ("count = 5 }", "count = 5 }\n[identify]\nbackground = 1", "identify.background: is 1; 'none'"),
+    ],
+)
+def test_faults_of_derived_tables(old: str, new: str, message: str, tmp_path: Path) -> None:
+    faults = refused(write(tmp_path, good().replace(old, new)))
+    assert len(faults) == 1
+    assert message in faults[0]

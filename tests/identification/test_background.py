@@ -145,7 +145,7 @@ def test_predictions_are_of_what_the_sensor_sees(cubic):
 
 
 def test_a_model_says_what_a_background_may_be():
-    with pytest.raises(RsgenError, match="none, phase, constant, residuals, neighbour"):
+    with pytest.raises(RsgenError, match="'none', 'phase', 'constant', 'residuals' or 'neighbour' is needed"):
         Observation(background="smooth")
     with pytest.raises(RsgenError, match="ascending"):
         Observation(band=(5.0, 4.0))

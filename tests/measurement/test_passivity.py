@@ -27,8 +27,7 @@ def findings(
     path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * FREQUENCY) ** order, np.degrees(np.angle(response))
     np.savetxt(path, np.column_stack((FREQUENCY, np.ones_like(FREQUENCY), size, turn)), delimiter=",")
-    sign = -np.pi / 180 if lag else np.pi / 180
-    signal = Signal(amplitude=3, phase=4 if known else None, phase_factor=sign)
+    signal = Signal(amplitude=3, phase=4 if known else None, phase_sense="lag" if lag else "lead")
     quantity = ("displacement", "velocity", "acceleration")[order]
     return read_measurement(
         MeasuredTest(path, 1, Signal(amplitude=2), signal, quantity, phase_known=known)

@@ -1,0 +1,319 @@
+"""Tables of a case file, derived from the declarations of the layers below, and their way to objects.
+
+``table_of`` makes a pydantic model from a dataclass whose annotations carry rules; ``Maker`` turns a checked
+table into the object: texts with units become SI numbers, lists tuples, grids arrays, relative paths files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, is_dataclass
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic_core import PydanticCustomError
+
+from rsgen.case.data_paths import resolve_files
+from rsgen.case.grid import expand
+from rsgen.declaration import Declared, Rule, declared, faults_of, read_hint
+from rsgen.errors import RsgenError
+from rsgen.units import quantity
+
+__all__ = ["Grid", "Maker", "Quantity", "Table", "reason", "table_of"]
+
+T = TypeVar("T")
+MAX_TEXT = 2_000
+
+
+class Table(BaseModel):
+    """A table of a case file: strict, without unknown keys."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+def _read_quantity(value: object) -> object:
+    if isinstance(value, str) and 0 < len(value) <= MAX_TEXT:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("rule", 'a number in SI units or a text with its unit, as "5.92 kN/m",')
+    if not isfinite(value):
+        raise PydanticCustomError("rule", "a finite number")
+    return float(value)
+
+
+def _obey(rule: Rule, kinds: tuple[type, ...], value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, kinds) or not rule.accepts(value):
+        raise PydanticCustomError("rule", "{allowed}", {"allowed": rule.allowed})
+    return value
+
+
+def _listed(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
+Quantity = Annotated[
+    float | str, PlainValidator(_read_quantity), WithJsonSchema({"type": ["number", "string"]})
+]
+
+
+class Grid(Table):
+    """An ascending row of values: start, stop and count, or the values themselves."""
+
+    start: Quantity | None = None
+    stop: Quantity | None = None
+    count: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    spacing: Literal["linear", "log"] | None = None
+    values: list[Quantity] | None = None
+
+
+def _bounds(rule: Rule) -> dict[str, Any]:
+    known = {
+        "ge": rule.at_least,
+        "gt": rule.above,
+        "lt": rule.below,
+        "le": rule.at_most,
+        "min_length": rule.fewest,
+        "max_length": rule.most,
+    }
+    return {name: bound for name, bound in known.items() if bound is not None}
+
+
+def _is_quantity(base: Any, rule: Rule) -> bool:
+    return rule.unit is not None and base is not str and get_origin(base) is not np.ndarray
+
+
+def _annotation(base: Any, rule: Rule) -> Any:
+    """Give what pydantic checks for a declared type and rule."""
+    if get_origin(base) is np.ndarray:
+        return Grid
+    if get_origin(base) is tuple:
+        items = get_args(base)
+        inner, inner_rule, _ = read_hint(items[0])
+        lengths = _bounds(rule) if Ellipsis in items else {"min_length": len(items), "max_length": len(items)}
+        entries: Any = Annotated[list[_annotation(inner, inner_rule)], Field(**lengths)]  # type: ignore[misc]
+        # one text may stand for a list of one
+        return Annotated[entries, BeforeValidator(_listed)] if inner in (str, Path) else entries
+    if _is_quantity(base, rule):
+        bounds = {"exclusiveMinimum": rule.above, "minimum": rule.at_least}
+        schema = {name: bound for name, bound in bounds.items() if bound is not None}
+        return Annotated[
+            float | str,
+            PlainValidator(_read_quantity),
+            WithJsonSchema({"type": ["number", "string"], **schema}),
+        ]
+    if rule.what is not None:
+        kinds = get_args(base) or (base,)
+        names = {int: "integer", str: "string"}
+        return Annotated[
+            base,
+            PlainValidator(partial(_obey, rule, kinds)),
+            WithJsonSchema({"type": [names[kind] for kind in kinds]}),
+        ]
+    if base in (str, Path):
+        return Annotated[str, Field(**{"max_length": MAX_TEXT, **_bounds(rule)})]
+    return Annotated[base, Field(**_bounds(rule))] if base in (int, float) else base
+
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    """A key of a table: what pydantic checks, its default and help, and whether every case needs it."""
+
+    annotation: Any
+    info: Any
+    needed: bool
+
+
+def _key(one: Declared, optional: bool) -> _Key:
+    rule = one.rule
+    needed = one.default is MISSING and not (optional or one.optional)
+    default = None if one.default in (MISSING, ()) else one.default
+    if isinstance(default, tuple):
+        default = list(default)
+    unit = f" [{rule.unit}]" if rule.unit else ""
+    info = Field(
+        default=... if needed or rule.required else default, description=f"{rule.help}{unit}" or None
+    )
+    return _Key(_annotation(one.type, rule), info, needed)
+
+
+def _purpose(cls: Any) -> str:
+    return (cls.__doc__ or "").split("\n\n")[0]
+
+
+def _tree(cls: Any, optional: bool = False) -> dict[str, Any]:
+    """Give the keys of a dataclass, tables within tables; "" is what a table is for."""
+    tree: dict[str, Any] = {}
+    for one in declared(cls):
+        if one.rule.outside:
+            continue
+        *tables, last = one.key.split(".")
+        place = tree
+        for part in tables:
+            place = place.setdefault(part, {})
+        if not is_dataclass(one.type):
+            place[last] = _key(one, optional)
+        elif last:
+            inner = _tree(one.type, optional or one.optional)
+            place[last] = {"": one.rule.help or _purpose(one.type)} | inner | place.get(last, {})
+        else:
+            place |= _tree(one.type, optional or one.optional)
+    return tree
+
+
+def _is_needed(entry: Any) -> bool:
+    if isinstance(entry, dict):
+        return any(map(_is_needed, entry.values()))
+    return isinstance(entry, _Key) and entry.needed
+
+
+def _model(name: str, tree: dict[str, Any]) -> type[Table]:
+    fields: dict[str, Any] = {}
+    for key, entry in tree.items():
+        if isinstance(entry, _Key):
+            fields[key] = (entry.annotation, entry.info)
+        elif isinstance(entry, dict):
+            inner = _model(f"{name}{key.title()}", entry)
+            fields[key] = (inner, ...) if _is_needed(entry) else (inner | None, None)
+    return create_model(name, __base__=Table, __doc__=tree.get(""), **fields)
+
+
+def table_of(
+    cls: type, name: str, doc: str = "", extras: Mapping[str, tuple[Any, Any]] | None = None
+) -> type[Table]:
+    """Derive the table of a case file from a declared dataclass.
+
+    Parameters
+    ----------
+    cls
+        A dataclass whose annotations carry ``declaration.Rule``.
+    name
+        Of the table in the JSON Schema.
+    doc
+        What the table is for; None: what the class says.
+    extras
+        Further keys: the key, dots between tables, and its annotation and pydantic Field.
+    """
+    tree = {"": doc or _purpose(cls)} | _tree(cls)
+    for key, (annotation, info) in (extras or {}).items():
+        *tables, last = key.split(".")
+        place = tree
+        for part in tables:
+            place = place[part]
+        place[last] = _Key(annotation, info, info.is_required())
+    return _model(name, tree)
+
+
+def reason(fault: Exception) -> str:
+    """Give what an exception says, on one line."""
+    return " ".join(str(fault).split())
+
+
+def _find(table: Any, key: str) -> Any:
+    for part in key.split(".") if key else ():
+        table = getattr(table, part, None)
+    return table
+
+
+@dataclass(slots=True)
+class Maker:
+    """Turns checked tables into objects and collects what is wrong.
+
+    Parameters
+    ----------
+    folders
+        Where data files are looked for, in this order.
+    units
+        Units that stand for declared ones: {"N": "m"} where levels are displacements; None takes any.
+    faults
+        One sentence a fault, each with its key.
+    """
+
+    folders: tuple[Path, ...] = ()
+    units: dict[str, str | None] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    def number(self, place: str, value: float | str, rule: Rule) -> float | None:
+        """Turn a value, perhaps a text with a unit, into SI and check its range; None with a fault."""
+        unit = self.units.get(rule.unit, rule.unit) if rule.unit else rule.unit
+        try:
+            found = quantity(value, unit)
+        except RsgenError as fault:
+            self.faults.append(f"{place}: {reason(fault)}")
+            return None
+        wrong = rule.fault(found)
+        if wrong:
+            self.faults.append(f"{place}: {wrong}")
+        return None if wrong else found
+
+    def make(self, cls: type[T], table: Any, place: str, **known: Any) -> T:
+        """Make an object from its table; where it has faults, it only serves to find further ones.
+
+        Parameters
+        ----------
+        cls
+            A declared dataclass.
+        table
+            Its checked table; None stands for an empty one.
+        place
+            The table's key, for messages.
+        known
+            Fields that are not taken from the table.
+        """
+        before = len(self.faults)
+        fields = declared(cls)
+        values: dict[str, Any] = {one.name: None for one in fields if one.default is MISSING} | known
+        for one in fields:
+            raw = None if one.name in known or one.rule.outside else _find(table, one.key)
+            if raw is None:
+                continue
+            value = self._convert(one.type, one.rule, raw, f"{place}.{one.key}")
+            if value is not None:
+                values[one.name] = value
+        keys = {one.name: one.key for one in fields}
+        sound = len(self.faults) == before
+        for name, fault in faults_of(_unchecked(fields, cls, values)):
+            head, *rest = name.split(".")
+            where = ".".join(part for part in (place, keys.get(head, head), *rest) if part)
+            self.faults.append(f"{where}: {fault}")
+            sound = False
+        return cls(**values) if sound else _unchecked(fields, cls, values)
+
+    def _convert(self, base: Any, rule: Rule, raw: Any, place: str) -> Any:
+        if is_dataclass(base):
+            kind: Any = base
+            return self.make(kind, raw, place)
+        if get_origin(base) is np.ndarray:
+            return expand(
+                raw, place, lambda where, value: self.number(where, value, Rule(unit=rule.unit)), self.faults
+            )
+        if get_origin(base) is tuple:
+            inner, inner_rule, _ = read_hint(get_args(base)[0])
+            if inner is Path:
+                return resolve_files(raw, self.folders, place, self.faults)
+            entries = [
+                self._convert(inner, inner_rule, entry, f"{place}.{number}")
+                for number, entry in enumerate(raw, start=1)
+            ]
+            return None if None in entries else tuple(entries)
+        return self.number(place, raw, rule) if base is float and rule.unit is not None else raw
+
+
+def _unchecked(fields: tuple[Declared, ...], cls: type[T], values: Mapping[str, Any]) -> T:
+    """Make an object without its checks, to ask what is wrong with it."""
+    made = object.__new__(cls)
+    for one in fields:
+        default = None if one.default is MISSING else one.default
+        object.__setattr__(made, one.name, values.get(one.name, default))
+    return made
