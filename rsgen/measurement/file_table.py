@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,9 @@ from rsgen.finding import Finding
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label, recognise_format
 from rsgen.measurement.file_units import to_si
-from rsgen.measurement.plan import Layout
+from rsgen.measurement.plan import MeasuredTest
 from rsgen.measurement.sandbox import read_binary
-from rsgen.measurement.text_columns import read_columns
+from rsgen.measurement.text_columns import Columns, read_columns
 from rsgen.measurement.tree import Channel
 
 __all__ = ["Table", "read_channels", "read_table"]
@@ -79,7 +78,7 @@ class Table:
 
 
 def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
-    """Tell what the * of an address stood for."""
+    """Give what the * of an address stood for."""
     if not isinstance(pattern, str) or "*" not in pattern:
         return ()
     text = re.sub(r"\[[\d,:]+\]\Z", "", pattern)
@@ -102,14 +101,13 @@ def _entries(
                 f"{label}: {show(first)} means {len(keys[first])} entries and {show(address)} others "
                 f"({len(found)}); every entry must have both"
             )
-    entries = []
-    for number in range(len(keys[first])):
-        entry = {
-            address: (group[number] if address in several else group[0]).values
-            for address, group in zip(wanted, groups, strict=True)
+    return [
+        {
+            a: (group[number] if a in several else group[0]).values
+            for a, group in zip(wanted, groups, strict=True)
         }
-        entries.append(entry)
-    return entries
+        for number in range(len(keys[first]))
+    ]
 
 
 def _has_star(address: int | str) -> bool:
@@ -161,70 +159,47 @@ def _aligned(
 
 
 def read_channels(
-    path: Path,
-    form: str,
-    wanted: Sequence[int | str],
-    sha256: str | None,
-    targets: Mapping[int | str, str] = MappingProxyType({}),
-) -> tuple[list[list[Channel]] | None, tuple[Finding, ...]]:
-    """Read channels of a binary file; "auto" recognises its format.
-
-    Parameters
-    ----------
-    path, form, wanted, sha256
-        As in ``read_table``.
-    targets
-        SI unit of each column whose unit the file is to name.
+    test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
+) -> tuple[list[list[Channel]], tuple[Finding, ...], Columns | None]:
+    """Read channels of a file of a test.
 
     Returns
     -------
-    For each address the arrays it means, None where the file is text; and findings about units.
+    For each address the arrays it means; findings about their units; and of a text its lines and blocks.
     """
-    known = recognise_format(path) if form == "auto" else form
-    if known == "csv":
-        return None, ()
-    groups = read_binary(path, known, wanted, sha256)
-    return groups, to_si(file_label(path), wanted, groups, targets)
+    form = recognise_format(path) if test.format == "auto" else test.format
+    if form == "csv":
+        text = read_columns(path, test.layout, wanted, sha256)
+        return [[Channel(str(name), text.values[:, i])] for i, name in enumerate(wanted)], (), text
+    groups = read_binary(path, form, wanted, sha256)
+    return groups, to_si(test, file_label(path), wanted, groups), None
 
 
 def read_table(
-    path: Path,
-    form: str,
-    layout: Layout,
-    wanted: Sequence[int | str],
-    along: int | str | None = None,
-    sha256: str | None = None,
-    targets: Mapping[int | str, str] = MappingProxyType({}),
+    test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None = None
 ) -> Table:
-    """Read columns of a file of any format.
+    """Read columns of a file of a test, each once.
 
     Parameters
     ----------
-    path, form
-        The file and its format, or "auto".
-    layout
-        How a text is laid out.
-    wanted
-        Addresses, each once.
-    along
-        The column that varies fastest where columns are the sides of a matrix.
+    test
+        The plan: format and layout of the file, and the frequency, which varies fastest where columns are the
+        sides of a matrix.
+    path, wanted
+        The file, and addresses in it.
     sha256
         What the file must hash to, if known.
-    targets
-        SI unit of each column whose unit the file is to name.
 
     Raises
     ------
     MeasurementError
         The file cannot be read, a column is not there, lengths differ, a number is not finite.
     """
-    groups, findings = read_channels(path, form, wanted, sha256, targets)
-    if groups is None:
-        text = read_columns(path, layout, wanted, sha256)
-        named: dict[int | str, NDArray[Any]] = {c: text.values[:, i] for i, c in enumerate(wanted)}
-        return Table(file_label(path), named, "line", text.line, text.block)
+    groups, findings, text = read_channels(test, path, wanted, sha256)
     label = file_label(path)
-    parts = [_aligned(label, entry, along) for entry in _entries(label, wanted, groups)]
+    parts = [_aligned(label, entry, test.frequency) for entry in _entries(label, wanted, groups)]
+    if text is not None:
+        return Table(label, parts[0], "line", text.line, text.block)
     lengths = [len(next(iter(part.values()))) for part in parts]
     if sum(lengths) > MAX_ROWS:
         raise MeasurementError(f"{label}: {sum(lengths)} rows; at most {MAX_ROWS} are read")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,10 @@ from rsgen.measurement.plan import QUANTITIES, MeasuredTest, Signal
 from rsgen.measurement.tree import Channel
 from rsgen.units import quantity, sensor_unit
 
-__all__ = ["scaled", "to_si", "units_from_file"]
+__all__ = ["scaled", "to_si"]
 
 
-def units_from_file(test: MeasuredTest) -> dict[int | str, str]:
+def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
     """Give the columns whose unit the case leaves to the file, each with its SI unit."""
     response = QUANTITIES[test.quantity] + ("/N" if test.per_force else "")
     signals: tuple[tuple[Signal | None, str], ...] = ((test.force, "N"), (test.response, response))
@@ -43,18 +43,16 @@ def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
 
 
 def to_si(
-    label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]], targets: Mapping[int | str, str]
+    test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]]
 ) -> tuple[Finding, ...]:
-    """Bring channels to SI in place, each by the unit that the file names for it.
+    """Bring channels to SI in place where the case leaves the unit to the file.
 
     Parameters
     ----------
-    label
-        The file, for messages.
+    test, label
+        The plan, and the file for messages.
     wanted, groups
         Addresses, and the channels that each means.
-    targets
-        SI unit of each address to bring to SI.
 
     Returns
     -------
@@ -66,6 +64,7 @@ def to_si(
         The file contradicts itself about a unit.
     """
     findings = {}
+    targets = _left_to_file(test)
     for address, channels in zip(wanted, groups, strict=True):
         target = targets.get(address, "")
         for number, channel in enumerate(channels if target else ()):

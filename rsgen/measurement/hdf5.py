@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.tree import MAX_NODES, Node, array_bytes
+from rsgen.measurement.tree import MAX_NODES, Node, array_bytes, is_wanted
 
 __all__ = ["walk_hdf5"]
 
@@ -37,14 +37,6 @@ def _attribute(item: h5py.Dataset, name: str) -> Any:
     return item.attrs[name] if found.get_storage_size() <= 4096 else None
 
 
-def _unit(data: h5py.Dataset) -> str:
-    for name in _UNITS:
-        unit = _text(_attribute(data, name))
-        if unit:
-            return unit
-    return ""
-
-
 def _complex(dtype: np.dtype[Any]) -> np.dtype[Any] | None:
     """Give the complex type that MATLAB and others write as pairs of two floats."""
     if dtype.names not in (("real", "imag"), ("r", "i"), ("re", "im")):
@@ -54,8 +46,9 @@ def _complex(dtype: np.dtype[Any]) -> np.dtype[Any] | None:
 
 
 class _Walk:
-    def __init__(self, file: h5py.File, largest: int) -> None:
+    def __init__(self, file: h5py.File, heads: set[str] | None, largest: int) -> None:
         self.file = file
+        self.heads = heads
         self.largest = largest
         self.count = 0
 
@@ -76,6 +69,9 @@ class _Walk:
             return
         for name in group:
             if not path and name in _HIDDEN:
+                continue
+            if not path and not is_wanted(name, self.heads):
+                yield Node.unread(name)
                 continue
             yield from self.member(group, name, f"{path}/{name}" if path else name, (*above, here))
 
@@ -153,7 +149,9 @@ class _Walk:
             # MATLAB writes the transpose
             return read.transpose() if matlab else read
 
-        return Node(path, shape[::-1] if matlab else shape, dtype.name, load, unit=_unit(data))
+        units = (_text(_attribute(data, name)) for name in _UNITS)
+        unit = next(filter(None, units), "")
+        return Node(path, shape[::-1] if matlab else shape, dtype.name, load, unit=unit)
 
 
 def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
@@ -177,15 +175,7 @@ def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
         opened = h5py.File(file, "r")
     except (OSError, ValueError, RuntimeError) as fault:
         raise MeasurementError(f"is no readable HDF5 file: {str(fault)[:160]}") from None
-    walk = _Walk(opened, largest)
     try:
-        info = h5py.h5o.get_info(opened.id)
-        for name in opened:
-            if name in _HIDDEN:
-                continue
-            if heads is not None and name not in heads and "*" not in "".join(heads):
-                yield Node.unread(name)
-                continue
-            yield from walk.member(opened, name, name, ((info.fileno, info.addr),))
+        yield from _Walk(opened, heads, largest).group(opened, "", ())
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as fault:
         raise MeasurementError(f"is damaged: {str(fault)[:160]}") from None

@@ -16,10 +16,9 @@ from rsgen.history.record import sampling_rate
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
-from rsgen.measurement.file_units import scaled, units_from_file
+from rsgen.measurement.file_units import scaled
 from rsgen.measurement.plan import HistoryRule, MeasuredTest
 from rsgen.measurement.runs import level_of_file
-from rsgen.measurement.text_columns import read_columns
 
 __all__ = ["read_histories"]
 
@@ -29,11 +28,8 @@ def _rows(
 ) -> dict[int | str, NDArray[Any]]:
     """Read rows of samples, as they are in the file."""
     label = file_label(path)
-    groups, found = read_channels(path, test.format, wanted, sha256, units_from_file(test))
+    groups, found, _ = read_channels(test, path, wanted, sha256)
     findings += found
-    if groups is None:
-        text = read_columns(path, test.layout, wanted, sha256)
-        return {name: text.values[:, number] for number, name in enumerate(wanted)}
     rows: dict[int | str, NDArray[Any]] = {}
     for name, channels in zip(wanted, groups, strict=True):
         if len(channels) != 1:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.tree import Node, array_bytes
+from rsgen.measurement.tree import Node, array_bytes, is_wanted
 
 __all__ = ["walk_matlab"]
 
@@ -72,7 +72,7 @@ def _check_sizes(
         if name.startswith("__"):
             # MATLAB's names
             continue
-        if heads is not None and name not in heads and "*" not in "".join(heads):
+        if not is_wanted(name, heads):
             others.append((name, tuple(map(int, shape))))
             continue
         try:

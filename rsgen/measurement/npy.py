@@ -39,7 +39,7 @@ def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dt
 
 
 def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> NDArray[Any]:
-    # one dimension first, to see whether the file is cut off
+    # read_array would duplicate the descriptor, which the limits of the process forbid; cut off is named so
     flat = np.empty(int(np.prod(shape, dtype=object)), dtype=dtype)
     view = flat.view(np.uint8).data
     done = 0

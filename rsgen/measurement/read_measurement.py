@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.measurement.file_table import Table, read_table
-from rsgen.measurement.file_units import units_from_file
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.runs import group_levels, level_of_file
@@ -62,18 +61,15 @@ def _distinct(*places: int | str | None) -> list[int | str]:
 
 
 def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
-    """Read the table of a file, and that of the response where it lies in a file of its own."""
-    forces = test.force.columns if test.force is not None else ()
-    own = (test.frequency, *forces, test.sweep.column, test.level.column)
-    apart = bool(test.response_files)
+    """Read the table of a file, and that of the response where it lies in another file."""
+    places = [test.frequency, test.sweep.column, test.level.column]
+    places += test.force.columns if test.force is not None else ()
     sha256 = test.sha256[number] if test.sha256 else None
-    wanted = _distinct(*own, *(() if apart else test.response.columns))
-    targets = units_from_file(test)
-    table = read_table(test.files[number], test.format, test.layout, wanted, test.frequency, sha256, targets)
-    if not apart:
+    if not test.response_files:
+        table = read_table(test, test.files[number], _distinct(*places, *test.response.columns), sha256)
         return table, table
-    path = test.response_files[number]
-    other = read_table(path, test.format, test.layout, _distinct(*test.response.columns), targets=targets)
+    table = read_table(test, test.files[number], _distinct(*places), sha256)
+    other = read_table(test, test.response_files[number], _distinct(*test.response.columns))
     if len(other.number) != len(table.number):
         raise MeasurementError(
             f"{other.label}: {len(other.number)} rows; {table.label} has {len(table.number)}: one each needed"

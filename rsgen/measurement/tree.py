@@ -15,7 +15,7 @@ from rsgen.measurement.plan import Layout
 
 __all__ = [
     "LARGEST_BYTES", "MAX_NODES", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe", "facts",
-    "largest_bytes",
+    "is_wanted", "largest_bytes",
 ]  # fmt: skip
 
 LARGEST_BYTES = 2**30
@@ -161,6 +161,11 @@ class Channel:
     values: NDArray[Any]
     unit: str = ""
     unit_source: str = ""
+
+
+def is_wanted(name: str, heads: set[str] | None) -> bool:
+    """Whether a name at the root of a file is wanted: all are for None, and where a * may stand for any."""
+    return heads is None or name in heads or "*" in "".join(heads)
 
 
 def largest_bytes(size: int) -> int:
