@@ -28,7 +28,7 @@ def report_command(cases: list[Path], out: Path, data: Path | None, figures: str
         with case_progress(len(files), quiet=json) as listener:
             for path in files:
                 words = ("rsgen", "report", path.name)
-                runs.append(rewrite_report(path, out, data, words, figures, listener.tell))
+                runs.append(rewrite_report(path, out, data, words, figures, listener.progress))
                 listener.finished(runs[-1])
     if not cases or any(run.folder for run in runs):
         write_index(out)

@@ -46,7 +46,7 @@ def run_command(
     words += ("--figures", figures) if figures else ()
     with case_progress(len(files), quiet=json) as listener:
         runs = run_cases(
-            cases, out, force, data, jobs, words, listener.finished, figures, listener.tell, cluster
+            cases, out, force, data, jobs, words, listener.finished, figures, listener.progress, cluster
         )
     if json:
         print_json(

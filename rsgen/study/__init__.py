@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from rsgen.study.expectation import STAGES, Expectation, expect
 from rsgen.study.manifest import MANIFEST, read_manifest
-from rsgen.study.pool import run_cases
-from rsgen.study.progress import Step
+from rsgen.study.progress import STAGES, Expectation, Step, expect
 from rsgen.study.run_case import CaseRun, obtain_surface, rewrite_report, run_case
+from rsgen.study.run_cases import run_cases
 
 __all__ = [
     "MANIFEST",

@@ -7,8 +7,8 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rsgen.case import Case, load_case
@@ -16,10 +16,9 @@ from rsgen.case.trial import law_faults
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.simulation import SimulatedTest, simulate
-from rsgen.study.expectation import expect
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
-from rsgen.study.progress import Tell, tell_seldom
+from rsgen.study.progress import Progress, stage_reporter
 from rsgen.surface import ResponseSurface, load_surface
 
 __all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "rewrite_report", "run_case"]
@@ -41,7 +40,7 @@ class CaseRun:
     folder
         Where the result lies; None where there is none.
     passed
-        True or False: every ``[accept]`` kept or not; None where the case failed.
+        Whether every value is within the tolerance that ``[accept]`` gives it; None where the case failed.
     skipped
         True where a verified result from the same inputs was there.
     seconds
@@ -129,17 +128,17 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
 def _execute(
     case: Case,
     out: Path,
+    obtain: Callable[[Case, Callable[[float], None]], ResponseSurface],
     command: Sequence[str],
-    test: Callable[[Case, Callable[[float], None]], ResponseSurface],
     figures: str | None,
-    tell: Tell | None,
-) -> bool:
+    progress: Progress | None,
+) -> CaseRun:
     check_place(case, out)
-    odd = law_faults(case)
-    if odd:
-        raise CaseError(odd)
-    note = _note(case, tell)
-    note("surface", 0.0)
+    refused = law_faults(case)
+    if refused:
+        raise CaseError(refused)
+    report = stage_reporter(case, progress)
+    report("surface", 0.0)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
     from rsgen.identification import identify
@@ -151,40 +150,31 @@ def _execute(
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
-        surface = test(case, lambda share: note("surface", share))
+        surface = obtain(case, lambda share: report("surface", share))
         tested = time.perf_counter()
-        note("identification", 0.0)
+        report("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(surface, case.model)
         truth = case.with_model(identification.model).truth
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
-        note("report", 0.0)
-        failed = out / f"{case.name}-failed.ipynb"
-        try:
-            write_report(
-                folder,
-                case,
-                surface,
-                identification,
-                comparison,
-                durations=durations,
-                command=command,
-                figures=figures,
-            )
-        except RsgenError:
-            # the folder goes, but whoever looks for the fault needs the notebook with its traceback
-            with contextlib.suppress(OSError):
-                (folder / "notebook.ipynb").replace(failed)
-            raise
-        failed.unlink(missing_ok=True)
+        report("report", 0.0)
+        results = (case, surface, identification, comparison)
+        with _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
+            write_report(folder, *results, durations=durations, command=command, figures=figures)
         write_manifest(folder, inputs, seed, command)
-    return comparison.passed
+    return CaseRun(case.path, case.name, out / case.name, comparison.passed, judged=bool(case.accept))
 
 
-def _note(case: Case, tell: Tell | None) -> Callable[[str, float], None]:
-    if tell is None:
-        return lambda stage, share: None
-    return tell_seldom(tell, case.path, expect(case).seconds)
+@contextlib.contextmanager
+def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
+    """Save a notebook with its traceback from a folder that goes; remove one of an earlier run."""
+    try:
+        yield
+    except RsgenError:
+        with contextlib.suppress(OSError):
+            (folder / "notebook.ipynb").replace(place)
+        raise
+    place.unlink(missing_ok=True)
 
 
 def run_case(
@@ -194,7 +184,7 @@ def run_case(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
-    tell: Tell | None = None,
+    progress: Progress | None = None,
 ) -> CaseRun:
     """Run a case: simulate or read, identify, compare, report; the manifest is written last.
 
@@ -214,7 +204,7 @@ def run_case(
         What was called, for the manifest.
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
-    tell
+    progress
         Called now and then with how far the case has come.
 
     Returns
@@ -222,9 +212,14 @@ def run_case(
     CaseRun
         With ``faults`` where the case failed; an earlier result is then still there.
     """
-    case = path if isinstance(path, Case) else Path(path)
-    words = command or ("rsgen", "run", (case.path if isinstance(case, Case) else case).name)
-    return _guarded(case, Path(out), force, data, words, obtain_surface, figures, tell)
+    place = Path(out)
+
+    def run(case: Case) -> CaseRun:
+        earlier = None if force else current_result(case, place, figures)
+        words = command or ("rsgen", "run", case.path.name)
+        return earlier or _execute(case, place, obtain_surface, words, figures, progress)
+
+    return _attempt(path, data, run)
 
 
 def rewrite_report(
@@ -233,13 +228,13 @@ def rewrite_report(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
-    tell: Tell | None = None,
+    progress: Progress | None = None,
 ) -> CaseRun:
     """Identify and report anew from the surface that an earlier run of the same case left.
 
     Parameters
     ----------
-    path, out, data, command, figures, tell
+    path, out, data, command, figures, progress
         As for ``run_case``.
 
     Returns
@@ -257,32 +252,23 @@ def rewrite_report(
             )
         return load_surface(place / case.name / SURFACE)
 
-    words = command or ("rsgen", "report", Path(path).name)
-    return _guarded(Path(path), place, True, data, words, saved, figures, tell)
+    def rewrite(case: Case) -> CaseRun:
+        words = command or ("rsgen", "report", case.path.name)
+        return _execute(case, place, saved, words, figures, progress)
+
+    return _attempt(path, data, rewrite)
 
 
-def _guarded(
-    given: Path | Case,
-    place: Path,
-    force: bool,
-    data: str | Path | None,
-    command: Sequence[str],
-    test: Callable[[Case, Callable[[float], None]], ResponseSurface],
-    figures: str | None,
-    tell: Tell | None,
-) -> CaseRun:
+def _attempt(path: str | Path | Case, data: str | Path | None, run: Callable[[Case], CaseRun]) -> CaseRun:
+    """Load a case if need be and run it; every fault becomes a sentence."""
     started = time.perf_counter()
-    file = given.path if isinstance(given, Case) else given
+    file = path.path if isinstance(path, Case) else Path(path)
     name = file.stem
     try:
-        case = given if isinstance(given, Case) else load_case(file, data)
+        case = path if isinstance(path, Case) else load_case(path, data)
         name = case.name
-        earlier = None if force else current_result(case, place, figures)
-        if earlier is not None:
-            return earlier
-        passed = _execute(case, place, command, test, figures, tell)
-        seconds = time.perf_counter() - started
-        return CaseRun(file, name, place / name, passed, seconds=seconds, judged=bool(case.accept))
+        done = run(case)
+        return done if done.skipped else replace(done, seconds=time.perf_counter() - started)
     except CaseError as fault:
         faults = fault.faults
     except RsgenError as fault:

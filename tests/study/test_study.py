@@ -19,7 +19,7 @@ import pytest
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.measurement import read_measurement
-from rsgen.study import MANIFEST, CaseRun, read_manifest, rewrite_report, run_case, run_cases
+from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, rewrite_report, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
 from rsgen.study.run_case import current_result
@@ -296,31 +296,73 @@ def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+HANGING = """
+import sys
+import time
+from pathlib import Path
+
+from rsgen.cli import main
+from rsgen.study import run_case
+
+step, marker, *words = sys.argv[1:]
+
+
+def hang(*inputs):
+    Path(marker).touch()
+    time.sleep(600)
+
+
+setattr(sys.modules[run_case.__module__], step, hang)
+main(words)
+"""
+
+
 @posix
 @pytest.mark.slow
-@pytest.mark.parametrize("wait", [0.8, 2.5])
+@pytest.mark.parametrize("step", ["obtain_surface", "write_manifest"])
 def test_killing_the_command_keeps_the_earlier_result(
-    finished: tuple[Path, Path, CaseRun], tmp_path: Path, wait: float
+    finished: tuple[Path, Path, CaseRun], tmp_path: Path, step: str
 ) -> None:
+    """The command is killed where it has just begun, and where all but the manifest is written."""
     path, out, _ = finished
     shutil.copytree(out, tmp_path / "out")
     before = content(tmp_path / "out" / "small")
-    words = [sys.executable, "-c", "from rsgen.cli import main; main()", "run", str(path), "--force"]
-    process = subprocess.Popen(
-        [*words, "--out", str(tmp_path / "out")],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    time.sleep(wait)
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    if process.returncode == -signal.SIGKILL:
-        assert content(tmp_path / "out" / "small") == before
+    marker = tmp_path / "reached"
+    words = [step, str(marker), "run", str(path), "--force", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen([sys.executable, "-c", HANGING, *words], start_new_session=True)
+    while not marker.exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert len(list((tmp_path / "out").glob(".small.*.part"))) == 1
+    assert content(tmp_path / "out" / "small") == before
     assert read_manifest(tmp_path / "out" / "small") is not None
     recover(tmp_path / "out", "small")
     assert not list((tmp_path / "out").glob(".small*"))
+
+
+@posix
+@pytest.mark.slow
+def test_a_lost_worker_is_a_fault_of_its_case(tmp_path: Path) -> None:
+    """One of two processes is killed, as for want of memory, when its case has begun."""
+    paths = [write_case(tmp_path, name) for name in ("one", "two")]
+    killed: list[int] = []
+
+    def kill(step: Step) -> None:
+        for folder in (tmp_path / "out").glob(".*.part"):
+            if not killed:
+                killed.append(int(folder.name.split(".")[2]))
+                os.kill(killed[0], signal.SIGKILL)
+
+    runs = run_cases(paths, tmp_path / "out", workers=2, progress=kill)
+    assert len(killed) == 1
+    lost = [run for run in runs if run.passed is None]
+    assert lost
+    assert all("its worker was lost" in run.faults[0] for run in lost)
+    for run in runs:
+        recover(tmp_path / "out", run.name)
+    assert not list((tmp_path / "out").glob(".*"))
 
 
 # ---------------------------------------------------------------- a real structure

@@ -1,0 +1,178 @@
+"""Many cases at once; a case that fails does not stop the others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
+from multiprocessing.queues import SimpleQueue
+from pathlib import Path
+
+from rsgen.case import Case, find_cases, load_case, name_clashes
+from rsgen.errors import CaseError, RsgenError
+from rsgen.study.folder import recover
+from rsgen.study.progress import Progress, Step
+from rsgen.study.run_case import CaseRun, check_place, current_result, run_case
+from rsgen.study.workers import cluster_workers, local_workers, work
+
+__all__ = ["run_cases"]
+
+_LISTEN_SECONDS = 0.2
+"""Between two looks at how far the cases have come."""
+
+
+def _sort(
+    paths: Iterable[Path], out: Path, force: bool, data: Path | None, figures: str | None, away: bool
+) -> tuple[dict[Path, Case], dict[Path, CaseRun]]:
+    """Give the cases that must be run, by path, and what became of the others: faulty or finished before.
+
+    ``away`` is True where workers have another working folder, so that paths must be absolute.
+    """
+    cases: dict[Path, Case] = {}
+    done: dict[Path, CaseRun] = {}
+    for path in paths:
+        try:
+            case = load_case(path.absolute() if away else path, data and data.absolute())
+            check_place(case, out)
+            cases[path] = case
+        except CaseError as fault:
+            done[path] = CaseRun(path, path.stem, faults=fault.faults)
+        except RsgenError as fault:
+            done[path] = CaseRun(path, path.stem, faults=(str(fault),))
+    clashes = name_clashes(cases.values())
+    todo: dict[Path, Case] = {}
+    # laws with many parameters take longest; begun first, they do not keep one worker busy at the end
+    for path, case in sorted(cases.items(), key=lambda item: -len(item[1].model.parameters)):
+        earlier = None if force else current_result(case, out, figures)
+        if case.path in clashes:
+            done[path] = CaseRun(path, case.name, faults=(clashes[case.path],))
+        elif earlier is not None:
+            done[path] = earlier
+        else:
+            todo[path] = case
+    return todo, done
+
+
+def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
+    """Give what became of a case; a worker that was lost is a fault."""
+    lost = future.exception()
+    if lost is None:
+        return future.result()
+    if not isinstance(lost, Exception):
+        raise lost
+    text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
+    fault = f"{case.path.name}: its worker was lost, perhaps for want of memory; try again ({text})"
+    return CaseRun(case.path, case.path.stem, faults=(fault,))
+
+
+def _spread(
+    todo: Mapping[Path, Case],
+    out: Path,
+    command: tuple[str, ...],
+    figures: str | None,
+    workers: int,
+    cluster: str | None,
+    progress: Progress | None,
+    note: Callable[[Path, CaseRun], None],
+) -> None:
+    """Have all cases worked on, wherever the executor is; note each when it is finished."""
+    listening = progress is not None and cluster is None
+    steps: SimpleQueue[Step] | None = (
+        multiprocessing.get_context("spawn").SimpleQueue() if listening else None
+    )
+    place = out.absolute()
+    try:
+        with cluster_workers(cluster) if cluster else local_workers(workers, steps) as executor:
+            futures = {
+                executor.submit(work, case, place, command, figures): path for path, case in todo.items()
+            }
+            waiting = set(futures)
+            while waiting:
+                pause = None if steps is None else _LISTEN_SECONDS
+                done, waiting = wait(waiting, pause, FIRST_COMPLETED)
+                while steps is not None and progress is not None and not steps.empty():
+                    progress(steps.get())
+                for future in done:
+                    note(futures[future], _outcome(future, todo[futures[future]]))
+    except BaseException:
+        for case in todo.values():
+            # what a worker of this machine had no time to remove
+            recover(out, case.name)
+        raise
+
+
+def run_cases(
+    paths: Iterable[str | Path],
+    out: str | Path,
+    force: bool = False,
+    data: str | Path | None = None,
+    workers: int | None = None,
+    command: Sequence[str] = (),
+    finished: Callable[[CaseRun], None] = lambda run: None,
+    figures: str | None = None,
+    progress: Progress | None = None,
+    cluster: str | None = None,
+) -> tuple[CaseRun, ...]:
+    """Run cases, each in a process of its own, then write the index over all results in ``out``.
+
+    Parameters
+    ----------
+    paths
+        Case files and folders of them.
+    out
+        The folder of all results.
+    force
+        Run every case; otherwise those with a verified result from the same inputs are skipped.
+    data
+        The folder of measured files, if not each case's own or that of RSGEN_DATA.
+    workers
+        Processes at a time; default is the number of processors. 1 runs in this process.
+    command
+        What was called, for the manifests.
+    finished
+        Called after each case, in this process.
+    figures
+        "pdf", "svg" or "png": every figure is saved as a file, too.
+    progress
+        Called now and then, in this process, with how far each case has come; not from a cluster.
+    cluster
+        Address of a Dask scheduler whose workers see the same folders; ``workers`` is theirs then.
+
+    Returns
+    -------
+    tuple of CaseRun
+        In the order of the paths.
+
+    Raises
+    ------
+    RsgenError
+        A path does not exist or holds no case; no scheduler answers; the index cannot be written.
+    """
+    files = find_cases(paths)
+    place = Path(out)
+    runs: dict[Path, CaseRun] = {}
+
+    def note(path: Path, run: CaseRun) -> None:
+        runs[path] = replace(run, path=path, folder=run.folder and place / run.folder.name)
+        finished(runs[path])
+
+    todo, done = _sort(
+        files, place, force, None if data is None else Path(data), figures, cluster is not None
+    )
+    for path, run in done.items():
+        note(path, run)
+    number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
+    if todo and (cluster or number > 1):
+        _spread(todo, place, tuple(command), figures, number, cluster, progress, note)
+    else:
+        for path, case in todo.items():
+            note(path, run_case(case, place, True, None, tuple(command), figures, progress))
+    changed = any(run.folder and not run.skipped for run in runs.values())
+    missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
+    if changed or (missing and any(run.folder for run in runs.values())):
+        from rsgen.report import write_index
+
+        write_index(place)
+    return tuple(runs[path] for path in files)

@@ -1,0 +1,182 @@
+"""Where cases are worked on: processes of this machine or workers of a Dask cluster, behind one interface.
+
+Both are executors of ``concurrent.futures``: ``submit`` gives a future, a future gives what became of a case.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import importlib
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from multiprocessing.queues import SimpleQueue
+from pathlib import Path
+from types import FrameType, MappingProxyType
+from typing import Any
+
+from rsgen.case import Case
+from rsgen.errors import RsgenError
+from rsgen.study.progress import Step
+from rsgen.study.run_case import CaseRun, run_case
+
+__all__ = ["cluster_workers", "local_workers", "work"]
+
+_CONNECT_SECONDS = 20
+_CLEARING_SECONDS = 1.0
+"""A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
+
+_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_one_at_a_time = threading.Lock()
+"""Figures are drawn, and output is captured, under settings that all threads of a process share."""
+
+_steps: list[SimpleQueue[Step]] = []
+"""In a worker: where it reports how far its case has come; empty where nobody listens."""
+
+
+def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
+    return MappingProxyType(content)
+
+
+# cases hold read-only mappings, which pickle refuses, and are sent to workers
+copyreg.pickle(MappingProxyType, lambda mapping: (_frozen, (dict(mapping),)))
+
+
+def work(case: Case, out: Path, command: tuple[str, ...], figures: str | None) -> CaseRun:
+    """Run a case on a worker; it is known that it must be run."""
+    with _one_at_a_time:
+        try:
+            progress = _steps[0].put if _steps else None
+            return run_case(case, out, force=True, command=command, figures=figures, progress=progress)
+        except KeyboardInterrupt:
+            # back in the pool it would wait for a lock that another ended worker may have taken along
+            os._exit(1)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Answer SIGTERM, once: unwind through the case, which removes its unfinished folder."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if not _one_at_a_time.locked():
+        os._exit(1)
+    raise KeyboardInterrupt
+
+
+def _follow(parent: Connection) -> None:
+    """End this process when the parent closes its end of the pipe, or is gone."""
+    with suppress(EOFError, OSError):
+        parent.recv()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_CLEARING_SECONDS)
+    os._exit(1)
+
+
+def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
+    if steps is not None:
+        _steps.append(steps)
+    # Ctrl-C reaches every process of a terminal; the parent alone answers it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+
+
+@contextmanager
+def _beginning(workers: int) -> Iterator[None]:
+    """Give each process begun meanwhile its share of the processors, and no ear for Ctrl-C.
+
+    The libraries read these names when they are loaded; with a thread for each processor in each process,
+    the cases would fight for all of them.
+    """
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    added = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, share))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else None
+    try:
+        yield
+    finally:
+        if mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name in added:
+            del os.environ[name]
+
+
+class _Processes(ProcessPoolExecutor):
+    """Processes that begin, at a ``submit``, with their share of the processors."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        with _beginning(self.number):
+            return super().submit(fn, *args, **kwargs)
+
+    def __init__(self, number: int, **settings: Any) -> None:
+        super().__init__(number, **settings)
+        self.number = number
+
+
+@contextmanager
+def local_workers(number: int, steps: SimpleQueue[Step] | None) -> Iterator[Executor]:
+    """Give processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
+
+    Parameters
+    ----------
+    number
+        Processes at a time.
+    steps
+        Gets how far each case has come; None where nobody listens.
+    """
+    theirs, ours = multiprocessing.get_context("spawn").Pipe(duplex=False)
+    executor = _Processes(
+        number,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_prepare_worker,
+        initargs=(theirs, steps),
+    )
+    try:
+        yield executor
+    except BaseException:
+        ours.close()
+        executor.shutdown(cancel_futures=True)
+        raise
+    executor.shutdown()
+    ours.close()
+
+
+@contextmanager
+def cluster_workers(address: str) -> Iterator[Executor]:
+    """Give the workers of a Dask scheduler; what has begun when the block is left by a fault ends by itself.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler, such as "tcp://node1:8786".
+
+    Raises
+    ------
+    RsgenError
+        dask.distributed is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise RsgenError(
+            "--cluster: dask.distributed is not installed; get it by: pip install 'rsgen[cluster]'"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise RsgenError(
+            f"--cluster {address}: no scheduler answers: {reason}; start one with `dask scheduler`"
+        ) from fault
+    with client:
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor
+        except BaseException:
+            executor.shutdown(wait=False)
+            raise
