@@ -4,9 +4,24 @@
 a force law from the condition that each term is a force, ``unit_faults`` checks declared units against it.
 """
 
-from rsgen.units.deduction import parameter_units, unit_faults
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from rsgen.units.dimension import Dimension
 from rsgen.units.quantities import quantity, sensor_unit, unit_of
 from rsgen.units.unit_text import read_unit
 
+if TYPE_CHECKING:
+    from rsgen.units.deduction import parameter_units, unit_faults
+
 __all__ = ["Dimension", "parameter_units", "quantity", "read_unit", "sensor_unit", "unit_faults", "unit_of"]
+
+
+def __getattr__(name: str) -> Any:
+    # on first use, for it imports sympy, which the process that opens binary files can do without
+    if name in ("parameter_units", "unit_faults"):
+        from rsgen.units import deduction
+
+        return getattr(deduction, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

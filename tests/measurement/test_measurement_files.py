@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import os
+import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
@@ -486,6 +487,13 @@ def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> Non
         path.write_bytes(bytes(changed[: random.integers(100, len(content))] if number % 3 == 0 else changed))
         with suppress(MeasurementError):
             list_binary(path, recognise_format(path))
+
+
+def test_the_reading_process_loads_no_more_than_it_needs() -> None:
+    """Each file starts one: what it imports in vain is time that every reading takes."""
+    program = "import sys, rsgen.measurement.sandbox_worker; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not {"sympy", "pint", "pydantic", "scipy", "numba"} & set(done.stdout.split())
 
 
 def test_waiting_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
