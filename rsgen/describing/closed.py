@@ -10,9 +10,9 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.describing.arcs import Arc, End, make_arc
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.terms import read_addend
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["ClosedPart", "Triple", "close"]

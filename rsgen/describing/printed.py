@@ -10,9 +10,9 @@ import sympy
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.describing.function import DescribingFunction
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.notation import readable
 
 __all__ = ["PrintedComparison", "compare_printed"]

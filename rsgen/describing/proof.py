@@ -9,9 +9,9 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.describing.closed import ClosedPart
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.describing.quadrature import Cycle, Projections, project
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["LEAST_SETS", "PROOF_TOLERANCE", "Trial", "draw_trial", "worst_error"]

@@ -13,8 +13,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]

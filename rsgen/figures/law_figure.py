@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rsgen.describing import DescribingFunction
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.figures.curves import REFINED
 from rsgen.figures.drawing import Drawing, in_style, new_figure
 from rsgen.figures.equivalent import calm_limits

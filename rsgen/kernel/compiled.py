@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -144,15 +144,16 @@ class Kernel:
         return March(after, trail, waves, peak)
 
 
-@lru_cache(maxsize=64)
-def compile_kernel(force: sympy.Expr, *, locate_all: bool = False) -> Kernel:
+def compile_kernel(
+    force: sympy.Expr, *, values: Mapping[str, float] | None = None, locate_all: bool = False
+) -> Kernel:
     """Compile a force law, or find it compiled.
 
     Parameters
     ----------
     force
         n(x, v) [N].
-    locate_all
+    values, locate_all
         As in ``generate``.
 
     Raises
@@ -162,4 +163,5 @@ def compile_kernel(force: sympy.Expr, *, locate_all: bool = False) -> Kernel:
     RsgenError
         The compiled law can be kept nowhere.
     """
-    return Kernel(parameter_order(force), load_kernel(generate(force, locate_all=locate_all)))
+    source = generate(force, values=values, locate_all=locate_all)
+    return Kernel(parameter_order(force), load_kernel(source))

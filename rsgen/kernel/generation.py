@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +11,8 @@ import sympy
 
 from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
-from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form
+from rsgen.law.character import onset
+from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
 
 __all__ = ["generate", "parameter_order"]
 
@@ -40,27 +42,13 @@ def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
     return tuple(sorted({free.name for free in force.free_symbols} - {"x", "v"}))
 
 
-def _touching(form: NormalForm, switch: Switch) -> list[sympy.Expr]:
-    return [piece.term for piece in form.pieces if switch in piece.switches]
-
-
-def _at(term: sympy.Expr, switch: Switch) -> sympy.Expr:
-    return sympy.expand(term.subs(symbol(str(switch.variable)), switch.threshold))
-
-
-def _is_smooth(form: NormalForm, switch: Switch) -> bool:
-    """Tell whether force and slope are continuous across a switch: it needs no event then."""
-    if switch.variable is None:
-        return False
-    variable = symbol(switch.variable)
-    return all(
-        _at(term, switch) == 0 and _at(sympy.diff(term, variable), switch) == 0
-        for term in _touching(form, switch)
+def _onsets(form: NormalForm, switch: Switch) -> tuple[bool, bool]:
+    """Tell whether the law may jump at a switch, and whether it may have a corner there."""
+    jumps, corners = zip(
+        *(onset(piece, switch) for piece in form.pieces if switch in piece.switches), strict=True
     )
-
-
-def _jumps(form: NormalForm, switch: Switch) -> bool:
-    return switch.variable == "v" and any(_at(term, switch) != 0 for term in _touching(form, switch))
+    # what an unknown exponent decides is taken for a jump and a corner
+    return any(jump is not False for jump in jumps), any(corner is not False for corner in corners)
 
 
 def _located(form: NormalForm, names: dict[sympy.Symbol, str], every: bool) -> dict[Switch, _Located]:
@@ -68,7 +56,8 @@ def _located(form: NormalForm, names: dict[sympy.Symbol, str], every: bool) -> d
     switches = dict.fromkeys(switch for piece in form.pieces for switch in piece.switches)
     found: dict[Switch, _Located] = {}
     for switch in switches:
-        if not every and _is_smooth(form, switch):
+        jumps, corners = _onsets(form, switch)
+        if not (every or jumps or corners):
             continue
         rate = sympy.diff(switch.function, x) * v + sympy.diff(switch.function, v) * a
 
@@ -82,7 +71,7 @@ def _located(form: NormalForm, names: dict[sympy.Symbol, str], every: bool) -> d
             code_new=code(switch.function, "xn", "vn"),
             rate_code=code(rate, "x", "v"),
             threshold=code(switch.threshold, "x", "v") if switch.threshold is not None else "0.0",
-            jumps=_jumps(form, switch),
+            jumps=jumps and switch.variable == "v",
         )
     return found
 
@@ -123,8 +112,9 @@ def _factored(term: sympy.Expr, x: sympy.Symbol, v: sympy.Symbol) -> sympy.Expr:
     return term
 
 
-@lru_cache(maxsize=64)
-def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
+def generate(
+    force: sympy.Expr, *, values: Mapping[str, float] | None = None, locate_all: bool = False
+) -> str:
     """Write the kernel of a force law as Python source.
 
     Parameters of the law appear as p0, p1, ... in the order of ``parameter_order``; their own names only
@@ -135,6 +125,9 @@ def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
     ----------
     force
         n(x, v) [N].
+    values
+        Of the parameters [SI]. The kernel then holds for values of the same signs and order, and is the same
+        for every wording of the law; without, it holds for all values.
     locate_all
         Also locate where only the curvature of the law jumps, as in v|v|: for accuracies beyond 1e-6.
 
@@ -143,10 +136,14 @@ def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
     ExpressionError
         The law holds a function that no law may use.
     """
+    form = normal_form(force) if values is None else normal_form_at(force, values)
+    return _source(form, parameter_order(force), locate_all)
+
+
+@lru_cache(maxsize=64)
+def _source(form: NormalForm, order: tuple[str, ...], locate_all: bool) -> str:
     import jinja2  # only generation needs it
 
-    form = normal_form(force)
-    order = parameter_order(force)
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
     located = _located(form, names, locate_all)
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
@@ -157,7 +154,7 @@ def generate(force: sympy.Expr, *, locate_all: bool = False) -> str:
     parameters = "".join(f", p{number}" for number in range(len(order)))
     gates = "".join(f", g{entry.index}" for entry in located.values())
     return environment.get_template(_TEMPLATE).render(
-        law=_comment(write(force)),
+        law=_comment(write(form.expression)),
         parameters=[(f"p{number}", name) for number, name in enumerate(order)],
         names=[f"p{number}" for number in range(len(order))],
         arguments=parameters,

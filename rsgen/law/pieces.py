@@ -8,16 +8,22 @@ else takes a law apart.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 import sympy
 
 from rsgen.expression import symbol
-from rsgen.law.normal_form import Key
+from rsgen.expression.evaluation import compiled
+from rsgen.law.normal_form import Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
-__all__ = ["NormalForm", "Piece", "Switch", "normal_form"]
+__all__ = ["NormalForm", "Piece", "Switch", "normal_form", "normal_form_at"]
+
+CHOICES = (sympy.Max, sympy.Min, sympy.Abs, sympy.sign)
+"""Functions of parameters that their signs or their order decide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +74,16 @@ class NormalForm:
         return _all_switches(self.pieces)
 
     @property
+    def expression(self) -> sympy.Expr:
+        """The law as one expression, steps written as Heaviside."""
+        return sympy.Add(
+            *(
+                piece.term * sympy.Mul(*(sympy.Heaviside(switch.function) for switch in piece.switches))
+                for piece in self.pieces
+            )
+        )
+
+    @property
     def base(self) -> sympy.Expr:
         """The sum of the terms that act everywhere."""
         return sympy.Add(*(piece.term for piece in self.pieces if not piece.switches))
@@ -83,11 +99,11 @@ def _switches(key: Key) -> tuple[Switch, ...]:
     return (*switches, *(Switch(function, None, None) for function in others))
 
 
-def _renamed(key: Key, names: dict[sympy.Symbol, sympy.Symbol]) -> Key:
+def _mapped(key: Key, change: Callable[[sympy.Expr], sympy.Expr]) -> Key:
     return Key(
-        None if key.x is None else key.x.xreplace(names),
-        None if key.v is None else key.v.xreplace(names),
-        frozenset(function.xreplace(names) for function in key.others),
+        None if key.x is None else change(key.x),
+        None if key.v is None else change(key.v),
+        frozenset(map(change, key.others)),
     )
 
 
@@ -132,7 +148,89 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     """
     known = {symbol(name): sympy.Dummy(name, positive=True) for name in positive}
     back = {dummy: free for free, dummy in known.items()}
-    form = {
-        _renamed(key, back): term.xreplace(back) for key, term in reduce_law(force.xreplace(known)).items()
-    }
+
+    def renamed(expression: sympy.Expr) -> sympy.Expr:
+        return expression.xreplace(back)
+
+    form = reduce_law(force.xreplace(known))
+    return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
+
+
+def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm:
+    """Give the normal form near some values of the parameters: the same for every wording of a law.
+
+    Where the sign or the order of parameters decides (``abs(x) <= b`` is never true for a negative b), the
+    normal form for all values has switches that meet or never act, and which ones depends on the wording.
+    Here Max, Min, Abs and sign of parameters are what they are at ``values``.
+
+    Parameters
+    ----------
+    force
+        The law n(x, v).
+    values
+        Of every parameter [SI]; others are ignored.
+
+    Raises
+    ------
+    ExpressionError
+        As for ``normal_form``.
+
+    Examples
+    --------
+    >>> from rsgen.expression import parse
+    >>> gap = parse("Piecewise((x - b, x > b), (x + b, x < -b), (0, True))")
+    >>> [str(s.function) for s in normal_form(gap).switches]
+    ['b + x', '-b + x', 'x - Max(-b, b)']
+    >>> [str(s.function) for s in normal_form_at(gap, {"b": 0.5}).switches]
+    ['b + x', '-b + x']
+    """
+    choices = _choices(force)
+    if not choices:
+        return normal_form(force)
+    names = sorted({name for choice in choices for name in choice.free_symbols}, key=str)
+    arguments = tuple(argument for choice in choices for argument in choice.args)
+    numbers = iter(compiled(arguments, tuple(names))(*(float(values[name.name]) for name in names)))
+    taken = tuple(_taken(choice, [float(next(numbers)) for _ in choice.args]) for choice in choices)
+    return _resolved(force, taken)
+
+
+@lru_cache(maxsize=512)
+def _choices(force: sympy.Expr) -> tuple[sympy.Expr, ...]:
+    """List what in the normal form depends on signs or the order of parameters."""
+    form = normal_form(force)
+    places = [piece.term for piece in form.pieces] + [switch.function for switch in form.switches]
+    found = {choice for place in places for choice in place.atoms(*CHOICES) if not moves(choice)}
+    return tuple(sorted(found, key=sympy.default_sort_key))
+
+
+def _taken(choice: sympy.Expr, numbers: list[float]) -> int:
+    """Say which argument Max and Min take, and which sign Abs and sign see; 0: none."""
+    if isinstance(choice, sympy.Max | sympy.Min):
+        return numbers.index(max(numbers) if isinstance(choice, sympy.Max) else min(numbers))
+    return int(np.sign(numbers[0]))
+
+
+@lru_cache(maxsize=512)
+def _resolved(force: sympy.Expr, taken: tuple[int, ...]) -> NormalForm:
+    choice_of = dict(zip(_choices(force), taken, strict=True))
+
+    def resolved(expression: sympy.Expr) -> sympy.Expr:
+        if expression not in choice_of:
+            return expression.func(*map(resolved, expression.args)) if expression.args else expression
+        place = choice_of[expression]
+        if isinstance(expression, sympy.Max | sympy.Min):
+            return resolved(expression.args[place])
+        inner = resolved(expression.args[0])
+        if place == 0:
+            return expression.func(inner)
+        return place * inner if isinstance(expression, sympy.Abs) else sympy.Integer(place)
+
+    def threshold(expression: sympy.Expr) -> sympy.Expr:
+        return sympy.expand_mul(resolved(expression))
+
+    form = reduce_law(force)
+    return _sorted(add(*({_mapped(key, threshold): expanded(resolved(term))} for key, term in form.items())))
+
+
+def _sorted(form: Form) -> NormalForm:
     return NormalForm(tuple(Piece(form[key], _switches(key)) for key in sorted(form, key=_order)))

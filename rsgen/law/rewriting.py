@@ -61,7 +61,18 @@ def reduce_law(force: sympy.Expr) -> Form:
         _check_power(power)
     exact = {f: sympy.Rational(str(f)) for f in force.atoms(sympy.Float)}
     form = without_signs(_form(force.xreplace(exact)))
-    return {key: term for key, term in ((k, expanded(t)) for k, t in form.items()) if not term.is_zero}
+    return {
+        key: term for key, term in ((k, _cancelled(expanded(t))) for k, t in form.items()) if not term.is_zero
+    }
+
+
+def _cancelled(term: sympy.Expr) -> sympy.Expr:
+    """Divide out denominators that move where that leaves none: ``x/(x - b) - b/(x - b)`` is one."""
+    divided = any(moves(power.base) and power.exp.is_negative for power in term.atoms(sympy.Pow))
+    if not divided or not term.is_rational_function(STATE_X, STATE_V):
+        return term
+    quotient = sympy.cancel(term)
+    return term if moves(sympy.fraction(quotient)[1]) else expanded(quotient)
 
 
 def _form(expression: sympy.Expr) -> Form:

@@ -15,8 +15,8 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.describing.numeric_formulas import Numeric, compiled
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates

@@ -139,7 +139,7 @@ def solve_response_control(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     if X.shape != f.shape or X.ndim != 1 or not np.all(np.isfinite(X) & (X > 0) & np.isfinite(f) & (f > 0)):
         raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
-    kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < _CURVATURE)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     shooting = _Shooting(kernel, oscillator.mass, values, X, 2 * np.pi * f)
     everywhere = np.arange(len(X))

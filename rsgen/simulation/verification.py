@@ -71,7 +71,7 @@ def verify(
         raise RsgenError("verify: only points from rest can be found again from rest; sweep must be 'rest'")
     choice = np.random.default_rng(seed).permutation(len(surface))[:sample]
     points = np.sort(choice)
-    kernel = compile_kernel(oscillator.force, locate_all=True)
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=True)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     F, omega = surface.force[points], surface.omega[points]
     force = np.column_stack([F.real, F.imag])

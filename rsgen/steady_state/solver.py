@@ -62,7 +62,7 @@ def solve_steady_states(
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
-    kernel = compile_kernel(oscillator.force, locate_all=accuracy < _CURVATURE)
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < _CURVATURE)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f

@@ -11,8 +11,8 @@ import pytest
 
 from rsgen.cli import main
 from rsgen.describing import derive
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.expression import parse, symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.figures.law_figure import draw_derivation, telling_amplitude
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"

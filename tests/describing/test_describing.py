@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsgen.describing import compare_printed, derive
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import parse, symbol, write
+from rsgen.expression.evaluation import compiled
 from rsgen.law.notation import latex, mathml, readable
 from tests.oracles.cycle import relative_errors
 

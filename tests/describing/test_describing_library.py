@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rsgen.describing import derive
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law import laws
 from tests.oracles.cycle import relative_errors
 

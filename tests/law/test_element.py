@@ -6,11 +6,11 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.describing.numeric_formulas import compiled
 from rsgen.errors import ExpressionError
 from rsgen.expression import parse, symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.element import make_element
-from rsgen.law.pieces import normal_form
+from rsgen.law.pieces import normal_form, normal_form_at
 
 ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
 
@@ -91,6 +91,22 @@ def test_sum_of_pieces_is_the_law(law, seed, positive):
     known = frozenset(n.name for n in names if positive and n.name not in "xv")
     (wanted,) = compiled((force,), names)(*values)
     found = sum_of_pieces(normal_form(force, known), names, values)
+    np.testing.assert_allclose(found, wanted, rtol=ROUND_OFF, atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@settings(max_examples=10, derandomize=True, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_sum_of_pieces_is_the_law_at_values_of_any_sign(law, seed):
+    force = parse(law)
+    parameters = sorted(force.free_symbols - {symbol("x"), symbol("v")}, key=str)
+    names = (symbol("x"), symbol("v"), *parameters)
+    rng = np.random.default_rng(seed)
+    values = rng.normal(0, 1.5, len(parameters)).tolist()
+    x, v = rng.normal(0, 1.5, (2, 64))
+    (wanted,) = compiled((force,), names)(x, v, *values)
+    form = normal_form_at(force, {p.name: value for p, value in zip(parameters, values, strict=True)})
+    found = sum_of_pieces(form, names, (x, v, *values))
     np.testing.assert_allclose(found, wanted, rtol=ROUND_OFF, atol=ROUND_OFF)
 
 

@@ -1,0 +1,262 @@
+"""What kind of law it is: odd, smooth or rough, and in which of its parameters it is linear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
+from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
+
+__all__ = ["Character", "character", "onset"]
+
+Array = NDArray[np.float64]
+
+_PLACES = 64
+"""Random states or values at which an identity is tried."""
+
+_SIZES = (1e-3, 1.0, 1e3)
+"""Of random states and values: numbers in a law hide at one size what another shows."""
+
+_SAME = 1e-9
+"""Relative size at which terms cancel."""
+
+_ROUND_OFF = 1e-12
+"""What is left of parts that cancel, relative to the largest of them: b*ks - b*abs(ks)."""
+
+_MOST_LINEAR_SETS = 12
+"""Above so many parameters the linear ones are chosen greedily instead of by trying every set."""
+
+_LARGEST_GROUP = 3
+"""Parameters in a group of degree one; force and stiffness of a saturation are two."""
+
+_TYPICAL = (0.7, 1e3)
+"""Values at which jumps and corners are looked for: positive, ascending by name, close and far apart."""
+
+_FACTORS = (1.0, 2.0, 3.0)
+"""Common factors of a group at which the force must be affine."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Character:
+    """The kind of a law n(x, v; p).
+
+    Parameters
+    ----------
+    parameters
+        Names, in the order of every parameter array.
+    linear
+        Indices of parameters in which the law is jointly linear once the others are fixed.
+    nonlinear
+        The other indices (breakpoints, exponents, widths of a tanh ...).
+    scaled
+        Groups of nonlinear indices in whose common positive factor the law is linear: force and stiffness
+        of a saturation.
+    odd
+        True where n(-x, -v) = -n(x, v): the mean and all even harmonics vanish.
+    switched
+        True where the law has switches at all.
+    rough
+        True where the law jumps or has a corner at one of them; x|x| does not.
+    jumps
+        True where it jumps.
+    springs
+        True where the force depends on x: the mean displacement then follows from the law.
+    """
+
+    parameters: tuple[str, ...]
+    linear: tuple[int, ...]
+    nonlinear: tuple[int, ...]
+    scaled: tuple[tuple[int, ...], ...]
+    odd: bool
+    switched: bool
+    rough: bool
+    jumps: bool
+    springs: bool
+
+
+@lru_cache(maxsize=256)
+def character(force: sympy.Expr) -> Character:
+    """Find out what kind of law this is; parameters are every symbol but x and v, sorted by name."""
+    states = {symbol("x"), symbol("v")}
+    parameters = sorted(force.free_symbols - states, key=str)
+    pieces = normal_form(force).pieces
+    switches = {switch.function for piece in pieces for switch in piece.switches}
+    thresholds = {free for function in switches for free in function.free_symbols}
+    linear = _jointly_linear([piece.term for piece in pieces], parameters, thresholds)
+    names = tuple(str(p) for p in parameters)
+    onsets = [
+        onset(piece, switch)
+        for spread in _TYPICAL
+        for piece in normal_form_at(force, {name: 1 + spread * i for i, name in enumerate(names)}).pieces
+        for switch in piece.switches
+    ]
+    return Character(
+        parameters=names,
+        linear=linear,
+        nonlinear=tuple(i for i in range(len(names)) if i not in linear),
+        scaled=_scaled_groups(pieces, parameters, linear),
+        odd=_is_odd(force, parameters),
+        switched=bool(switches),
+        rough=any(jump or corner for jump, corner in onsets),
+        jumps=any(jump for jump, _ in onsets),
+        springs=bool(force.has(symbol("x"))),
+    )
+
+
+def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
+    """Tell whether a piece sets in at a switch with a jump, and whether with a corner.
+
+    None stands for what an unknown exponent decides, as that of ``abs(v)**p`` does at zero.
+    """
+    if switch.variable is None:
+        return True, True
+    variable = symbol(switch.variable)
+    slope = piece.term.diff(variable)
+    return _differs(piece.term, variable, switch.threshold), _differs(slope, variable, switch.threshold)
+
+
+def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) -> bool | None:
+    value = sympy.expand(term.subs(variable, threshold))
+    if value.is_zero:
+        return False
+    if value.has(sympy.nan):
+        return None
+    known = value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero)
+    if known == value:
+        return not _vanishes(value)
+    return True if known.has(sympy.zoo) or not _vanishes(known) else None
+
+
+def _jointly_linear(
+    terms: list[sympy.Expr], parameters: list[sympy.Symbol], thresholds: set[sympy.Symbol]
+) -> tuple[int, ...]:
+    """Find the largest set of parameters in which every term is linear at once (first such set by name)."""
+    slopes = [[term.diff(p) for term in terms] for p in parameters]
+    clash = {
+        (i, j)
+        for i, row in enumerate(slopes)
+        for j, other in enumerate(parameters)
+        if i <= j and not all(_vanishes(slope.diff(other)) for slope in row if slope.has(other))
+    }
+    free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
+    if len(free) <= _MOST_LINEAR_SETS:
+        for size in range(len(free), 0, -1):
+            for chosen in combinations(free, size):
+                if not any(pair in clash for pair in combinations(chosen, 2)):
+                    return chosen
+    picked: list[int] = []
+    for i in sorted(free, key=lambda i: sum(i in pair for pair in clash)):
+        if not any(tuple(sorted((i, j))) in clash for j in picked):
+            picked.append(i)
+    return tuple(sorted(picked))
+
+
+def _vanishes(expression: sympy.Expr) -> bool:
+    """Tell whether an expression is zero, from its value at random places: to simplify one may not end."""
+    if expression == 0:
+        return True
+    if expression.has(sympy.DiracDelta):
+        # the slope of |p| jumps where p changes its sign
+        return False
+    variables = tuple(sorted(expression.free_symbols, key=str))
+    parts = sympy.Add.make_args(expression)
+    generator = np.random.default_rng(0)
+    # sizes differ, so that what a large number in a law hides at most places shows at some
+    places = 10.0 ** generator.uniform(-4, 4, (len(variables), _PLACES)) * generator.uniform(
+        0.5, 2.0, _PLACES
+    )
+    values = np.array([np.broadcast_to(part, _PLACES) for part in compiled(parts, variables)(*places)])
+    size = np.sum(np.abs(values), axis=0)
+    shown = np.isfinite(size) & (size > 0)
+    return bool(shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= _SAME * size[shown]))
+
+
+def _is_odd(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
+    # tried at random states and values of several sizes: a symbolic proof does not end for every law
+    law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
+    generator = np.random.default_rng(0)
+    for scale in _SIZES:
+        x, v = generator.normal(size=(2, _PLACES)) * scale
+        for _ in range(3):
+            values = np.exp(generator.normal(size=len(parameters))) * scale
+            (one,), (other,) = law(x, v, *values), law(-x, -v, *values)
+            one, other = np.broadcast_to(one, x.shape), np.broadcast_to(other, x.shape)
+            finite = np.isfinite(one) & np.isfinite(other)
+            largest = np.max(np.abs(one[finite]), initial=0.0)
+            if not np.all(np.abs(one[finite] + other[finite]) <= _SAME * largest):
+                return False
+    return True
+
+
+def _scaled_groups(
+    pieces: Sequence[Piece], parameters: Sequence[sympy.Symbol], linear: Sequence[int]
+) -> tuple[tuple[int, ...], ...]:
+    """Find the smallest disjoint groups of nonlinear parameters in whose common factor a law is linear."""
+    free = [i for i in range(len(parameters)) if i not in linear]
+    groups: list[tuple[int, ...]] = []
+    for size in range(1, _LARGEST_GROUP + 1):
+        for chosen in combinations(free, size):
+            if set(chosen) & {i for group in groups for i in group}:
+                continue
+            scaled = [_is_scaled(piece, parameters, chosen, linear) for piece in pieces]
+            if None not in scaled and any(scaled):
+                groups.append(chosen)
+    return tuple(groups)
+
+
+def _is_scaled(
+    piece: Piece, parameters: Sequence[sympy.Symbol], chosen: tuple[int, ...], linear: Sequence[int]
+) -> bool | None:
+    """Tell whether a factor of the chosen acts on a piece; None where the piece is not affine in it.
+
+    Switches may change by a positive factor only.
+    """
+    group = {parameters[i] for i in chosen}
+    parts = [part for part in sympy.Add.make_args(sympy.expand(piece.term)) if part.free_symbols & group]
+    moving = [switch.function for switch in piece.switches if switch.function.free_symbols & group]
+    if not parts and not moving:
+        return False
+    if not parts or any(part.free_symbols & {parameters[i] for i in linear} for part in parts):
+        # a part that another unknown multiplies would be linear in neither
+        return None
+    functions = compiled((*parts, *moving), (symbol("x"), symbol("v"), *parameters))
+    generator = np.random.default_rng(1)
+    acts = False
+    for size in _SIZES:
+        x, v = generator.normal(size=(2, _PLACES)) * size
+        values = np.exp(generator.normal(size=len(parameters))) * generator.choice(_SIZES)
+        drawn = []
+        for factor in _FACTORS:
+            trial = np.array(values)
+            trial[list(chosen)] *= factor
+            drawn.append([np.broadcast_to(f, x.shape) for f in functions(x, v, *trial)])
+        shares = np.array([each[: len(parts)] for each in drawn])
+        signs = [each[len(parts) :] for each in drawn]
+        shares = shares[:, :, np.all(np.isfinite(shares), axis=(0, 1))]
+        forces = shares.sum(axis=1)
+        step = np.max(np.abs(forces[1] - forces[0]), initial=0.0)
+        second = forces[2] - 2 * forces[1] + forces[0]
+        round_off = _ROUND_OFF * np.max(np.abs(shares), initial=0.0)
+        if np.any(np.abs(second) > max(_SAME * step, round_off)) or not _same_sign(signs):
+            return None
+        acts |= bool(step > max(_SAME * np.max(np.abs(forces), initial=0.0), round_off))
+    return acts
+
+
+def _same_sign(signs: Sequence[Sequence[Array]]) -> bool:
+    """Tell whether switches change by one positive factor at all states."""
+    for before, after in zip(signs[0], signs[1], strict=True):
+        size = np.max(np.abs(before), initial=0.0)
+        with np.errstate(all="ignore"):
+            factor = float(np.sum(before * after) / np.sum(before * before))
+        if not (factor > 0 and np.all(np.abs(after - factor * before) <= _SAME * factor * size)):
+            return False
+    return True

@@ -1,0 +1,194 @@
+"""One law in many wordings: one normal form, one kernel, one character, the same steady states."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rsgen.expression import parse
+from rsgen.kernel import generate
+from rsgen.law import make_element
+from rsgen.law.character import character
+from rsgen.law.pieces import normal_form_at
+from rsgen.oscillator import Oscillator
+from rsgen.steady_state import solve_steady_states
+
+VALUES = {"b": 5e-3, "b2": 9e-3, "k4": 5900.0, "k5": 14800.0, "k6": 3000.0, "ks": 5900.0, "Fm": 30.0}
+VALUES |= {"Ff": 2.0, "cq": 20.0}
+
+FAMILIES = {
+    "gap": [
+        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+        "Piecewise((k4*x, (x < b) & (x > -b)), (k5*x + (k4 - k5)*b*sign(x), True))",
+        "k4*x + Piecewise(((k5 - k4)*(x - b), x > b), ((k5 - k4)*(x + b), x < -b), (0, True))",
+        "Piecewise((k5*x + (k4 - k5)*b, x > b), (k4*x, x > -b), (k5*x - (k4 - k5)*b, True))",
+        "k4*x + (k5 - k4)*(Max(0, x - b) + Min(0, x + b))",
+        "k4*x + (k5 - k4)*((x - b)*Heaviside(x - b) + (x + b)*Heaviside(-x - b))",
+        "k5*x + (k5 - k4)/2*(abs(x - b) - abs(x + b))",
+        "k5*x + (k4 - k5)*Max(-b, Min(x, b))",
+        "k4*x + (k5 - k4)*sign(x)*Max(0, abs(x) - b)",
+        "k4*x + (k5 - k4)*(x - b*sign(x))*Heaviside(abs(x) - b)",
+    ],
+    "three slopes": [
+        "Piecewise((k4*x, x < b), (k5*x + (k4 - k5)*b, x < b2), (k6*x + (k4 - k5)*b + (k5 - k6)*b2, True))",
+        "k4*x + (k5 - k4)*Max(0, x - b) + (k6 - k5)*Max(0, x - b2)",
+        "k4*x + (k5 - k4)*(x - b)*Heaviside(x - b) + (k6 - k5)*(x - b2)*Heaviside(x - b2)",
+        "(k4 + k6)/2*x + (k5 - k4)*(abs(x - b) - b)/2 + (k6 - k5)*(abs(x - b2) - b2)/2",
+    ],
+    "saturation": [
+        "Max(-Fm, Min(ks*x, Fm))",
+        "Min(Fm, Max(ks*x, -Fm))",
+        "Piecewise((ks*x, abs(ks*x) < Fm), (Fm*sign(x), True))",
+        "Piecewise((Fm, ks*x > Fm), (-Fm, ks*x < -Fm), (ks*x, True))",
+        "(abs(ks*x + Fm) - abs(ks*x - Fm))/2",
+        "ks*Piecewise((x, abs(x) < Fm/ks), (Fm/ks*sign(x), True))",
+    ],
+    "friction": [
+        "Ff*sign(v)",
+        "Piecewise((Ff, v > 0), (-Ff, True))",
+        "Piecewise((Ff, v > 0), (-Ff, v < 0), (0, True))",
+        "Ff*(2*Heaviside(v) - 1)",
+        "Ff*v/abs(v)",
+        "Ff*Heaviside(v) - Ff*Heaviside(-v)",
+    ],
+    "drag": [
+        "cq*v*abs(v)",
+        "cq*v**2*sign(v)",
+        "Piecewise((cq*v**2, v > 0), (-cq*v**2, True))",
+        "cq*v*Max(v, -v)",
+        "cq*v*sqrt(v**2)",
+        "cq*v**2*(2*Heaviside(v) - 1)",
+    ],
+}
+
+SWITCHES = {"gap": 2, "three slopes": 2, "saturation": 2, "friction": 1, "drag": 1}
+
+
+def law(wording: str):
+    return parse(f"c*v + k*x + {wording.replace('&', 'and')}")
+
+
+def values(force) -> dict[str, float]:
+    known = {"c": 3.77, "k": 5000.0, **VALUES}
+    return {s.name: known[s.name] for s in force.free_symbols if s.name not in "xv"}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_wordings_have_one_normal_form_and_one_kernel(name):
+    first, *others = map(law, FAMILIES[name])
+    form = normal_form_at(first, values(first))
+    assert len(form.switches) == SWITCHES[name]
+    for other in others:
+        assert normal_form_at(other, values(other)) == form
+        assert generate(other, values=values(other)) == generate(first, values=values(first))
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_wordings_have_one_character(name):
+    kinds = [character(law(wording)) for wording in FAMILIES[name]]
+    assert {(kind.odd, kind.switched, kind.rough, kind.jumps, kind.springs) for kind in kinds} == {
+        (name != "three slopes", True, name != "drag", name == "friction", True)
+    }
+    assert len({(kind.parameters, kind.linear, kind.scaled) for kind in kinds}) == 1
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_wordings_have_the_same_steady_states(name):
+    force, frequency = np.repeat([5.0, 20.0, 30.0], 12), np.tile(np.linspace(8, 14, 12), 3)
+
+    def harmonics(elements):
+        force_law = sum(element.force for element in elements)
+        found = solve_steady_states(Oscillator(1.5, elements, values(force_law)), force, frequency)
+        return found.harmonics
+
+    first, *others = FAMILIES[name]
+    expected = harmonics((make_element("all", law(first)),))
+    settled = np.isfinite(expected)
+    assert settled.mean() > 0.9
+    for wording in others:
+        # as a sum of elements, too
+        parts = make_element("base", "c*v + k*x"), make_element("rest", wording.replace("&", "and"))
+        found = harmonics(parts)
+        assert np.array_equal(np.isfinite(found), settled)
+        assert np.max(np.abs(found - expected)[settled]) <= 1e-9 * np.max(np.abs(expected[settled]))
+
+
+def test_signs_and_order_of_values_choose_the_form():
+    stops = parse("Piecewise((0, x < b), (k*(x - b), x < d), (k*(d - b), True))")
+    ordered = normal_form_at(stops, {"b": 1.0, "d": 2.0, "k": 1.0})
+    assert [str(switch.threshold) for switch in ordered.switches] == ["b", "d"]
+    crossed = normal_form_at(stops, {"b": 2.0, "d": 1.0, "k": 1.0})
+    assert [str(switch.threshold) for switch in crossed.switches] == ["b"]
+
+
+# ---------------------------------------------------------------- random laws
+
+
+def larger(a: str, b: str, pick: random.Random, inside: bool = False) -> str:
+    """Max(a, b) in some wording; a Piecewise may not stand in a condition."""
+    plain = [
+        f"Max({a}, {b})",
+        f"(({a}) + ({b}) + abs(({a}) - ({b})))/2",
+        f"({b}) + (({a}) - ({b}))*Heaviside(({a}) - ({b}))",
+        f"-Min(-({a}), -({b}))",
+    ]
+    branches = [f"Piecewise(({a}, {a} > {b}), ({b}, True))", f"Piecewise(({b}, {a} < {b}), ({a}, True))"]
+    return pick.choice(plain if inside else plain + branches)
+
+
+def distance(a: str, pick: random.Random, inside: bool = False) -> str:
+    plain = [f"abs({a})", f"Max({a}, -({a}))", f"({a})*sign({a})", f"({a})*(2*Heaviside({a}) - 1)"]
+    branches = [f"Piecewise(({a}, {a} > 0), (-({a}), True))", f"sqrt(({a})**2)"]
+    return pick.choice(plain if inside else plain + branches)
+
+
+def direction(a: str, pick: random.Random) -> str:
+    return pick.choice(
+        [
+            f"sign({a})",
+            f"(2*Heaviside({a}) - 1)",
+            f"Piecewise((1, {a} > 0), (-1, True))",
+            f"Piecewise((1, {a} > 0), (-1, {a} < 0), (0, True))",
+            f"(Heaviside({a}) - Heaviside(-({a})))",
+            f"({a})/abs({a})",
+        ]
+    )
+
+
+def word(kind: str, state: str, edge: str, pick: random.Random) -> str:
+    if kind == "gap":
+        return f"q*(({larger('0', f'{state} - {edge}', pick)}) - ({larger('0', f'-{state} - {edge}', pick)}))"
+    if kind == "stop":
+        return f"q*({larger('0', f'{state} - {edge}', pick)})"
+    if kind == "saturation":
+        return f"({larger('-(' + larger(f'-q*{state}', f'-{edge}', pick, True) + ')', f'-{edge}', pick)})"
+    if kind == "drag":
+        return f"q*{state}*({distance(state, pick)})"
+    if kind == "friction":
+        return f"q*({direction(f'{state} - {edge}', pick)})*({direction('v', pick)})"
+    reach = larger("0", f"({distance(state, pick, True)}) - {edge}", pick)
+    return f"q*({direction(state, pick)})*({reach})"
+
+
+KINDS = ("gap", "stop", "saturation", "drag", "friction", "reach")
+
+
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(
+    parts=st.lists(
+        st.tuples(st.sampled_from(KINDS), st.sampled_from("xv"), st.sampled_from("bd")),
+        min_size=1,
+        max_size=3,
+    ),
+    seeds=st.tuples(st.integers(0, 10**6), st.integers(0, 10**6)),
+)
+def test_random_laws_have_one_normal_form_however_they_are_written(parts, seeds):
+    at = {"k": 1.0, "c": 0.2, "q": 0.7, "b": 0.5, "d": 0.8}
+    one, other = (
+        " + ".join(["c*v + k*x", *(word(*part, random.Random(seed)) for part in parts)]) for seed in seeds
+    )
+    assert normal_form_at(parse(one), at) == normal_form_at(parse(other), at)
