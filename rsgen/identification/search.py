@@ -98,9 +98,11 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
         # tanh(v/w) with a factor, a gap beside a spring: the same law has two signs
         trial = np.array(best)
         trial[i] = -trial[i]
-        found, cost = search.polish(trial)
-        if cost <= equal and search.missing(found) >= missing:
-            best = found
+        # where the test says nothing of a parameter, polishing may lead to where a switch acts again
+        for found in (search.polish(trial)[0], trial):
+            if search.cost(found) <= equal and search.missing(found) >= missing:
+                best = found
+                break
     return search.scaled(best)
 
 
