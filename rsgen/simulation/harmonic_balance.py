@@ -1,13 +1,12 @@
 """Harmonic balance by alternating between frequency and time: the oracle that shares nothing with the kernel.
 
 The displacement is a sum of harmonics; the law is evaluated on its waveform and projected back; Newton's
-method makes the balance of every harmonic vanish. Good where few harmonics say all, poor where a law jumps: a
-jump in v leaves errors of the order of 1/H^2.
+method makes the balance of every harmonic vanish. Few harmonics are enough for a smooth law; a jump in v
+leaves errors of the order of 1/H^2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.grid import Progress, in_parts, swept
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 
@@ -26,10 +26,28 @@ __all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
 Floats = NDArray[np.float64]
 
 _ITERATIONS = 40
-_CONVERGED = 1e-12  # last Newton correction, of the amplitude
-_SAMPLES_A_HARMONIC = 16  # of the waveform: polynomials to the power 15 are projected without aliasing
-_CHUNK = 512  # points solved at once: bounds the memory of the Jacobians
-_HALVINGS = 6  # of a Newton step that does not bring the balance down
+"""Newton steps at most; ten are usual, a step that jumps over a corner needs more."""
+
+_CONVERGED = 1e-12
+"""Last Newton correction, of the amplitude: rounding."""
+
+_SAMPLES_A_HARMONIC = 16
+"""Samples of the waveform a harmonic: polynomials to the power 15 are projected without aliasing."""
+
+_FEWEST_SAMPLES = 256
+"""Samples of the waveform at least: few harmonics see the corners of a law as well."""
+
+_CHUNK = 512
+"""Points solved at once: bounds the memory of the Jacobians."""
+
+_HALVINGS = 6
+"""Halvings of a Newton step that does not bring the balance down."""
+
+_FAINT = 1e-9
+"""Of |F|/(m omega^2): an amplitude below it is none."""
+
+_DAMPED = 0.02
+"""Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +75,7 @@ class _Basis:
 
 @lru_cache(maxsize=8)
 def _basis(harmonics: int) -> _Basis:
-    samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), 256)
+    samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
     phase = 2 * np.pi * np.arange(samples) / samples
     shape = np.ones((samples, 2 * harmonics + 1))
     rate = np.zeros((samples, 2 * harmonics + 1))
@@ -151,7 +169,7 @@ def _newton(
     q = q.copy()
     done = np.zeros(len(q), dtype=bool)
     active = np.arange(len(q))
-    smallest = 1e-9 * np.linalg.norm(load, axis=1) / (law.mass * omega**2)
+    smallest = _FAINT * np.linalg.norm(load, axis=1) / (law.mass * omega**2)
     for _ in range(_ITERATIONS):
         residual, jacobian = _balance(law, basis, q[active], load[active], omega[active])
         here = np.linalg.norm(residual, axis=1)
@@ -204,7 +222,7 @@ def solve_harmonic_balance(
     frequency
         (n,) [Hz].
     harmonics
-        H, how many harmonics are balanced besides the mean.
+        H, how many harmonics are balanced, in addition to the mean.
     guess
         (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
         at rest, damped enough to be finite.
@@ -212,8 +230,8 @@ def solve_harmonic_balance(
     Returns
     -------
     SteadyStates
-        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); it shows
-        what more harmonics would say. ``error`` is not known.
+        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); more
+        harmonics make it smaller. ``error`` is not known.
     """
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
@@ -232,8 +250,7 @@ def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics
     tiny = np.array([1e-12])
     _, stiffness, damping = law(tiny, tiny)
     impedance = stiffness - law.mass * omega**2 + 1j * omega * damping
-    # an undamped start would be infinite at resonance
-    impedance += 0.02j * law.mass * omega**2
+    impedance += 1j * _DAMPED * law.mass * omega**2
     guess = np.zeros((len(F), harmonics + 1), dtype=np.complex128)
     guess[:, 1] = F / impedance
     return _to_coefficients(guess)
@@ -263,43 +280,27 @@ def _states(
     )
 
 
-def balance_grid(
-    oscillator: Oscillator, test: SimulatedTest, progress: Callable[[float], None] | None
-) -> SteadyStates:
+def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
     """Solve the grid of a test by harmonic balance, ordered level by level.
 
     With sweep "rest" every point starts from its linear response; with "up" or "down" from its neighbour.
-    Harmonic balance does not tell stable answers from unstable ones.
+    Harmonic balance does not separate stable answers from unstable ones.
     """
-    levels, columns = len(test.level), len(test.frequency)
-    if test.sweep == "rest":
-        force, frequency = np.repeat(test.level, columns), np.tile(test.frequency, levels)
-        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics)
-    order = np.argsort(test.frequency)[:: 1 if test.sweep == "up" else -1]
-    guess: NDArray[np.complex128] | None = None
-    parts = []
-    for done, column in enumerate(order, 1):
-        frequency = np.full(levels, test.frequency[column])
-        states = _near(oscillator, test, frequency, guess)
-        guess = np.where(np.isfinite(states.harmonics), states.harmonics, 0)
-        parts.append(states)
-        if progress is not None:
-            progress(done / columns)
-    rank = np.argsort(order)
-    return SteadyStates.joined(parts, (rank[None, :] * levels + np.arange(levels)[:, None]).ravel())
 
+    def solve(force: Floats, frequency: Floats, guess: NDArray[np.complex128] | None = None) -> SteadyStates:
+        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
 
-def _near(
-    oscillator: Oscillator, test: SimulatedTest, frequency: Floats, guess: NDArray[np.complex128] | None
-) -> SteadyStates:
-    """Solve near the last frequency; where that branch has ended, from the linear response."""
-    H = test.harmonics
-    states = solve_harmonic_balance(oscillator, test.level, frequency, harmonics=H, guess=guess)
-    if states.settled.all() or guess is None:
-        return states
-    fresh = solve_harmonic_balance(oscillator, test.level, frequency, harmonics=H)
-    n = len(states)
-    return SteadyStates.joined([states, fresh], np.arange(n) + n * ~states.settled)
+    def go_on(frequency: Floats, last: SteadyStates | None) -> SteadyStates:
+        if last is None:
+            return solve(test.level, frequency)
+        near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
+        if near.settled.all():
+            return near
+        # where the branch has ended, from the linear response
+        fresh, n = solve(test.level, frequency), len(near)
+        return SteadyStates.joined([near, fresh], np.arange(n) + n * ~near.settled)
+
+    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)
 
 
 def first_order_force(
@@ -315,7 +316,7 @@ def first_order_force(
         move = -force.mean(axis=1) / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
         move = np.clip(move, -amplitude, amplitude)
         mean = mean + move
-        if np.all(np.abs(move) <= 1e-9 * amplitude):
+        if np.all(np.abs(move) <= _FAINT * amplitude):
             break
     fundamental = _project(basis, force)
     F = _to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude

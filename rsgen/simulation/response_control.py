@@ -7,8 +7,8 @@ motion would survive under constant force is read from the Jacobian of the perio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,51 +16,51 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.errors import RsgenError
 from rsgen.kernel import Kernel, compile_kernel
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.grid import Progress, in_parts
 from rsgen.simulation.harmonic_balance import first_order_force
 from rsgen.simulation.virtual_test import SimulatedTest
+from rsgen.steady_state import SteadyStates
+from rsgen.steady_state.batches import map_batches
 from rsgen.steady_state.fixed_point import attraction
+from rsgen.steady_state.solver import LOCATED
 
 __all__ = ["ControlledStates", "control_grid", "solve_response_control"]
 
 Floats = NDArray[np.float64]
 
-_OFFSET = 1e-6  # of X and of the typical force: neighbouring orbits
+_OFFSET = 1e-6
+"""Of X and of the typical force: neighbouring orbits; truncation and rounding are both small there."""
+
 _ITERATIONS = 25
-_LEAST_STEPS = 64
-_MOST_STEPS = 8192
-_CURVATURE = 2e-6  # as for force control: below this accuracy every kink is located
+"""Newton steps at most; six are usual, a step over a corner of the law needs more."""
+
 _HALVINGS = 5
-_BATCH = 16384  # points worked on at once: bounds the memory
+"""Halvings of a Newton step that does not come nearer."""
+
+_SINGULAR = 1e-14
+"""Determinant of the scaled Jacobian below which a Newton step has no direction: rounding."""
+
+_LEAST_STEPS, _MOST_STEPS = 64, 8192
+"""Steps a period, doubled until two answers agree; the most reach 1e-9 with the law's jumps located."""
+
+_RICHARDSON = 2**3 - 1
+"""What halved steps change, over the error that is left, at order three."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ControlledStates:
-    """Periodic motions of given fundamental amplitude; n points, H harmonics.
+class ControlledStates(SteadyStates):
+    """Periodic motions of given fundamental amplitude: steady states whose ``error`` is that of the force.
 
     Parameters
     ----------
     force
-        (n,) complex F [N] that keeps the fundamental at X, whose phase is zero.
-    harmonics, peak, state, residual, outcome, error
-        As in ``SteadyStates``; ``error`` is that of the force, relative.
+        (n,) complex F [N] that holds the fundamental at X [m], whose phase is zero.
     stable
         (n,) True where the motion attracts its neighbours when this force is held constant.
     """
 
     force: NDArray[np.complex128]
-    harmonics: NDArray[np.complex128]
-    peak: Floats
-    state: Floats
-    residual: Floats
-    outcome: NDArray[np.int8]
-    error: Floats
     stable: NDArray[np.bool_]
-
-    @classmethod
-    def joined(cls, parts: Sequence[ControlledStates]) -> ControlledStates:
-        """Put parts one after the other."""
-        names = [entry.name for entry in fields(cls)]
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,18 +78,18 @@ class _Shooting:
         unit: Floats = self.mass * self.omega[points] ** 2
         return unit
 
-    def march(
+    def orbit(
         self, points: NDArray[np.intp], w: Floats, steps: int, harmonics: int
     ) -> tuple[Floats, NDArray[np.complex128], Floats]:
         force = w[:, 2:] * self.unit(points)[:, None]
-        march = self.kernel.march(
+        orbit = self.kernel.march(
             np.arange(len(points)), w[:, :2].T, force, self.omega[points], self.mass, self.values,
             steps=steps, periods=1, harmonics=harmonics,
         )  # fmt: skip
-        return march.state.T, march.harmonics, march.peak
+        return orbit.state.T, orbit.harmonics, orbit.peak
 
     def conditions(self, points: NDArray[np.intp], w: Floats, steps: int) -> Floats:
-        end, harmonics, _ = self.march(points, w, steps, 1)
+        end, harmonics, _ = self.orbit(points, w, steps, 1)
         X = harmonics[:, 1]
         return np.column_stack([end - w[:, :2], X.real - self.amplitude[points], X.imag])
 
@@ -126,7 +126,7 @@ def solve_response_control(
     frequency
         (n,) [Hz].
     harmonics
-        H, how many harmonics of the displacement are returned besides the mean.
+        H, how many harmonics of the displacement are returned, in addition to the mean.
     accuracy
         Largest relative error of the force.
 
@@ -139,21 +139,22 @@ def solve_response_control(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     if X.shape != f.shape or X.ndim != 1 or not np.all(np.isfinite(X) & (X > 0) & np.isfinite(f) & (f > 0)):
         raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < _CURVATURE)
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
-    shooting = _Shooting(kernel, oscillator.mass, values, X, 2 * np.pi * f)
-    everywhere = np.arange(len(X))
-    F, mean = first_order_force(oscillator, X, shooting.omega)
-    unit = shooting.unit(everywhere)
-    w = np.column_stack([X + mean, np.zeros_like(X), F.real / unit, F.imag / unit])
-    # overflow on the way to an answer is not an answer, and is counted as none
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _refine(shooting, w, harmonics, accuracy)
+
+    def solve(batch: slice) -> ControlledStates:
+        shooting = _Shooting(kernel, oscillator.mass, values, X[batch], 2 * np.pi * f[batch])
+        F, mean = first_order_force(oscillator, X[batch], shooting.omega)
+        F = F / shooting.unit(np.arange(len(F)))
+        w = np.column_stack([X[batch] + mean, np.zeros_like(mean), F.real, F.imag])
+        # a motion that overflows on the way has no answer, and its outcome says so
+        with np.errstate(over="ignore", invalid="ignore"):
+            return _refine(shooting, w, harmonics, accuracy)
+
+    return ControlledStates.joined(map_batches(solve, len(X)))
 
 
-def control_grid(
-    oscillator: Oscillator, test: SimulatedTest, progress: Callable[[float], None] | None
-) -> ControlledStates:
+def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> ControlledStates:
     """Solve the grid of a test, ordered level by level; levels are amplitudes X [m], the sweep is no matter.
 
     Raises
@@ -163,23 +164,18 @@ def control_grid(
     """
     if test.method != "time":
         raise RsgenError("test.method: 'harmonic-balance' has no control 'response'; must be 'time'")
-    X, f = np.repeat(test.level, len(test.frequency)), np.tile(test.frequency, len(test.level))
-    parts = []
-    for low in range(0, len(X), _BATCH):
-        part = slice(low, low + _BATCH)
-        parts.append(
-            solve_response_control(
-                oscillator, X[part], f[part], harmonics=test.harmonics, accuracy=test.accuracy
-            )
+
+    def solve(amplitude: Floats, frequency: Floats) -> ControlledStates:
+        return solve_response_control(
+            oscillator, amplitude, frequency, harmonics=test.harmonics, accuracy=test.accuracy
         )
-        if progress is not None:
-            progress(min(low + _BATCH, len(X)) / len(X))
-    return ControlledStates.joined(parts)
+
+    return in_parts(solve, test, progress)
 
 
 def _refine(shooting: _Shooting, w: Floats, H: int, accuracy: float) -> ControlledStates:
     n = len(w)
-    result = ControlledStates(
+    result = SimpleNamespace(
         force=np.full(n, complex(np.nan, np.nan)),
         harmonics=np.full((n, H + 1), complex(np.nan, np.nan)),
         peak=np.full((n, 2), np.nan),
@@ -198,16 +194,16 @@ def _refine(shooting: _Shooting, w: Floats, H: int, accuracy: float) -> Controll
         finer, found, jacobian = _newton(shooting, points, w, steps, 0.01 * accuracy)
         coarse, points, w = w[found], points[found], finer[found]
         change = np.hypot(w[:, 2] - coarse[:, 2], w[:, 3] - coarse[:, 3])
-        error = change / np.maximum(np.hypot(w[:, 2], w[:, 3]), np.finfo(float).tiny) / 7
+        error = change / np.maximum(np.hypot(w[:, 2], w[:, 3]), np.finfo(float).tiny) / _RICHARDSON
         _record(shooting, result, points, w, steps, H, error, jacobian[found])
         points, w = points[error > accuracy], w[error > accuracy]
     result.outcome[points] = 1
-    return result
+    return ControlledStates(**vars(result))
 
 
 def _record(
     shooting: _Shooting,
-    result: ControlledStates,
+    result: SimpleNamespace,
     points: NDArray[np.intp],
     w: Floats,
     steps: int,
@@ -215,7 +211,7 @@ def _record(
     error: Floats,
     jacobian: Floats,
 ) -> None:
-    end, waves, peak = shooting.march(points, w, steps, H)
+    end, waves, peak = shooting.orbit(points, w, steps, H)
     result.force[points] = _complex(w) * shooting.unit(points)
     result.harmonics[points], result.peak[points], result.error[points] = waves, peak, error
     result.state[points] = np.column_stack([w[:, 0], w[:, 1] * shooting.omega[points]])
@@ -236,7 +232,7 @@ def _newton(
         mine = points[active]
         value, slope = shooting.linearised(mine, w[active], steps)
         jacobian[active] = slope
-        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > 1e-14)
+        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > _SINGULAR)
         active, value, slope, mine = active[sane], value[sane], slope[sane], mine[sane]
         if not len(active):
             break

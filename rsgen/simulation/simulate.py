@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import numpy as np
-
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.grid import Progress, grid_of
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
 from rsgen.simulation.response_control import ControlledStates, control_grid
@@ -18,9 +15,7 @@ from rsgen.surface import ResponseSurface
 __all__ = ["simulate"]
 
 
-def simulate(
-    oscillator: Oscillator, test: SimulatedTest, *, progress: Callable[[float], None] | None = None
-) -> ResponseSurface:
+def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress = None) -> ResponseSurface:
     """Run a virtual test: the grid of levels and frequencies, level by level.
 
     Parameters
@@ -37,27 +32,25 @@ def simulate(
     ResponseSurface
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
-        X [m] that were held, the error is that of the force, and ``stable`` tells the branches between folds.
+        X [m] that were held, the error is that of the force, and ``stable`` is False between folds.
 
     Raises
     ------
     RsgenError
         The test asks for a combination that does not exist.
     """
-    level = np.repeat(test.level, len(test.frequency))
-    frequency = np.tile(test.frequency, len(test.level))
-    states: SteadyStates | ControlledStates
-    stable = None
-    if test.control == "force":
-        solve = balance_grid if test.method == "harmonic-balance" else integrate
-        states, force = solve(oscillator, test, progress), level.astype(np.complex128)
+    level, frequency = grid_of(test)
+    if test.control == "response":
+        states: SteadyStates = control_grid(oscillator, test, progress)
+    elif test.method == "harmonic-balance":
+        states = balance_grid(oscillator, test, progress)
     else:
-        states = control_grid(oscillator, test, progress)
-        force, stable = states.force, states.stable
+        states = integrate(oscillator, test, progress)
+    controlled = states if isinstance(states, ControlledStates) else None
     surface = ResponseSurface(
         level=level,
         frequency=frequency,
-        force=force,
+        force=controlled.force if controlled else level,
         harmonics=states.harmonics,
         peak=states.peak,
         sweep=test.sweep,
@@ -66,6 +59,6 @@ def simulate(
         error=states.error,
         origin="simulated",
         control=test.control,
-        stable=stable,
+        stable=controlled.stable if controlled else None,
     )
     return add_noise(surface, test.noise_relative, test.seed)

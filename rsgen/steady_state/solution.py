@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class SteadyStates:
         return np.equal(self.outcome, 0)
 
     @classmethod
-    def joined(cls, parts: Sequence[SteadyStates], order: NDArray[np.intp] | None = None) -> SteadyStates:
+    def joined(cls, parts: Sequence[Self], order: NDArray[np.intp] | None = None) -> Self:
         """Put parts one after the other, then take the points in an order."""
         names = [entry.name for entry in fields(cls)]
         whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}

@@ -15,11 +15,11 @@ from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
 from rsgen.steady_state.solution import SteadyStates
 
-__all__ = ["ACCURACY", "HARMONICS", "solve_steady_states"]
+__all__ = ["ACCURACY", "HARMONICS", "LOCATED", "solve_steady_states"]
 
 ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
 HARMONICS = Rule("Harmonics of the displacement, the mean apart.", at_least=1, at_most=64)
-_CURVATURE = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
+LOCATED = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 _SECOND_LOOK = 8  # times the steps of the first transient
 
 
@@ -62,7 +62,7 @@ def solve_steady_states(
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < _CURVATURE)
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f
