@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
-import sympy
 
 from rsgen.case import Case
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
-from rsgen.expression import symbol, write
+from rsgen.expression import write
 from rsgen.kernel import generate
 from rsgen.law.element import Element
+from rsgen.law.numeric import compile_law
 
 __all__ = ["law_faults"]
 
@@ -48,18 +48,16 @@ def law_faults(case: Case) -> list[str]:
 
 
 def _near_rest(element: Element, values: Mapping[str, float]) -> list[str]:
-    known = {symbol(name): values[name] for name in element.parameters}
-    force = sympy.lambdify([symbol("x"), symbol("v")], element.force.subs(known), "numpy", dummify=True)
-    for x, v in ((0.0, 0.0), *product((_NEAR, -_NEAR), repeat=2)):
-        with np.errstate(all="ignore"):
-            value = complex(force(np.float64(x), np.float64(v)))
-        rest = x == v == 0.0
-        # 0*log(0) is no number and yet goes to one
-        if (rest and np.isinf(value.real)) or (not rest and not np.isfinite(value.real)):
-            where = "at rest" if rest else f"at x = {x:g} m, v = {v:g} m/s, next to rest"
-            law = write(element.force)[:200]
-            return [
-                f"{law} is {'infinite' if np.isinf(value.real) else 'not a number'} {where}; "
-                "a force must be finite for both signs of x and v"
-            ]
-    return []
+    law = compile_law(element.force)
+    places = np.array([(0.0, 0.0), *product((_NEAR, -_NEAR), repeat=2)])
+    forces = law.force(places[:, 0], places[:, 1], np.array([values[name] for name in law.parameters]))
+    # 0*log(0) is no number and yet goes to one
+    wrong = np.flatnonzero(np.isinf(forces) | (np.isnan(forces) & (places != 0).any(axis=1)))
+    if not len(wrong):
+        return []
+    x, v = places[wrong[0]]
+    where = "at rest" if x == v == 0 else f"at x = {x:g} m, v = {v:g} m/s, next to rest"
+    what = "infinite" if np.isinf(forces[wrong[0]]) else "not a number"
+    return [
+        f"{write(element.force)[:200]} is {what} {where}; a force must be finite for both signs of x and v"
+    ]
