@@ -1,16 +1,17 @@
-"""Rules of values: range, unit and help of a field stand in its annotation, once for everybody who checks it.
+"""Rules of values: range, unit and help of a field stand beside it, once for everybody who checks it.
 
-    harmonics: Annotated[int, Rule("Harmonics of the displacement.", at_least=1, at_most=64)] = 7
+    harmonics: int = declare(7, "Harmonics of the displacement.", at_least=1, at_most=64)
+    mass: Annotated[float, Rule("Moving mass.", unit="kg", above=0)]
 
 ``check`` refuses an object with a value out of range; ``rsgen.case`` derives the keys of a case file, their
-checks and their JSON Schema from the same annotations.
+checks and their JSON Schema from the same rules.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from inspect import cleandoc
 from math import isfinite
@@ -19,27 +20,31 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from rsgen.errors import RsgenError
 
-__all__ = ["Declared", "Rule", "check", "declared", "documented", "faults_of", "given", "read_hint"]
+__all__ = [
+    "Declared",
+    "Rule",
+    "check",
+    "declare",
+    "declared",
+    "documented",
+    "faults_of",
+    "given",
+    "read_hint",
+]
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a value may be.
+    """What a value may be: bounds of a number, length and form of a text, entries of a list, its SI unit.
 
     Parameters
     ----------
     help
-        What it means, in a sentence.
+        What the value means, in a sentence.
     unit
-        SI unit of a number; in a case file a text with a unit may stand for the number.
-    at_least, above, below, at_most
-        Bounds of a number, or of every number of an array.
-    fewest, most
-        Length of a text or number of entries.
-    pattern
-        Regular expression that a text must match as a whole.
+        In a case file, a text with a unit of this dimension may stand for the number.
     what
         What is allowed, where the bounds alone do not say it well.
     key
@@ -68,20 +73,14 @@ class Rule:
     @property
     def allowed(self) -> str:
         """What is allowed, as it ends a message."""
-        low = (("above", self.above), ("of at least", self.at_least))
-        bounds = (*low, ("below", self.below), ("of at most", self.at_most))
-        texts = [f"{word} {bound:.10g}" for word, bound in bounds if bound is not None]
-        lengths = [
-            f"{word} {length}"
-            for word, length in (("at least", self.fewest), ("at most", self.most))
-            if length
-        ]
         if self.what is not None:
             return self.what
         if self.at_least is not None and self.at_most is not None:
             return f"a number from {self.at_least:.10g} to {self.at_most:.10g}"
-        if lengths and not texts:
-            return f"a length of {' and '.join(lengths)}"
+        bounds = (("above", self.above), ("of at least", self.at_least), ("below", self.below))
+        texts = [f"{word} {bound:.10g}" for word, bound in bounds if bound is not None]
+        if self.most is not None and not texts:
+            return f"a length from {self.fewest or 0} to {self.most}"
         return f"a number {' and '.join(texts)}" if texts else "a finite number"
 
     def accepts(self, value: object) -> bool:
@@ -144,13 +143,18 @@ def read_hint(hint: Any) -> tuple[Any, Rule, bool]:
     return hint, Rule(), False
 
 
+def declare(default: Any, help: str = "", **rule: Any) -> Any:
+    """Give a field of a dataclass a default and a rule: ``skip: int = declare(0, "Lines.", at_least=0)``."""
+    return field(default=default, metadata={"rule": Rule(help, **rule)})
+
+
 def _declared(cls: type[Any]) -> tuple[Declared, ...]:
     hints = get_type_hints(cls, include_extras=True)
     found = []
-    for field in fields(cls):
-        base, rule, optional = read_hint(hints[field.name])
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        found.append(Declared(field.name, base, rule, default, optional))
+    for one in fields(cls):
+        said = one.metadata.get("rule", Rule())
+        base, rule, optional = read_hint(Annotated[hints[one.name], said])
+        found.append(Declared(one.name, base, rule, one.default, optional))
     return tuple(found)
 
 
@@ -160,7 +164,7 @@ declared: Callable[[Any], tuple[Declared, ...]] = cache(_declared)
 
 def given(made: Any, *names: str) -> list[str]:
     """List those of the fields that differ from their defaults."""
-    defaults = {field.name: field.default for field in declared(type(made))}
+    defaults = {one.name: one.default for one in declared(type(made))}
     return [name for name in names if getattr(made, name) != defaults[name]]
 
 
@@ -187,10 +191,10 @@ def faults_of(made: Any) -> list[tuple[str, str]]:
     Where every value alone is right, its method ``faults`` is asked what does not fit together.
     """
     found: list[tuple[str, str]] = []
-    for field in declared(type(made)):
-        value = getattr(made, field.name)
-        if value is not None and (field.default is MISSING or value is not field.default):
-            found += _value_faults(field.name, field.type, field.rule, value)
+    for one in declared(type(made)):
+        value = getattr(made, one.name)
+        if value is not None and (one.default is MISSING or value is not one.default):
+            found += _value_faults(one.name, one.type, one.rule, value)
     if not found and hasattr(made, "faults"):
         found += made.faults()
     return found
@@ -212,11 +216,11 @@ def check(made: Any, error: type[RsgenError] = RsgenError) -> None:
 def documented(cls: type[T]) -> type[T]:
     """Add the fields of a dataclass to its docstring, with the help, unit and range of their rules."""
     lines = [cleandoc(cls.__doc__ or ""), "", "Parameters", "----------"]
-    for field in declared(cls):
-        rule = field.rule
+    for one in declared(cls):
+        rule = one.rule
         unit = f" [{rule.unit}]" if rule.unit else ""
-        lines += [field.name, f"    {rule.help}{unit}".rstrip()]
-        if get_origin(field.type) is Literal:
-            lines[-1] += f" One of {choices(field.type)}."
+        lines += [one.name, f"    {rule.help}{unit}".rstrip()]
+        if get_origin(one.type) is Literal:
+            lines[-1] += f" One of {choices(one.type)}."
     cls.__doc__ = "\n".join(lines)
     return cls

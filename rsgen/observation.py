@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from rsgen.declaration import Rule, check, documented
+from rsgen.declaration import Rule, check, declare, documented
 
 __all__ = ["BACKGROUNDS", "Observation"]
 
@@ -24,29 +24,23 @@ class Observation:
     Raises RsgenError where the background is unknown or the band not ascending.
     """
 
-    background: Annotated[
-        Literal["none", "phase", "constant", "residuals", "neighbour"],
-        Rule(
-            "What the sensor sees of other modes, fitted with the law: a constant phase error between force "
-            "and response; and a response proportional to the force; and its change over the band, as modes "
-            "below and above leave it; and one linear mode near the band."
-        ),
-    ] = "none"
-    hold_out: Annotated[
-        tuple[Annotated[float, Rule(unit="N")], ...],
-        Rule("Nominal levels that identification must not see; prediction is scored on them.", most=1000),
-    ] = ()
-    band: Annotated[
-        tuple[Edge, Edge] | None,
-        Rule('Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.'),
-    ] = None
-    calibrated: Annotated[
-        bool,
-        Rule(
-            "False: force or response have no known scale (a drive in volts, a strain). Parameters are then "
-            "per unit of the drive, and so is the mass, which cannot be given."
-        ),
-    ] = True
+    background: Literal["none", "phase", "constant", "residuals", "neighbour"] = declare(
+        "none",
+        "What the sensor sees of other modes, fitted with the law: a constant phase error between force and "
+        "response; and a response proportional to the force; and its change over the band, as modes below "
+        "and above leave it; and one linear mode near the band.",
+    )
+    hold_out: tuple[Annotated[float, Rule(unit="N")], ...] = declare(
+        (), "Nominal levels that identification must not see; prediction is scored on them.", most=1000
+    )
+    band: tuple[Edge, Edge] | None = declare(
+        None, 'Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.'
+    )
+    calibrated: bool = declare(
+        True,
+        "False: force or response have no known scale (a drive in volts, a strain). Parameters are then per "
+        "unit of the drive, and so is the mass, which cannot be given.",
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hold_out", tuple(float(level) for level in self.hold_out))

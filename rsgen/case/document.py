@@ -6,14 +6,14 @@ values are checked here; whatever concerns several keys at once is checked in ``
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from rsgen.case.tables import MAX_TEXT, Quantity, Table, table_of
 from rsgen.measurement import MeasuredTest
-from rsgen.measurement.plan import EXCITATIONS
+from rsgen.measurement.plan import Excitation
 from rsgen.observation import Observation
 from rsgen.simulation import SimulatedTest
 
@@ -95,7 +95,7 @@ _MEASURED = table_of(
     {
         "kind": (Literal["measured"], Field()),
         "excitation": (
-            Literal[("steady", *EXCITATIONS)],
+            Literal[("steady", *get_args(Excitation))],
             Field("steady", description="steady: a table of amplitudes. The others: time histories."),
         ),
         "force.nominal": (

@@ -23,7 +23,6 @@ _WANTED = {
     "model_type": "a table",
     "model_attributes_type": "a table",
     "finite_number": "a finite number",
-    "int_from_float": "a whole number",
 }
 
 
@@ -92,8 +91,6 @@ def _allowed(kind: str, context: dict[str, Any]) -> str | None:
             return f"at most {_count(context['max_length'], 'entry', 'entries')}"
         case "too_short":
             return f"at least {_count(context['min_length'], 'entry', 'entries')}"
-        case "string_pattern_mismatch":
-            return f"a text of the form {context['pattern']}"
         case _:
             return _WANTED.get(kind)
 

@@ -1,6 +1,6 @@
 """Tables of a case file, derived from the declarations of the layers below, and their way to objects.
 
-``table_of`` makes a pydantic model from a dataclass whose annotations carry rules; ``Maker`` turns a checked
+``table_of`` makes a pydantic model from a dataclass whose fields carry rules; ``Maker`` turns a checked
 table into the object: texts with units become SI numbers, lists tuples, grids arrays, relative paths files.
 """
 
@@ -35,6 +35,7 @@ __all__ = ["Grid", "Maker", "Quantity", "Table", "reason", "table_of"]
 
 T = TypeVar("T")
 MAX_TEXT = 2_000
+_JSON = {int: "integer", str: "string"}
 
 
 class Table(BaseModel):
@@ -61,6 +62,12 @@ def _obey(rule: Rule, kinds: tuple[type, ...], value: object) -> object:
 
 def _listed(value: object) -> object:
     return [value] if isinstance(value, str) else value
+
+
+def _quantity(**bounds: float | None) -> Any:
+    given = {name: bound for name, bound in bounds.items() if bound is not None}
+    schema = WithJsonSchema({"type": ["number", "string"], **given})
+    return Annotated[float | str, PlainValidator(_read_quantity), schema]
 
 
 Quantity = Annotated[
@@ -90,10 +97,6 @@ def _bounds(rule: Rule) -> dict[str, Any]:
     return {name: bound for name, bound in known.items() if bound is not None}
 
 
-def _is_quantity(base: Any, rule: Rule) -> bool:
-    return rule.unit is not None and base is not str and get_origin(base) is not np.ndarray
-
-
 def _annotation(base: Any, rule: Rule) -> Any:
     """Give what pydantic checks for a declared type and rule."""
     if get_origin(base) is np.ndarray:
@@ -105,22 +108,12 @@ def _annotation(base: Any, rule: Rule) -> Any:
         entries: Any = Annotated[list[_annotation(inner, inner_rule)], Field(**lengths)]  # type: ignore[misc]
         # one text may stand for a list of one
         return Annotated[entries, BeforeValidator(_listed)] if inner in (str, Path) else entries
-    if _is_quantity(base, rule):
-        bounds = {"exclusiveMinimum": rule.above, "minimum": rule.at_least}
-        schema = {name: bound for name, bound in bounds.items() if bound is not None}
-        return Annotated[
-            float | str,
-            PlainValidator(_read_quantity),
-            WithJsonSchema({"type": ["number", "string"], **schema}),
-        ]
+    if rule.unit is not None:
+        return _quantity(exclusiveMinimum=rule.above, minimum=rule.at_least)
     if rule.what is not None:
         kinds = get_args(base) or (base,)
-        names = {int: "integer", str: "string"}
-        return Annotated[
-            base,
-            PlainValidator(partial(_obey, rule, kinds)),
-            WithJsonSchema({"type": [names[kind] for kind in kinds]}),
-        ]
+        schema = WithJsonSchema({"type": [_JSON[kind] for kind in kinds]})
+        return Annotated[base, PlainValidator(partial(_obey, rule, kinds)), schema]
     if base in (str, Path):
         return Annotated[str, Field(**{"max_length": MAX_TEXT, **_bounds(rule)})]
     return Annotated[base, Field(**_bounds(rule))] if base in (int, float) else base
@@ -197,7 +190,7 @@ def table_of(
     Parameters
     ----------
     cls
-        A dataclass whose annotations carry ``declaration.Rule``.
+        A dataclass whose fields carry rules of ``rsgen.declaration``.
     name
         Of the table in the JSON Schema.
     doc

@@ -11,13 +11,13 @@ from math import pi, sqrt
 from pathlib import Path
 from typing import Annotated, Literal
 
-from rsgen.declaration import Rule, check, documented, given
+from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
-    "EXCITATIONS",
-    "FORMATS",
+    "QUANTITIES",
+    "Excitation",
     "HistoryRule",
     "Layout",
     "LevelRule",
@@ -27,14 +27,13 @@ __all__ = [
 ]
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-EXCITATIONS = ("swept-sine", "stepped-sine", "ring-down")
-FORMATS = ("auto", "csv", "mat", "hdf5", "npy", "npz", "uff")
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 _HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
 _AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
+Excitation = Literal["swept-sine", "stepped-sine", "ring-down"]
 Column = Annotated[
     int | str,
     Rule(
@@ -58,8 +57,8 @@ Scale = Annotated[
 Factor = Annotated[
     float | str, Rule("Every number is multiplied by it, its unit included.", most=200, unit="")
 ]
-Band = tuple[Annotated[float, Rule(unit="Hz", at_least=0)], Annotated[float, Rule(unit="Hz", at_least=0)]]
-Harmonics = Annotated[int, Rule("Harmonics of the result.", at_least=1, at_most=64)]
+Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
+_SHA256 = Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")
 
 
 def _to_si(unit: str, factor: float | str, scale: str, target: str, calibrated: bool) -> float:
@@ -75,27 +74,29 @@ def _to_si(unit: str, factor: float | str, scale: str, target: str, calibrated: 
     return quantity(f"1 {name}", target if calibrated else None) * factor * peak
 
 
-@documented
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """How the text of a data file is laid out."""
-
-    delimiter: Annotated[
-        Literal["auto", "whitespace", ",", ";", "\t", "|"], Rule("Between the numbers of a line.")
-    ] = "auto"
-    decimal: Literal[".", ","] = "."
-    comments: Annotated[
-        tuple[Annotated[str, Rule(fewest=1, most=4)], ...],
-        Rule("Lines that begin with one of these are no data.", most=8),
-    ] = ("#", "%", "//")
-    skip: Annotated[int, Rule("Lines to pass over first.", at_least=0, at_most=10_000)] = 0
-    encoding: Annotated[
-        Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"],
-        Rule("Of names and remarks; auto is UTF-8, and cp1252 where it is not. Numbers are ASCII in all."),
-    ] = "auto"
+class _Checked:
+    __slots__ = ()
 
     def __post_init__(self) -> None:
         check(self, MeasurementError)
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class Layout(_Checked):
+    """How the text of a data file is laid out."""
+
+    delimiter: Literal["auto", "whitespace", ",", ";", "\t", "|"] = declare(
+        "auto", "Between the numbers of a line."
+    )
+    decimal: Literal[".", ","] = "."
+    comments: tuple[Annotated[str, Rule(fewest=1, most=4)], ...] = declare(
+        ("#", "%", "//"), "Lines that begin with one of these are no data.", most=8
+    )
+    skip: int = declare(0, "Lines to pass over first.", at_least=0, at_most=10_000)
+    encoding: Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"] = (
+        declare("auto", "Of names and remarks; auto is UTF-8, and cp1252 where it is not.")
+    )
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
@@ -105,31 +106,24 @@ class Layout:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class Signal:
+class Signal(_Checked):
     """A complex amplitude in one or two columns, or the samples of a time history."""
 
     amplitude: Column | None = None
-    phase: Annotated[Column | None, Rule("Goes with amplitude; 0 without.")] = None
+    phase: Column | None = declare(None, "Goes with amplitude; 0 without.")
     real: Column | None = None
     imaginary: Column | None = None
     factor: Factor = 1.0
-    unit: Annotated[Unit | None, Rule("Of the column; without it the unit that the file names, else SI.")] = (
-        None
-    )
+    unit: Unit | None = declare(None, "Of the column; without it the unit that the file names, else SI.")
     scale: Scale = "peak"
     phase_unit: Literal["deg", "rad"] = "deg"
-    phase_sense: Annotated[
-        Literal["lag", "lead"] | None,
-        Rule(
-            "Whether a positive phase (or imaginary part) means later or earlier than the reference; "
-            "a case file must say it, otherwise lead."
-        ),
-    ] = None
-    complex: Annotated[Column | None, Rule("A column of complex numbers.")] = None
-    samples: Annotated[Column | None, Rule("The samples of a time history.")] = None
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
+    phase_sense: Literal["lag", "lead"] | None = declare(
+        None,
+        "Whether a positive phase (or imaginary part) means later or earlier than the reference; a case file "
+        "must say it, otherwise lead.",
+    )
+    complex: Column | None = declare(None, "A column of complex numbers.")
+    samples: Column | None = declare(None, "The samples of a time history.")
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
@@ -162,18 +156,13 @@ class Signal:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class SweepRule:
+class SweepRule(_Checked):
     """From which side a point was reached: the same for all, a column, or recognised from the order."""
 
     direction: Literal["recognise", "rest", "up", "down"] = "recognise"
-    column: Annotated[Column | None, Rule("A column of directions; what is neither up nor down is rest.")] = (
-        None
-    )
-    up: Annotated[Mark | None, Rule("What the column says for an upward sweep.")] = None
-    down: Annotated[Mark | None, Rule("What the column says for a downward sweep.")] = None
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
+    column: Column | None = declare(None, "A column of directions; what is neither up nor down is rest.")
+    up: Mark | None = declare(None, "What the column says for an upward sweep.")
+    down: Mark | None = declare(None, "What the column says for a downward sweep.")
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
@@ -189,28 +178,23 @@ class SweepRule:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class LevelRule:
+class LevelRule(_Checked):
     """The nominal level of a point: values, a column, a part of the file's name, or groups of like forces."""
 
-    value: Annotated[Newton | None, Rule("One level for all files.")] = None
+    value: Newton | None = declare(None, "One level for all files.")
     column: Column | None = None
     factor: Factor = 1.0
-    spread: Annotated[
-        float, Rule("Points whose force differs by less than this fraction share a level.", above=0, below=1)
-    ] = 0.05
-    values: Annotated[
-        tuple[Newton, ...],
-        Rule("One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES),
-    ] = ()
-    name: Annotated[
-        str | None,
-        Rule('The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000),
-    ] = None
+    spread: float = declare(
+        0.05, "Points whose force differs by less than this fraction share a level.", above=0, below=1
+    )
+    values: tuple[Newton, ...] = declare(
+        (), "One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES
+    )
+    name: str | None = declare(
+        None, 'The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000
+    )
     unit: Unit = "N"
     scale: Scale = "peak"
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
@@ -228,38 +212,29 @@ class LevelRule:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class HistoryRule:
+class HistoryRule(_Checked):
     """How time histories were taken, and where their time is."""
 
-    excitation: Annotated[
-        Literal["swept-sine", "stepped-sine", "ring-down"], Rule("How the structure was driven.")
-    ]
-    rate: Annotated[Hertz | None, Rule("The sampling rate, such as 400 Hz.", key="time.rate")] = None
-    rate_column: Annotated[Column | None, Rule("Where the file has the rate.", key="time.rate_column")] = None
-    time: Annotated[Column | None, Rule("A column of evenly spaced instants.", key="time.column")] = None
-    unit: Annotated[
-        Literal["s", "ms", "us"], Rule("Of the column of instants; a rate_column is in Hz.", key="time.unit")
-    ] = "s"
-    start: Annotated[Seconds | None, Rule("Leave out what comes before.", key="time.start")] = None
-    stop: Annotated[Seconds | None, Rule("Leave out what comes after.", key="time.stop")] = None
-    band: Annotated[
-        Band | None, Rule("Lowest and highest frequency of the result; all without.", key="demodulation.band")
-    ] = None
-    law: Annotated[
-        Literal["linear", "logarithmic"] | None,
-        Rule("Of a swept sine; recognised without.", key="demodulation.law"),
-    ] = None
-    bandwidth: Annotated[
-        Hertz | None,
-        Rule("Of a swept sine's demodulation; chosen without.", key="demodulation.bandwidth"),
-    ] = None
-    harmonics: Annotated[
-        Harmonics | None, Rule("Harmonics of the result; chosen without.", key="demodulation.harmonics")
-    ] = None
-    mass: Annotated[float | None, Rule("Moving mass, if known.", unit="kg", above=0, outside=True)] = None
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
+    excitation: Excitation
+    rate: Hertz | None = declare(None, "The sampling rate, such as 400 Hz.", key="time.rate")
+    rate_column: Column | None = declare(None, "Where the file has the rate [Hz].", key="time.rate_column")
+    time: Column | None = declare(None, "A column of evenly spaced instants.", key="time.column")
+    unit: Literal["s", "ms", "us"] = declare("s", "Of the column of instants.", key="time.unit")
+    start: Seconds | None = declare(None, "Leave out what comes before.", key="time.start")
+    stop: Seconds | None = declare(None, "Leave out what comes after.", key="time.stop")
+    band: tuple[Edge, Edge] | None = declare(
+        None, "Lowest and highest frequency of the result; all without.", key="demodulation.band"
+    )
+    law: Literal["linear", "logarithmic"] | None = declare(
+        None, "Of a swept sine; recognised without.", key="demodulation.law"
+    )
+    bandwidth: Hertz | None = declare(
+        None, "Of a swept sine's demodulation; chosen without.", key="demodulation.bandwidth"
+    )
+    harmonics: int | None = declare(
+        None, "Of the result; chosen without.", key="demodulation.harmonics", at_least=1, at_most=64
+    )
+    mass: float | None = declare(None, "Moving mass, if known.", unit="kg", above=0, outside=True)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
@@ -298,41 +273,23 @@ class MeasuredTest:
         Literal["displacement", "velocity", "acceleration"],
         Rule("What the response is.", key="response.quantity"),
     ]
-    frequency_unit: Annotated[
-        Literal["Hz", "kHz", "mHz", "rad/s", "rpm"], Rule("Of the frequency.", key="frequency.unit")
-    ] = "Hz"
+    frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] = declare("Hz", key="frequency.unit")
     sweep: SweepRule = SweepRule()
     level: LevelRule = LevelRule()
     layout: Layout = Layout()
-    sha256: Annotated[
-        tuple[Annotated[str, Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")], ...],
-        Rule("The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES),
-    ] = ()
-    format: Annotated[
-        Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff"],
-        Rule("auto: recognised by how the file begins. csv: columns of text."),
-    ] = "auto"
-    per_force: Annotated[
-        bool, Rule("The response is response over force: a receptance.", key="response.per_force")
-    ] = False
-    phase_known: Annotated[
-        bool, Rule("False: amplitudes alone were recorded.", key="response.phase_known")
-    ] = True
-    response_files: Annotated[
-        tuple[Path, ...],
-        Rule(
-            "Files of the response, one for each of the files of the force.",
-            key="response.file",
-            fewest=1,
-            most=MAX_FILES,
-        ),
-    ] = ()
-    history: Annotated[
-        HistoryRule | None, Rule("How time histories were taken; None for tables.", key="")
-    ] = None
-    calibrated: Annotated[
-        bool, Rule("False: any unit stands for that of force and response.", outside=True)
-    ] = True
+    sha256: tuple[Annotated[str, _SHA256], ...] = declare(
+        (), "The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES
+    )
+    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff"] = declare(
+        "auto", "auto: recognised by how the file begins. csv: columns of text."
+    )
+    per_force: bool = declare(False, "The response is response over force.", key="response.per_force")
+    phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")
+    response_files: tuple[Path, ...] = declare(
+        (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
+    )
+    history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
+    calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
 
     def __post_init__(self) -> None:
         files = self.files if isinstance(self.files, tuple) else (self.files,)

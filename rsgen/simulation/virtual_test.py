@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.declaration import Rule, check, documented
+from rsgen.declaration import Rule, check, declare, documented
 from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
 
@@ -40,31 +40,26 @@ class SimulatedTest:
         Rule("Force amplitudes F; amplitudes X of the displacement [m] under response control.", unit="N"),
     ]
     frequency: Annotated[NDArray[np.float64], Rule("Frequencies.", unit="Hz")]
-    sweep: Annotated[
-        Literal["rest", "up", "down"],
-        Rule("rest: every point from rest. up, down: the state is carried from frequency to frequency."),
-    ] = "rest"
+    sweep: Literal["rest", "up", "down"] = declare(
+        "rest", "rest: every point from rest. up, down: the state is carried from frequency to frequency."
+    )
     harmonics: Annotated[int, HARMONICS] = 7
     accuracy: Annotated[float, ACCURACY] = 1e-4
-    noise_relative: Annotated[
-        float,
-        Rule(
-            "Complex Gaussian noise on force and response: standard deviation over amplitude.",
-            at_least=0,
-            at_most=1,
-            key="noise.relative",
-            required=True,
-        ),
-    ] = 0.0
-    seed: Annotated[int, Rule("Of the noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")] = 1
-    method: Annotated[
-        Literal["time", "harmonic-balance"],
-        Rule("time: time integration. harmonic-balance: the independent oracle."),
-    ] = "time"
-    control: Annotated[
-        Literal["force", "response"],
-        Rule("force: constant F. response: constant X, the force follows."),
-    ] = "force"
+    noise_relative: float = declare(
+        0.0,
+        "Complex Gaussian noise on force and response: standard deviation over amplitude.",
+        at_least=0,
+        at_most=1,
+        key="noise.relative",
+        required=True,
+    )
+    seed: int = declare(1, "Of the noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")
+    method: Literal["time", "harmonic-balance"] = declare(
+        "time", "time: time integration. harmonic-balance: the independent oracle."
+    )
+    control: Literal["force", "response"] = declare(
+        "force", "force: constant F. response: constant X, the force follows."
+    )
 
     def __post_init__(self) -> None:
         unit = "m" if self.control == "response" else "N"
