@@ -1,15 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
+from rsgen.oscillator import Oscillator
 from rsgen.prediction import Prediction, predict
 from tests.oracles.virtual_test import changed, model, surface
 
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""
+
+
+BETWEEN = 1e-4
+"""A spline through the points of a curve, whose spacing is a few percent, between them."""
 
 
 @pytest.fixture(scope="module")
@@ -31,14 +39,20 @@ def test_held_out_levels_are_predicted(quintic: tuple[object, Prediction]) -> No
 
 def test_curves_pass_through_the_measured_points(quintic: tuple[object, Prediction]) -> None:
     table, prediction = quintic
-    for curve in prediction.curves:
-        rows = np.flatnonzero(table.level == curve.level)
-        for row in rows[::5]:
-            # nearest point of the curve in units of both axes; its points lie apart by a few per cent
-            apart = np.hypot(
-                (curve.frequency / table.frequency[row] - 1) * 20, curve.amplitude / table.amplitude[row] - 1
-            )
-            assert np.nanmin(apart) < 0.15
+    for curve in prediction:
+        # below the resonance, and below the fold where there is one, the amplitude is a function
+        top = curve.frequency[np.nanargmax(curve.amplitude)]
+        end = float(np.min(curve.folds[:, 0], initial=top))
+        left = np.flatnonzero(
+            (curve.frequency < end) & curve.stable & (np.arange(len(curve.frequency)) < 161)
+        )
+        order = left[np.argsort(curve.frequency[left])]
+        along = CubicSpline(curve.frequency[order], np.log(curve.amplitude[order]))
+        low, high = curve.frequency[order[[0, -1]]]
+        inside = (table.frequency > low) & (table.frequency < high)
+        rows = np.flatnonzero((table.level == curve.level) & table.settled & inside)
+        assert len(rows) > 5
+        np.testing.assert_allclose(np.exp(along(table.frequency[rows])), table.amplitude[rows], rtol=BETWEEN)
 
 
 def test_folds_bound_the_unstable_branch(quintic: tuple[object, Prediction]) -> None:
@@ -75,7 +89,8 @@ def test_extrapolation_is_marked(quintic: tuple[object, Prediction]) -> None:
     inside, beyond = prediction.curves
     assert beyond.extrapolated.any()
     assert not inside.extrapolated[inside.amplitude > found.amplitude_range[0]].any()
-    assert any("extrapolation" in remark and "60" in remark for remark in prediction.remarks)
+    (finding,) = prediction.findings
+    assert (finding.code, finding["level"]) == ("curve-extrapolated", 60.0)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "bilinear"])
@@ -107,3 +122,68 @@ def test_a_level_must_be_positive(quintic: tuple[object, Prediction]) -> None:
     found = identify(quintic[0], model("quintic"))
     with pytest.raises(RsgenError, match="positive and finite"):
         predict(found, [-1.0])
+
+
+def test_an_oscillator_is_predicted_as_the_identification_that_found_it(
+    quintic: tuple[object, Prediction],
+) -> None:
+    table, _ = quintic
+    found = identify(table, model("quintic"))
+    oscillator = Oscillator(found.mass, found.model.elements, found.values)
+    ends = (float(table.frequency.min()), float(table.frequency.max()))
+    known, fitted = predict(oscillator, [4.0, 12.0], band=ends), predict(found, [4.0, 12.0], band=ends)
+    for one, other in zip(known, fitted, strict=True):
+        assert np.nanmax(one.amplitude) == pytest.approx(np.nanmax(other.amplitude), rel=1e-5)
+        assert one.folds == pytest.approx(other.folds, rel=1e-3)
+        # nothing is uncertain, nothing is extrapolated
+        assert not one.extrapolated.any()
+        np.testing.assert_array_equal(one.lower[one.stable], one.amplitude[one.stable])
+
+
+@pytest.mark.parametrize(("k", "c", "m"), [(5920.0, 3.8, 1.5), (1e9, 40.0, 1e-3), (0.1, 0.1, 100.0)])
+def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k: float, c: float, m: float) -> None:
+    curves = predict(Oscillator(m, "k*x + c*v", {"k": k, "c": c}), levels=[0.5, 2.0])
+    for curve in curves:
+        omega = 2 * np.pi * curve.frequency
+        exact = curve.level / np.abs(k - m * omega**2 + 1j * c * omega)
+        assert curve.amplitude == pytest.approx(exact, rel=1e-6)
+        top = curve.level / (c * np.sqrt(k / m - (c / 2 / m) ** 2))
+        assert np.nanmax(curve.amplitude) == pytest.approx(top, rel=2e-5)
+        assert np.nanmin(curve.amplitude) < 0.2 * top
+    assert curves[2.0] is curves.curves[1]
+    assert len(curves.findings) == 0
+
+
+def test_what_cannot_be_predicted_is_said(quintic: tuple[object, Prediction]) -> None:
+    linear = Oscillator(1.0, "k*x + c*v", {"k": 1.0, "c": 0.1})
+    with pytest.raises(RsgenError, match="give the force levels"):
+        predict(linear)
+    with pytest.raises(RsgenError, match="needs damping"):
+        predict(Oscillator(1.0, "k*x + c*v", {"k": 1.0, "c": 0.0}), 1.0)
+    with pytest.raises(RsgenError, match="ascending"):
+        predict(linear, 1.0, band=(3.0, 2.0))
+    with pytest.raises(KeyError, match="level '3': there is none; there are 1"):
+        predict(linear, 1.0)[3.0]
+    # dry friction holds the mass: that is a finding
+    stuck = predict(Oscillator(1.0, "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 10.0}), [1.0, 20.0])
+    assert [(found.code, found["level"]) for found in stuck.findings] == [("no-steady-state", 1.0)]
+
+
+def test_a_prediction_as_a_table_and_a_frame(quintic: tuple[object, Prediction]) -> None:
+    pytest.importorskip("pandas")
+    _, prediction = quintic
+    lines = str(prediction).splitlines()
+    assert len(lines) == 1 + len(prediction) + len(prediction.findings)
+    frame = prediction.to_frame()
+    assert len(frame) == sum(len(curve.frequency) for curve in prediction)
+    top = frame.groupby("level")["amplitude"].max()
+    assert [f"{value:.5g}" for value in top] == [line.split()[1] for line in lines[1 : 1 + len(prediction)]]
+
+
+def test_held_out_amplitudes_are_in_metres() -> None:
+    table = replace(surface("cubic"), control="response", level=surface("cubic").level * 1e-3)
+    found = identify(table, model("cubic", hold_out=(table.levels[2],)))
+    prediction = predict(found, surface=table)
+    assert {item.level_unit for item in prediction.held_out} == {"m"}
+    # amplitudes are no forces to predict
+    assert table.levels[2] not in [curve.level for curve in prediction]

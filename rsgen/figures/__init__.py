@@ -1,6 +1,7 @@
 """Figures: data in, matplotlib figures out, nothing written.
 
-Every function gives a `Drawing`: the figure, its caption, and what it shows in words and numbers.
+Every function gives a `Drawing`: the figure, its caption, and what it shows in words and numbers. With
+``ax=`` it draws on axes of the caller, in the caller's style.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from rsgen.expression import symbol
-from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import (
     Backbone,
     amplitudes_tested,
@@ -60,33 +60,35 @@ def _plot(axes: Axes, x: Floats, y: Floats, style: Mapping[str, Any], label: str
 
 
 @in_style
-def draw_resonance(identification: Identification) -> Drawing:
+def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
     """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
 
     Parameters
     ----------
     identification
         Its resonances are the points, its refined estimates the line.
+    ax
+        Axes for frequency and damping ratio; None makes a figure.
     """
     points = sorted(identification.resonances, key=lambda point: point.amplitude)
     amplitude = np.array([point.amplitude for point in points])
     frequency = np.array([point.frequency for point in points])
     ratio = np.array([point.damping_ratio for point in points])
-    figure = new_figure(4.4, 3.9)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure, panels = take_axes(ax, 2, (4.4, 3.9), sharex=True)
     scale = choose_scale(amplitude, "m")
     grid = amplitudes_tested(identification)
     model = backbone(identification, solution_of(identification), grid)
-    _plot(upper, amplitude / scale.factor, frequency, POINT, "one level each")
-    _plot(upper, grid / scale.factor, model.frequency, REFINED, "refined model")
-    _plot(lower, amplitude / scale.factor, 100 * ratio, POINT, "one level each")
-    _plot(lower, grid / scale.factor, 100 * model.damping_ratio, REFINED, "refined model")
-    calm_limits(upper, [frequency, model.frequency], least=0.01)
-    calm_limits(lower, [100 * ratio], least=0.2)
-    upper.set_ylabel("Resonance frequency [Hz]")
-    lower.set_ylabel("Damping ratio [%]")
-    lower.set_xlabel(scale.label("Amplitude X"))
-    upper.legend(loc="best")
+    parts = (
+        ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
+        ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
+    )
+    for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
+        _plot(axes, amplitude / scale.factor, read, POINT, "one level each")
+        _plot(axes, grid / scale.factor, line, REFINED, "refined model")
+        calm_limits(axes, limits, least=least)
+        axes.set_ylabel(label)
+    panels[-1].set_xlabel(scale.label("Amplitude X"))
+    panels[0].legend(loc="best")
     text = "No level has a resonance that could be read."
     if len(points) == 1:
         text = (
@@ -104,11 +106,13 @@ def draw_resonance(identification: Identification) -> Drawing:
             f"{number_text(100 * ratio[0], 3)} to {number_text(100 * ratio[-1], 3)} %."
         )
     caption = "Resonance of each level: the shift with amplitude is what identification reads."
-    return Drawing("resonance", figure, caption, text)
+    return Drawing("resonance", figure, caption, text, ax is None)
 
 
 @in_style
-def draw_stiffness(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+def draw_stiffness(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
     """Draw the equivalent stiffness k(X): levels, fits, and the derivation with the true values where known.
 
     Parameters
@@ -117,18 +121,25 @@ def draw_stiffness(identification: Identification, truth: Mapping[str, float] | 
         Points and estimates.
     truth
         True value of every parameter, SI; "m" may be among them.
+    ax
+        Axes to draw on; None makes a figure.
     """
-    return _draw_equivalent("stiffness", identification, truth)
+    return _draw_equivalent("stiffness", identification, truth, ax)
 
 
 @in_style
-def draw_damping(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+def draw_damping(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
     """Draw the equivalent damping c(X) along the resonance; see `draw_stiffness`."""
-    return _draw_equivalent("damping", identification, truth)
+    return _draw_equivalent("damping", identification, truth, ax)
 
 
 def _draw_equivalent(
-    what: Literal["stiffness", "damping"], identification: Identification, truth: Mapping[str, float] | None
+    what: Literal["stiffness", "damping"],
+    identification: Identification,
+    truth: Mapping[str, float] | None,
+    ax: GivenAxes,
 ) -> Drawing:
     unit, symbol = ("N/m", "k(X)") if what == "stiffness" else ("N*s/m", "c(X)")
 
@@ -144,8 +155,7 @@ def _draw_equivalent(
     first = backbone(identification, values_of(identification.first_order), grid)
     lines = [pick(refined), pick(first)]
     x, y = choose_scale(grid, "m"), choose_scale(np.concatenate([measured, pick(refined)]), unit)
-    figure = new_figure()
-    axes = figure.add_subplot()
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
     axes.fill_between(
         grid / x.factor,
         (pick(refined) - half) / y.factor,
@@ -174,7 +184,7 @@ def _draw_equivalent(
         text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
     name = "Spring" if what == "stiffness" else "Damper"
     caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
-    return Drawing(what, figure, caption, text)
+    return Drawing(what, figure, caption, text, ax is None)
 
 
 def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats, y: Scale) -> str:
@@ -208,13 +218,15 @@ def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats,
 
 
 @in_style
-def draw_collapse(identification: Identification) -> Drawing:
+def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
     """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
 
     Parameters
     ----------
     identification
         Its curve gives the points, coloured by level; its refined estimates the line.
+    ax
+        One axes for the stiffness, or two for stiffness and damping; None makes a figure.
     """
     curve = identification.curve
     grid = amplitudes_tested(identification)
@@ -223,10 +235,9 @@ def draw_collapse(identification: Identification) -> Drawing:
     force = choose_scale(curve.level, curve.level_unit)
     colours = level_colours()
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
-    figure = new_figure(4.4, 4.6)
     # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
     speed = _acts_on_velocity(identification.model.force)
-    panels = figure.subplots(2, 1, sharex=not speed)
+    figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
     rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
     over_amplitude = (curve.amplitude / x.factor, grid / x.factor)
     over_velocity = (
@@ -237,7 +248,7 @@ def draw_collapse(identification: Identification) -> Drawing:
         ("k", "N/m", curve.stiffness, model.stiffness, 0.06, over_amplitude),
         ("c", "N*s/m", curve.damping, model.damping, 0.2, over_velocity if speed else over_amplitude),
     )
-    for axes, (letter, unit, cloud, line, least, (place, course)) in zip(panels, parts, strict=True):
+    for axes, (letter, unit, cloud, line, least, (place, course)) in zip(panels, parts, strict=False):
         y = choose_scale(line if line.size else cloud, unit)
         axes.scatter(
             place,
@@ -253,9 +264,10 @@ def draw_collapse(identification: Identification) -> Drawing:
         calm_limits(axes, [cloud / y.factor, line / y.factor], least=least)
         axes.set_ylabel(y.label(f"{'Stiffness' if letter == 'k' else 'Damping'} {letter}"))
     panels[0].legend(loc="best")
-    panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
-    if speed:
+    if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))
+    if len(panels) > 1:
+        panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(panels), pad=0.02, aspect=35)
     bar.set_label(force.label("Level F" if curve.level_unit == "N" else "Level X"))
     bar.outline.set_visible(False)
@@ -265,7 +277,8 @@ def draw_collapse(identification: Identification) -> Drawing:
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."
     )
-    return Drawing("collapse", figure, caption, _collapse_words(identification, grid, model, speed))
+    words = _collapse_words(identification, grid, model, speed)
+    return Drawing("collapse", figure, caption, words, ax is None)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

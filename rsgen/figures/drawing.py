@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib
 import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-__all__ = ["STYLE", "Drawing", "in_style", "new_figure"]
+from rsgen.errors import RsgenError
+
+__all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "new_figure", "take_axes"]
 
 STYLE = Path(__file__).with_name("rsgen.mplstyle")
 """The style file of the project; ``matplotlib.style.use(rsgen.figures.STYLE)`` takes it over."""
@@ -37,11 +42,11 @@ def _style() -> Iterator[None]:
 
 
 def in_style(draw: Callable[P, R]) -> Callable[P, R]:
-    """Run a drawing function under the style file of the project, whatever the caller's settings are."""
+    """Run a drawing function under the style file of the project; axes of the caller keep the caller's."""
 
     @wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> R:
-        with _style():
+        with _style() if kwargs.get("ax") is None else nullcontext():
             return draw(*args, **kwargs)
 
     return styled
@@ -54,6 +59,36 @@ def new_figure(width: float = 4.4, height: float = 3.3, layout: str | None = "co
         figure.set_layout_engine("constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+GivenAxes = Axes | Sequence[Axes] | NDArray[Any] | None
+"""Axes to draw on: one for each panel of the figure; fewer show the first panels, None makes a figure."""
+
+
+def take_axes(
+    ax: GivenAxes, count: int, size: tuple[float, float], **shared: Any
+) -> tuple[Figure, list[Axes]]:
+    """Give the axes of ``count`` panels, one below the other: the caller's, or those of a new figure.
+
+    Parameters
+    ----------
+    size
+        Width and height of the new figure [inches].
+    shared
+        For ``Figure.subplots``.
+
+    Raises
+    ------
+    RsgenError
+        What was given is no axes.
+    """
+    if ax is None:
+        figure = new_figure(*size)
+        return figure, list(figure.subplots(count, 1, squeeze=False, **shared)[:, 0])
+    given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    if not given or not all(isinstance(axes, Axes) for axes in given):
+        raise RsgenError(f"ax: {ax!r:.80}; must be matplotlib axes, one for each panel")
+    return cast(Figure, given[0].figure), given[:count]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,14 +105,19 @@ class Drawing:
         One sentence: what to look at.
     alternative
         What the figure shows, in numbers, for readers who do not see it.
+    whole
+        False where it was drawn on axes of the caller, who then lays out and shows the figure.
     """
 
     name: str
     figure: Figure
     caption: str
     alternative: str
+    whole: bool = True
 
     def __post_init__(self) -> None:
+        if not self.whole:
+            return
         # the layout is made once: made anew at each saving it would creep by fractions of a point
         with _style():
             self.figure.draw_without_rendering()
@@ -100,6 +140,8 @@ class Drawing:
     def _repr_mimebundle_(
         self, include: object = None, exclude: object = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
+        if not self.whole:
+            return {"text/plain": self.alternative}, {}
         return {"image/png": self.render("png"), "text/plain": self.alternative}, {
             "image/png": {"alt": self.alternative}
         }

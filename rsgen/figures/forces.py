@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsgen.expression import symbol
 from rsgen.figures.curves import POINT, REFINED, TRUTH
-from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
@@ -50,7 +50,9 @@ def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Float
 
 
 @in_style
-def draw_forces(identification: Identification, truth: Mapping[str, float] | None = None) -> Drawing:
+def draw_forces(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
     """Draw the stiffness force n(x, 0) and the damping force n(0, v) - n(0, 0) over the tested range.
 
     Parameters
@@ -59,6 +61,8 @@ def draw_forces(identification: Identification, truth: Mapping[str, float] | Non
         Its refined estimates give the lines; what was drawn without a law gives the points.
     truth
         True value of every parameter, SI.
+    ax
+        One axes for the stiffness force, or two for both forces; None makes a figure.
     """
     high = identification.amplitude_range[1]
     fast = high * 2 * np.pi * identification.frequency_range[1]
@@ -67,12 +71,11 @@ def draw_forces(identification: Identification, truth: Mapping[str, float] | Non
     model = identification.model
     refined = force_function(model, solution_of(identification))
     true = None if truth is None else force_function(model, truth)
-    figure = new_figure(4.4, 4.6)
-    upper, lower = figure.subplots(2, 1)
+    figure, panels = take_axes(ax, 2, (4.4, 4.6))
     restoring = identification.restoring
     kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
     words = []
-    for axes, (what, place, unit) in zip((upper, lower), kinds, strict=True):
+    for axes, (what, place, unit) in zip(panels, kinds, strict=False):
         inverted = None
         if restoring is not None:
             inverted = (
@@ -88,7 +91,7 @@ def draw_forces(identification: Identification, truth: Mapping[str, float] | Non
             words.append(_panel(axes, what, place, unit, force, expected, inverted))
     caption = "Forces of springs and of dampers over the tested range"
     caption += ", and as drawn without any law (points, 95 % band)." if restoring is not None else "."
-    return Drawing("forces", figure, caption, " ".join(words))
+    return Drawing("forces", figure, caption, " ".join(words), ax is None)
 
 
 def _panel(

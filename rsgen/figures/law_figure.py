@@ -14,7 +14,7 @@ from rsgen.describing import DescribingFunction
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.figures.curves import REFINED
-from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.law.notation import readable
@@ -74,6 +74,8 @@ def draw_derivation(
     values: Mapping[str, float] | None = None,
     omega: float = 1.0,
     largest: float | None = None,
+    *,
+    ax: GivenAxes = None,
 ) -> Drawing:
     """Draw a law and its equivalent stiffness and damping over amplitude.
 
@@ -87,6 +89,8 @@ def draw_derivation(
         Angular frequency [rad/s].
     largest
         Largest amplitude [m]; None takes one that shows how the law changes.
+    ax
+        Axes for the law, and for stiffness, damping and mean as far as there are any; None makes a figure.
     """
     given = dict(values or {})
     numbers = {name: given.get(name, 1.0) for name in function.parameters}
@@ -99,13 +103,13 @@ def draw_derivation(
         ("Mean X0", found.mean, "m"),
     ]
     shown = [c for c in curves if np.any(c[1] != 0) and np.any(np.isfinite(c[1]))] or curves[:1]
-    figure = new_figure(4.6, 1.5 + 1.9 * (1 + len(shown)))
-    law, *panels = figure.subplots(1 + len(shown), 1)
-    _heading(figure, function, numbers, given, omega)
+    figure, (law, *panels) = take_axes(ax, 1 + len(shown), (4.6, 1.5 + 1.9 * (1 + len(shown))))
+    if ax is None:
+        _heading(figure, function, numbers, given, omega)
     _draw_law(law, function, numbers, omega, top, found.mean[-1])
     scale = choose_scale(X, "m")
     words = []
-    for axes, (what, curve, unit) in zip(panels, shown, strict=True):
+    for axes, (what, curve, unit) in zip(panels, shown, strict=False):
         y = choose_scale(np.percentile(np.abs(curve[np.isfinite(curve)]), 99), unit)
         axes.plot(X / scale.factor, curve / y.factor, **REFINED)
         calm_limits(axes, [curve / y.factor])
@@ -116,9 +120,10 @@ def draw_derivation(
             f"{quantity_text(X[POINTS // 10], 'm', 2)} and {quantity_text(curve[-1], unit, 3)} at "
             f"{quantity_text(top, 'm', 2)}."
         )
-    panels[-1].set_xlabel(scale.label("Amplitude X"))
+    for axes in panels[-1:]:
+        axes.set_xlabel(scale.label("Amplitude X"))
     caption = "The force of the law, and what it is to the fundamental of a vibration of amplitude X."
-    return Drawing("derivation", figure, caption, " ".join(words))
+    return Drawing("derivation", figure, caption, " ".join(words), ax is None)
 
 
 def _heading(

@@ -12,7 +12,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from numpy.typing import NDArray
 
-from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.errors import RsgenError
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, new_figure, take_axes
 from rsgen.figures.scale import choose_scale, count_text, quantity_text
 from rsgen.surface import ResponseSurface
 
@@ -113,7 +114,7 @@ def _alternative(surface: ResponseSurface) -> str:
 
 
 @in_style
-def draw_surface(surface: ResponseSurface) -> Drawing:
+def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     """Draw the response surface in three dimensions.
 
     A full grid is drawn as a sheet; points that are no grid, as measured ones are, as one line a level.
@@ -123,10 +124,22 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
     ----------
     surface
         Any surface; points that did not settle leave holes.
+    ax
+        Axes made with ``projection="3d"``; None makes a figure.
+
+    Raises
+    ------
+    RsgenError
+        The axes are not three-dimensional.
     """
-    figure = new_figure(4.4, 3.7, layout=None)
-    # matplotlib has no types for its 3-D axes
-    axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
+    if ax is None:
+        figure = new_figure(4.4, 3.7, layout=None)
+        # matplotlib has no types for its 3-D axes
+        axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
+    else:
+        figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
+        if axes.name != "3d":
+            raise RsgenError('ax: these axes are flat; make them with projection="3d", or use draw_map')
     sweep = _sweeps(surface)[0]
     shown = surface.select(surface.sweep == sweep)
     scale = choose_scale(shown.answer[shown.settled], shown.answer_unit)
@@ -173,7 +186,8 @@ def draw_surface(surface: ResponseSurface) -> Drawing:
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
     words = {"rest": "every point from rest", "up": "sweep up", "down": "sweep down"}[sweep]
-    return Drawing("surface", figure, f"Response surface: {_what(shown, words)}.", _alternative(shown))
+    caption = f"Response surface: {_what(shown, words)}."
+    return Drawing("surface", figure, caption, _alternative(shown), ax is None)
 
 
 def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
@@ -214,22 +228,24 @@ def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, n
 
 
 @in_style
-def draw_map(surface: ResponseSurface) -> Drawing:
+def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
     """Draw the response surface as a map: frequency across, level up, amplitude as colour; a panel a sweep.
 
     Parameters
     ----------
     surface
         Any surface; points that did not settle are crossed.
+    ax
+        Axes, one a sweep; None makes a figure.
     """
     sweeps = _sweeps(surface)
     scale = choose_scale(surface.answer[surface.settled], surface.answer_unit)
     force = choose_scale(surface.level, surface.level_unit)
     top = float(np.max(surface.answer, where=surface.settled, initial=0.0)) / scale.factor or 1.0
     norm = Normalize(0, top)
-    figure = new_figure(4.4, 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps))
-    panels = figure.subplots(len(sweeps), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, sweep in zip(panels, sweeps, strict=True):
+    height = 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps)
+    figure, panels = take_axes(ax, len(sweeps), (4.4, height), sharex=True)
+    for axes, sweep in zip(panels, sweeps, strict=False):
         _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
         axes.set_ylabel(force.label(level_word(surface)))
         if len(sweeps) > 1:
@@ -243,11 +259,11 @@ def draw_map(surface: ResponseSurface) -> Drawing:
     caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
     if not surface.settled.all():
         caption += " Crosses did not settle."
-    return Drawing("map", figure, caption, _alternative(surface))
+    return Drawing("map", figure, caption, _alternative(surface), ax is None)
 
 
 @in_style
-def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail") -> Drawing:
+def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: GivenAxes = None) -> Drawing:
     """Draw the map without axes, small: a picture to recognise a case by.
 
     Parameters
@@ -256,12 +272,17 @@ def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail") -> Drawing
         Any surface; of two sweeps the one up is shown.
     name
         Of the drawing, so that several fit on one page.
+    ax
+        Axes to draw on; None makes a figure.
     """
-    figure = new_figure(2.4, 1.35, layout=None)
-    axes = figure.add_axes((0, 0, 1, 1))
+    if ax is None:
+        figure = new_figure(2.4, 1.35, layout=None)
+        axes: Axes = figure.add_axes((0, 0, 1, 1))
+    else:
+        figure, (axes,) = take_axes(ax, 1, (2.4, 1.35))
     axes.set_axis_off()
     part = surface.select(surface.sweep == _sweeps(surface)[0])
     top = float(np.max(part.answer, where=part.settled, initial=0.0)) or 1.0
     _map_panel(axes, part, 1.0, 1.0, Normalize(0, top))
     axes.margins(0)
-    return Drawing(name, figure, "Response surface.", _alternative(surface))
+    return Drawing(name, figure, "Response surface.", _alternative(surface), ax is None)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from rsgen.figures.drawing import Drawing, in_style, new_figure
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
 from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
@@ -84,7 +84,7 @@ def _fold_words(curves: list[ResonanceCurve]) -> str:
 
 
 @in_style
-def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
+def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     """Draw frequency responses of at most six levels: measured points, predicted lines with their folds.
 
     Parameters
@@ -93,6 +93,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
         The points.
     prediction
         The lines; levels without a predicted curve show their points alone.
+    ax
+        Axes to draw on; None makes a figure.
     """
     if surface.control == "force":
         levels = choose_levels(_predicted(surface, prediction))
@@ -103,8 +105,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
         shown = surface.select(surface.settled)
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
-    figure = new_figure(4.4, 3.7)
-    axes = figure.add_subplot()
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
     curves = []
     for level, colour in zip(levels, colours, strict=True):
         for sweep, marker in _MARKERS.items():
@@ -121,8 +122,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
                     zorder=1.5,
                     rasterized=len(shown) > 400,
                 )
-        fitting = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
-        for curve in fitting[:1]:
+        for curve in _curves_of(prediction, level)[:1]:
             _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(level, "N", 3))
             curves.append(curve)
     _limit(axes, shown, scale.factor)
@@ -144,7 +144,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
             "predicted by the refined model; dashed parts are unstable."
         )
         text = f"{len(levels)} forces out of those that the resonances needed. {_fold_words(curves)}"
-        return Drawing("responses", figure, caption, text)
+        return Drawing("responses", figure, caption, text, ax is None)
     peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
     largest = "; ".join(
         f"{quantity_text(p.level[0], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
@@ -153,7 +153,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction) -> Drawing:
     )
     share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
     text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
-    return Drawing("responses", figure, caption, text)
+    return Drawing("responses", figure, caption, text, ax is None)
 
 
 def _tested(
@@ -190,6 +190,15 @@ def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
         axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
 
 
+def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
+    return [curve for curve in prediction if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
+
+
+def _level_text(item: HeldOutLevel) -> str:
+    """Name the level: a force, or the amplitude where that was held."""
+    return f"{'F' if item.level_unit == 'N' else 'X'} = {quantity_text(item.level, item.level_unit, 3)}"
+
+
 def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]]:
     groups: dict[float, list[HeldOutLevel]] = {}
     for item in sorted(held_out, key=lambda item: item.level):
@@ -198,27 +207,27 @@ def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]
 
 
 @in_style
-def draw_held_out(prediction: Prediction) -> Drawing:
+def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     """Draw measured against predicted responses of the levels that identification has not seen.
 
     Parameters
     ----------
     prediction
         Made with a surface and with levels held out, else the figure says that there are none.
+    ax
+        Axes, one a level; None makes a figure.
     """
     groups = _group(prediction.held_out)
-    figure = new_figure(4.4, 1.2 + 1.45 * max(len(groups), 1))
+    count = max(len(groups), 1)
+    figure, panels = take_axes(ax, count, (4.4, 1.2 + 1.45 * count), sharex=True)
     if not groups:
-        axes = figure.add_subplot()
-        axes.set_axis_off()
-        axes.text(0.5, 0.5, "no level was held out", ha="center", va="center")
-        return Drawing("held-out", figure, "No level was held out.", "No level was held out.")
-    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+        panels[0].set_axis_off()
+        panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
+        return Drawing("held-out", figure, "No level was held out.", "No level was held out.", ax is None)
     words = []
-    for axes, (level, items) in zip(panels, groups.items(), strict=True):
+    for axes, (level, items) in zip(panels, groups.items(), strict=False):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        curves = [curve for curve in prediction.curves if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
-        for curve in curves[:1]:
+        for curve in _curves_of(prediction, level)[:1] if items[0].level_unit == "N" else []:
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
@@ -237,7 +246,7 @@ def draw_held_out(prediction: Prediction) -> Drawing:
                 label=f"tested, {_SWEEPS[item.sweep]}",
             )
             words.append(
-                f"F = {quantity_text(level, 'N', 3)}, {_SWEEPS[item.sweep]}: error "
+                f"{_level_text(item)}, {_SWEEPS[item.sweep]}: error "
                 f"{number_text(100 * item.error, 2)} % "
                 f"(root mean square), largest {number_text(100 * item.largest_error, 2)} % of the "
                 "largest amplitude, "
@@ -247,28 +256,29 @@ def draw_held_out(prediction: Prediction) -> Drawing:
         axes.set_xlim(float(frequency.min()), float(frequency.max()))
         axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
         axes.set_ylabel(scale.label("X"))
-        axes.set_title(f"F = {quantity_text(level, 'N', 3)}")
+        axes.set_title(_level_text(items[0]))
     panels[0].legend(loc="best")
     panels[-1].set_xlabel("Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
-    return Drawing("held-out", figure, caption, "; ".join(words) + ".")
+    return Drawing("held-out", figure, caption, "; ".join(words) + ".", ax is None)
 
 
 @in_style
-def draw_time_history(surface: ResponseSurface) -> Drawing:
+def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
     """Draw one period of the displacement at the largest settled response, with its two peaks and its mean.
 
     Parameters
     ----------
     surface
         Its harmonics give the motion; the peaks are those of the table, or of the harmonics.
+    ax
+        Axes to draw on; None makes a figure.
     """
-    figure = new_figure()
-    axes = figure.add_subplot()
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
     settled = np.flatnonzero(surface.settled)
     if not settled.size:
         axes.set_axis_off()
-        return Drawing("time-history", figure, "No test point settled.", "No test point settled.")
+        return Drawing("time-history", figure, "No test point settled.", "No test point settled.", ax is None)
     i = int(settled[np.argmax(surface.amplitude[settled])])
     turn = np.linspace(0, 2 * np.pi, 721)
     harmonics = surface.harmonics[i] * np.exp(
@@ -315,4 +325,4 @@ def draw_time_history(surface: ResponseSurface) -> Drawing:
         f"{number_text(ratio, 3)} times the positive one and the mean is {quantity_text(mean, 'm', 3)}."
     )
     caption = "One period of the largest response, with its positive and negative peak and its mean (dashed)."
-    return Drawing("time-history", figure, caption, text)
+    return Drawing("time-history", figure, caption, text, ax is None)

@@ -185,7 +185,7 @@ def render_page(
         "warnings": warnings,
         "surface_sentence": _surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
-        "prediction_remarks": [set_sentence(remark, names) for remark in prediction.remarks],
+        "prediction_remarks": [set_sentence(sentence(found), names) for found in prediction.findings],
         "held_out_table": held_out_table(prediction),
         "elements": [_element(element) for element in subject.elements],
         "printed": [

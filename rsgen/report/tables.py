@@ -199,7 +199,7 @@ def held_out_table(prediction: Prediction) -> Table | None:
     rows = tuple(
         TableRow(
             (
-                quantity_text(item.level, "N"),
+                quantity_text(item.level, item.level_unit),
                 Cell(_SWEEPS.get(item.sweep, item.sweep)),
                 Cell(str(len(item.frequency))),
                 Cell(error_text(item.error)),

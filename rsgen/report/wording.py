@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rsgen.figures.scale import quantity_text
 from rsgen.finding import Finding
 
 __all__ = ["sentence"]
@@ -29,6 +30,12 @@ def sentence(finding: Finding) -> str:
     """Say a finding in one sentence; a code without a sentence is shown as data."""
     say = _SENTENCES.get(finding.code)
     return repr(finding) if say is None else say(finding)
+
+
+def quantity(found: Finding, name: str, digits: int = 3) -> str:
+    """Print a number of a finding with its unit, as a book does."""
+    value, unit = found.numbers[name]
+    return quantity_text(value, unit, digits)
 
 
 # --- surface, measurement and history ---
@@ -164,3 +171,25 @@ def _(found: Finding) -> str:
 
 
 # --- ranking and prediction ---
+
+
+@_says("curve-extrapolated")
+def _(found: Finding) -> str:
+    return (
+        f"the curve of {quantity(found, 'level')} leaves the tested amplitudes ({quantity(found, 'low')} to "
+        f"{quantity(found, 'high')}): nothing is known of the law there"
+    )
+
+
+@_says("no-steady-state")
+def _(found: Finding) -> str:
+    return f"no steady state in the tested frequencies under {quantity(found, 'level')}"
+
+
+@_says("held-out-points-missing")
+def _(found: Finding) -> str:
+    return (
+        f"{found['missing']:.0f} of {found['points']:.0f} points of the held-out level "
+        f"{quantity(found, 'level')} (sweep {found.names['sweep']}) have no predicted steady state near the "
+        "measured one"
+    )

@@ -12,8 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from rsgen import figures
+from rsgen.describing import derive
+from rsgen.errors import RsgenError
 from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
 from rsgen.figures.equivalent import backbone, refined_band, values_of
 from rsgen.identification import Estimate
@@ -35,18 +39,18 @@ SURFACE = cubic_surface()
 IDENTIFICATION = cubic_identification(SURFACE)
 PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
 
-DRAWINGS: dict[str, Callable[[], Drawing]] = {
-    "surface": lambda: figures.draw_surface(SURFACE),
-    "map": lambda: figures.draw_map(SURFACE),
-    "thumbnail": lambda: figures.draw_thumbnail(SURFACE),
-    "resonance": lambda: figures.draw_resonance(IDENTIFICATION),
-    "stiffness": lambda: figures.draw_stiffness(IDENTIFICATION, TRUTH),
-    "damping": lambda: figures.draw_damping(IDENTIFICATION, TRUTH),
-    "collapse": lambda: figures.draw_collapse(IDENTIFICATION),
-    "forces": lambda: figures.draw_forces(IDENTIFICATION, TRUTH),
-    "responses": lambda: figures.draw_responses(SURFACE, PREDICTION),
-    "held-out": lambda: figures.draw_held_out(PREDICTION),
-    "time-history": lambda: figures.draw_time_history(SURFACE),
+DRAWINGS: dict[str, Callable[..., Drawing]] = {
+    "surface": lambda ax=None: figures.draw_surface(SURFACE, ax=ax),
+    "map": lambda ax=None: figures.draw_map(SURFACE, ax=ax),
+    "thumbnail": lambda ax=None: figures.draw_thumbnail(SURFACE, ax=ax),
+    "resonance": lambda ax=None: figures.draw_resonance(IDENTIFICATION, ax=ax),
+    "stiffness": lambda ax=None: figures.draw_stiffness(IDENTIFICATION, TRUTH, ax=ax),
+    "damping": lambda ax=None: figures.draw_damping(IDENTIFICATION, TRUTH, ax=ax),
+    "collapse": lambda ax=None: figures.draw_collapse(IDENTIFICATION, ax=ax),
+    "forces": lambda ax=None: figures.draw_forces(IDENTIFICATION, TRUTH, ax=ax),
+    "responses": lambda ax=None: figures.draw_responses(SURFACE, PREDICTION, ax=ax),
+    "held-out": lambda ax=None: figures.draw_held_out(PREDICTION, ax=ax),
+    "time-history": lambda ax=None: figures.draw_time_history(SURFACE, ax=ax),
 }
 
 UNIT = re.compile(r"\[[^\]]+\]$")
@@ -259,3 +263,44 @@ def test_damping_collapses_over_velocity_where_the_damper_acts_on_it(force: str,
         assert damping == pytest.approx(3.8 + 8 / (3 * np.pi) * place)
     elif "Ff" in force:
         assert damping == pytest.approx(3.8 + 4 * 0.5 / (np.pi * place))
+
+
+def draw_law(ax: Axes) -> Drawing:
+    return figures.draw_derivation(derive(make_element("law", "k*x + kn*x**3")), ax=ax)
+
+
+@pytest.mark.parametrize("name", [*DRAWINGS, "derivation"])
+def test_a_figure_goes_on_axes_of_the_caller(name: str) -> None:
+    figure = Figure(figsize=(7, 7))
+    grid = figure.add_gridspec(2, 2)
+    projection = "3d" if name == "surface" else None
+    mine, other = figure.add_subplot(grid[0, 0], projection=projection), figure.add_subplot(grid[1, 1])
+    before = figure.get_layout_engine()
+    drawing = (DRAWINGS | {"derivation": draw_law})[name](mine)
+    assert drawing.figure is figure
+    assert drawing.name == name
+    assert mine.has_data()
+    assert not other.has_data()
+    # the caller lays out; colour bars are the only axes that are added
+    assert figure.get_layout_engine() is before
+    assert len(figure.axes) <= 3
+    assert "image/png" not in drawing._repr_mimebundle_()[0]
+    figure.canvas.draw()
+
+
+def test_two_axes_show_two_panels() -> None:
+    figure = Figure()
+    axes = figure.subplots(1, 2)
+    figures.draw_collapse(IDENTIFICATION, ax=axes)
+    assert [panel.get_ylabel().split()[0] for panel in axes] == ["Stiffness", "Damping"]
+    ours = figures.draw_collapse(IDENTIFICATION).figure.axes
+    for panel, own in zip(axes, ours, strict=False):
+        mine, theirs = (p.collections[0].get_offsets() for p in (panel, own))
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_what_is_no_axes_is_refused() -> None:
+    with pytest.raises(RsgenError, match="must be matplotlib axes"):
+        figures.draw_collapse(IDENTIFICATION, ax=Figure())
+    with pytest.raises(RsgenError, match='projection="3d"'):
+        figures.draw_surface(SURFACE, ax=Figure().add_subplot())

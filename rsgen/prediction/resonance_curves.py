@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isfinite, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.identification.amplitude_balance import AmplitudeBalance
 from rsgen.identification.data import held_out_mask
-from rsgen.identification.result import frozen_array
+from rsgen.oscillator import Oscillator
+from rsgen.prediction.known_oscillator import as_identification
+from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface
 
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict"]
+__all__ = ["predict"]
 
 Array = NDArray[np.float64]
 
@@ -36,108 +38,12 @@ _NEAR = 0.2
 """A predicted steady state farther from the measured one, relatively, is another one."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ResonanceCurve:
-    """The resonance curve of one level, ordered along the curve; a row of NaN separates detached parts.
-
-    Parameters
-    ----------
-    level
-        Force amplitude [N].
-    frequency
-        (k,) [Hz]; not single-valued between the folds.
-    amplitude
-        (k,) X [m].
-    phase
-        (k,) lag of displacement behind force [rad].
-    stable
-        (k,) False on the branch between two folds.
-    extrapolated
-        (k,) True where the amplitude is outside the tested range.
-    lower, upper
-        (k,) 95 % band of the amplitude at the frequency [m]; NaN at folds, where it is not defined.
-    folds
-        (j, 2) frequency [Hz] and amplitude [m] of the points where the response jumps.
-    """
-
-    level: float
-    frequency: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    stable: NDArray[np.bool_]
-    extrapolated: NDArray[np.bool_]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    folds: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name in ("frequency", "amplitude", "phase", "lower", "upper", "folds"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
-        for name in ("stable", "extrapolated"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.bool_))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class HeldOutLevel:
-    """Measured against predicted for one level and sweep that identification has not seen.
-
-    Parameters
-    ----------
-    level, sweep
-        Nominal force amplitude [N] and how the points were reached.
-    frequency
-        (n,) [Hz], ascending.
-    measured, predicted
-        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN where there is none.
-    error
-        Root mean square of predicted - measured over that of measured [1].
-    largest_error
-        Largest |predicted - measured| over the largest |measured| [1].
-    missing
-        How many points have no predicted steady state near the measured one.
-    """
-
-    level: float
-    sweep: str
-    frequency: NDArray[np.float64]
-    measured: NDArray[np.complex128]
-    predicted: NDArray[np.complex128]
-    error: float
-    largest_error: float
-    missing: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency", frozen_array(self.frequency))
-        for name in ("measured", "predicted"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.complex128))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
-    """Resonance curves, scores of held-out levels, and what to keep in mind about them.
-
-    Parameters
-    ----------
-    curves
-        One a level, in the order asked for.
-    held_out
-        One a held-out level and sweep; empty without held-out levels or without a surface.
-    tested_amplitude
-        (lowest, highest) X [m] that took part in identification; beyond is extrapolation.
-    remarks
-        Sentences: extrapolation, missing branches.
-    """
-
-    curves: tuple[ResonanceCurve, ...]
-    held_out: tuple[HeldOutLevel, ...]
-    tested_amplitude: tuple[float, float]
-    remarks: tuple[str, ...]
-
-
 def predict(
-    identification: Identification,
-    levels: Sequence[float] | None = None,
+    found: Identification | Oscillator,
+    levels: float | Sequence[float] | None = None,
     surface: ResponseSurface | None = None,
+    *,
+    band: tuple[float, float] | None = None,
 ) -> Prediction:
     """Compute the resonance curve of every level; with a surface, score the held-out levels on it.
 
@@ -147,60 +53,96 @@ def predict(
 
     Parameters
     ----------
-    identification
-        The refined estimate is used.
+    found
+        An identification, whose refined estimate is used, or an oscillator.
     levels
-        [N]; None: the tested and the held-out ones.
+        [N]; None: those that took part in the identification, and the held-out ones.
     surface
         Where the held-out levels were measured; None: no score.
+    band
+        Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
+        oscillator the resonances with their flanks.
 
     Raises
     ------
     RsgenError
-        A level is not positive and finite.
+        A level is not positive and finite, an oscillator comes without levels, or its resonance has no end.
+
+    Examples
+    --------
+    >>> curves = predict(Oscillator(1.0, "k*x + c*v", {"k": 1e4, "c": 2.0}), [1.0, 3.0])
+    >>> round(float(np.nanmax(curves[3.0].amplitude)), 4)
+    0.015
     """
-    model = identification.model
-    if levels is None:
-        levels = sorted({*map(float, identification.levels), *model.observation.hold_out})
-    for level in levels:
+    chosen = _levels(found, levels)
+    tested = (0.0, inf)
+    if isinstance(found, Oscillator):
+        found = as_identification(found, chosen)
+    else:
+        tested = found.amplitude_range
+    low, high = found.frequency_range
+    window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
+    balance = AmplitudeBalance(found)
+    omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
+    curves = tuple(_curve(found, balance, level, omega, tested) for level in chosen)
+    held_out = _score(found, balance, surface) if surface is not None else ()
+    return Prediction(curves, held_out, tested, _findings(tested, curves, held_out))
+
+
+def _levels(found: Identification | Oscillator, levels: float | Sequence[float] | None) -> list[float]:
+    if levels is not None:
+        chosen = [float(level) for level in np.atleast_1d(np.asarray(levels, dtype=np.float64))]
+    elif isinstance(found, Oscillator):
+        raise RsgenError("levels: an oscillator has none of its own; give the force levels [N] to predict")
+    elif found.curve.level_unit == "N":
+        chosen = sorted({*map(float, found.levels), *found.model.observation.hold_out})
+    else:
+        # levels that were held out of a test at constant amplitude are amplitudes
+        chosen = sorted(map(float, found.levels))
+    for level in chosen:
         if not (isfinite(level) and level > 0):
             raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")
-    balance = AmplitudeBalance(identification)
-    curves = tuple(_curve(identification, balance, float(level)) for level in levels)
-    held_out = _score(identification, balance, surface) if surface is not None else ()
-    return Prediction(
-        curves, held_out, identification.amplitude_range, _remarks(identification, curves, held_out)
-    )
+    return chosen
 
 
-def _remarks(
-    identification: Identification, curves: tuple[ResonanceCurve, ...], held_out: tuple[HeldOutLevel, ...]
-) -> tuple[str, ...]:
-    remarks = []
-    low, high = identification.amplitude_range
-    beyond = [curve.level for curve in curves if np.any(curve.extrapolated & (curve.amplitude > high))]
-    if beyond:
-        remarks.append(
-            f"extrapolation beyond the tested amplitudes ({low:.3g} to {high:.3g} m) at "
-            f"{', '.join(f'{level:g}' for level in beyond)} N: nothing is known of the law there"
-        )
-    empty = [curve.level for curve in curves if len(curve.frequency) == 0]
-    if empty:
-        remarks.append(
-            f"no steady state in the tested frequencies at {', '.join(f'{level:g}' for level in empty)} N"
-        )
+def _checked(band: tuple[float, float]) -> tuple[float, float]:
+    low, high = map(float, band)
+    if not 0 < low < high < inf:
+        raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and positive")
+    return low, high
+
+
+def _findings(
+    tested: tuple[float, float], curves: tuple[ResonanceCurve, ...], held_out: tuple[HeldOutLevel, ...]
+) -> tuple[Finding, ...]:
+    findings = []
+    for curve in curves:
+        at = {"level": Quantity(curve.level, "N")}
+        if np.any(curve.extrapolated & (curve.amplitude > tested[1])):
+            numbers = at | {"low": Quantity(tested[0], "m"), "high": Quantity(tested[1], "m")}
+            findings.append(Finding("curve-extrapolated", "warning", numbers=numbers))
+        if len(curve.frequency) == 0:
+            findings.append(Finding("no-steady-state", "warning", numbers=at))
     for item in held_out:
         if item.missing:
-            remarks.append(
-                f"{item.missing} of {len(item.frequency)} points of the held-out level {item.level:g} N "
-                f"(sweep {item.sweep}) have no predicted steady state near the measured one"
-            )
-    return tuple(remarks)
+            numbers = {
+                "missing": Quantity(item.missing),
+                "points": Quantity(len(item.frequency)),
+                "level": Quantity(item.level, item.level_unit),
+            }
+            names = {"sweep": item.sweep}
+            findings.append(Finding("held-out-points-missing", "warning", numbers=numbers, names=names))
+    return tuple(findings)
 
 
-def _curve(identification: Identification, balance: AmplitudeBalance, level: float) -> ResonanceCurve:
-    low, high = (2 * np.pi * f for f in identification.frequency_range)
-    window = (low * (1 - _MARGIN), high * (1 + _MARGIN))
+def _curve(
+    identification: Identification,
+    balance: AmplitudeBalance,
+    level: float,
+    window: tuple[float, float],
+    tested: tuple[float, float],
+) -> ResonanceCurve:
+    """Compute the curve of a level [N] within a window of frequencies [rad/s]."""
     parts = [
         part for span in balance.spans(level, window) for part in _branches(balance, level, span, window)
     ]
@@ -229,7 +171,6 @@ def _curve(identification: Identification, balance: AmplitudeBalance, level: flo
     frequency, amplitude, phase, gain, lower, upper, own = (
         np.concatenate(column) if column else np.zeros(0) for column in columns
     )
-    tested = identification.amplitude_range
     return ResonanceCurve(
         level=level,
         frequency=frequency,
@@ -246,7 +187,7 @@ def _curve(identification: Identification, balance: AmplitudeBalance, level: flo
 def _as_seen(
     identification: Identification, omega: Array, size: Array, force: NDArray[np.complex128]
 ) -> tuple[Array, Array]:
-    """Amplitude and lag of the response that the sensor sees, with what is there besides the mode."""
+    """Amplitude and lag of the response that the sensor sees, background included."""
     background = identification.background
     if background is None:
         return size, np.angle(force) % (2 * np.pi)
@@ -299,8 +240,8 @@ def _score(
             rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
             measured = surface.harmonics[rows, 1]
             predicted = _respond(identification, balance, surface.select(rows))
-            told = np.isfinite(predicted)
-            miss = np.abs(predicted - measured)[told]
+            known = np.isfinite(predicted)
+            miss = np.abs(predicted - measured)[known]
             scored.append(
                 HeldOutLevel(
                     level=float(level),
@@ -308,10 +249,13 @@ def _score(
                     frequency=surface.frequency[rows],
                     measured=measured,
                     predicted=predicted,
-                    error=float(np.linalg.norm(miss) / np.linalg.norm(measured[told])) if told.any() else nan,
-                    largest_error=float(miss.max() / np.abs(measured).max()) if told.any() else nan,
+                    error=float(np.linalg.norm(miss) / np.linalg.norm(measured[known]))
+                    if known.any()
+                    else nan,
+                    largest_error=float(miss.max() / np.abs(measured).max()) if known.any() else nan,
+                    level_unit=surface.level_unit,
                     missing=int(
-                        np.count_nonzero(~told | (np.abs(predicted - measured) > _NEAR * np.abs(measured)))
+                        np.count_nonzero(~known | (np.abs(predicted - measured) > _NEAR * np.abs(measured)))
                     ),
                 )
             )

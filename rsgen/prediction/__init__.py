@@ -1,0 +1,8 @@
+"""Resonance curves with folds and stability, from an identification or an oscillator."""
+
+from __future__ import annotations
+
+from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.prediction.resonance_curves import predict
+
+__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict"]
