@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.balance_fit import slaved_harmonics
+from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.result import Identification
-from rsgen.identification.waveform import Balance, hold_amplitude
 from rsgen.law.numeric import compile_law
 
 __all__ = ["AmplitudeBalance"]
@@ -52,31 +51,31 @@ class AmplitudeBalance:
         self._values = np.array(identification.solution)
         self._mass = identification.mass
         self._order = _ORDER_WITH_JUMPS if self._law.jumps else _ORDER
-        self._slaved = slaved_harmonics(self._law, self._order)
+        self._following = following_harmonics(self._law, self._order)
         self._samples = _SAMPLES_SWITCHED if self._law.switched else _SAMPLES_SMOOTH
         self._covariance = np.nan_to_num(identification.covariance)
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
         self._tabulate(2 * self._largest)
 
-    def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Balance:
+    def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
         guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
         hold = partial(hold_amplitude, self._law, self._values, self._mass)
-        at = hold(omega, size, guess, self._slaved, self._samples)
-        lost = ~(at.converged & np.isfinite(at.force))
+        at = hold(omega, size, guess, self._following, self._samples)
+        lost = ~(at.valid & np.isfinite(at.force))
         if not lost.any():
             return at
         # first order where the higher harmonics do not settle
-        mean = tuple(h for h in self._slaved if h == 0)
+        mean = tuple(h for h in self._following if h == 0)
         rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
         merged = {}
-        for entry in fields(Balance):
+        for entry in fields(Response):
             merged[entry.name] = np.array(getattr(at, entry.name))
             merged[entry.name][lost] = getattr(rough, entry.name)
-        return Balance(**merged)
+        return Response(**merged)
 
-    def force_spread(self, at: Balance) -> Array:
+    def force_spread(self, at: Response) -> Array:
         """(n,) half width of the 95 % band of the force amplitude [N]."""
         count = len(self._covariance)
         slope = (np.conj(at.force)[:, None] * at.force_by[:, :count]).real / np.abs(at.force)[:, None]
@@ -208,7 +207,7 @@ class AmplitudeBalance:
         for _ in range(_DESCENT):
             at = self.solve(size, omega, start)
             start = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
-            gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force)
+            gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
             miss = np.abs(at.force) - level
             if np.all(np.abs(miss) <= _EXACT * level):
                 break

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
-from rsgen.identification.balance_fit import FittedModel
+from rsgen.identification.fit import Fit
 from rsgen.identification.result import Estimate
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
@@ -30,9 +30,12 @@ class Values:
     freedom: int
 
 
-def of_fit(found: FittedModel) -> Values:
+def of_fit(found: Fit) -> Values:
     """Take the values of a fit."""
-    return Values(found.values, found.mass, found.regression.covariance, found.regression.freedom)
+    count = found.problem.count
+    return Values(
+        found.values, found.mass, found.regression.covariance[:count, :count], found.regression.freedom
+    )
 
 
 def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:

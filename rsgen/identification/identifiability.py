@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.balance_fit import FittedModel
 from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
 from rsgen.law.numeric import ForceLaw
@@ -84,7 +84,7 @@ def find_warnings(
     points: Points,
     used: NDArray[np.bool_],
     law: ForceLaw,
-    refined: FittedModel,
+    refined: Fit,
     resonances: tuple[Resonance, ...],
     estimates: tuple[Estimate, ...],
     *,
@@ -204,7 +204,7 @@ def _length(value: float) -> str:
     return f"{value / factor:.3g} {unit}"
 
 
-def _is_systematic(points: Points, refined: FittedModel, used: NDArray[np.bool_]) -> bool:
+def _is_systematic(points: Points, refined: Fit, used: NDArray[np.bool_]) -> bool:
     """Tell whether signed misfits of the force go together between neighbours in frequency of one run."""
     rotated = points.force * np.exp(-1j * refined.turn)
     misfit = (rotated - refined.force) / np.abs(points.force)

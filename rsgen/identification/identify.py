@@ -4,31 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from rsgen.identification.abel import invert_curve
-from rsgen.identification.balance_fit import FittedModel
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.dynamic_stiffness import Equations, solve_equations
 from rsgen.identification.estimates import Values, make_estimates, names_of, of_fit
+from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.identifiability import find_warnings, untold_reason
-from rsgen.identification.magnitude import with_phase
-from rsgen.identification.measured_mode import fit_among_modes, fit_amplitudes, with_repeats
-from rsgen.identification.refinement import (
-    QUICK,
-    enrich,
-    fit_order,
-    is_strong,
-    leaves_the_middle,
-    polish,
-    refine,
-    start_values,
-)
-from rsgen.identification.repeats import gather_repeats
+from rsgen.identification.least_squares import Regression
+from rsgen.identification.observed import Observed, shape_of
+from rsgen.identification.refinement import add_harmonics, refine, refit_with_simulator
+from rsgen.identification.repeats import gather_repeats, with_repeats
 from rsgen.identification.resonance import find_resonances, mass_from_slices
 from rsgen.identification.result import (
+    Background,
     EquivalentCurve,
     Estimate,
     Identification,
@@ -36,6 +30,7 @@ from rsgen.identification.result import (
     RestoringForce,
 )
 from rsgen.identification.spline_force import invert_motion
+from rsgen.identification.start import QUICK, is_asymmetric, start_fit, with_phase
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.observation import Observation
@@ -45,6 +40,7 @@ from rsgen.surface import ResponseSurface
 __all__ = ["identify"]
 
 Array = NDArray[np.float64]
+Table = TypeVar("Table", Points, ResponseSurface)
 
 _LEFT = 1e-7
 _NOISY = 1e-4
@@ -108,49 +104,36 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
     law = compile_law(model.force)
-    if law.odd and leaves_the_middle(points):
+    if law.odd and is_asymmetric(points):
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
-    background, caused = None, None
-    sharp = law.rough or is_strong(points)
-    if not surface.phase_known:
-        refined, background, caused = fit_amplitudes(points, law, model, repeats)
-        besides = background.values
-        surface = with_phase(surface, law, refined, background.shape(surface.omega), besides)
-        points = with_phase(points, law, refined, background.shape(points.omega), besides)
-    elif model.observation.background == "none":
-        refined, sharp = refine(points, law, start_values(points, law, model.mass), model.mass)
-    else:
-        refined, background, caused = fit_among_modes(points, law, model, repeats, start_values)
-    if background is not None:
-        points = background.shape(points.omega).subtract(points, background.values)
-        surface = background.shape(surface.omega).subtract(surface, background.values)
-    fitted = refined
-    # the simulator is compared in phase, too
-    if sharp and surface.phase_known:
-        refined = polish(points, model, law, refined)
+    kind = model.observation.background
+    observed = Observed.of(points, kind, phase_known=surface.phase_known)
+    problem = Problem(model.elements, law, observed, model.mass)
+    refined, sharp = refine(problem, start_fit(problem))
+    if sharp:
+        refined = refit_with_simulator(refined)
         if not law.rough and _LEFT < refined.regression.noise < _NOISY:
-            refined = enrich(points, law, refined, model.mass)
+            refined = add_harmonics(refined)
+    whole = with_repeats(refined.regression, points, repeats)
+    background = _background(refined, whole, kind)
+    surface, points = _mode(surface, refined), _mode(points, refined)
     used = refined.regression.used
     kept = points.select(used)
-    first = fit_order(kept, law, refined.values, refined.mass, model.mass, 1, reject=False)
-    bias = _first_order_bias(kept, law, refined, first, model.mass)
+    first = _first_order(kept, problem, refined.values, refined.mass)
+    bias = _first_order_bias(kept, refined, first)
     paper, resonances = _paper(kept, law, model.mass, first)
     # the expected noise has unit size in real and imaginary part each
     noise = misfit_noise = refined.regression.noise * np.sqrt(2)
-    covariance = refined.regression.covariance
+    regression = whole.first(problem.count)
     notes: tuple[str, ...] = ()
     if repeats is not None:
         noise = repeats.noise
-        if background is None or refined is not fitted:
-            covariance = with_repeats(refined.regression, points, repeats).covariance
-        spread = refined.regression.noise * np.sqrt(np.sum(refined.regression.influence**2, axis=(0, 1)))
-        notes = (repeats.judge(misfit_noise, float(np.nanmedian(spread / np.sqrt(np.diag(covariance))))),)
-    if caused is not None and refined is not fitted:
-        # the simulator was fitted beside a background that stood still
-        covariance = covariance + caused
-    covariance = covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
-    told = replace(refined.regression, covariance=covariance)
+        spread = refined.regression.noise * np.sqrt(np.sum(regression.influence**2, axis=(0, 1)))
+        wider = float(np.nanmedian(spread / np.sqrt(np.diag(regression.covariance))))
+        notes = (repeats.judge(misfit_noise, wider),)
+    covariance = regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
+    told = replace(regression, covariance=covariance)
     reasons = {
         name: untold_reason(name, law, points, told, model.mass is None) for name in names_of(law, model)
     }
@@ -175,7 +158,7 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
-        background=background if model.observation.background != "none" else None,
+        background=background,
         findings=surface.findings,
         warnings=(
             *notes,
@@ -226,10 +209,42 @@ def _is_centred(points: Points) -> bool:
     return 0 not in points.measured or float(np.sqrt(np.mean(mean**2))) < _CENTRED
 
 
-def _first_order_bias(
-    points: Points, law: ForceLaw, refined: FittedModel, first: FittedModel, given: float | None
-) -> Array:
-    """What the first-order fit makes of the refined model's own, noise-free response."""
+def _mode(table: Table, found: Fit) -> Table:
+    """Subtract the background; phases that were not recorded are those that the fit predicts."""
+    observed = found.problem.observed
+    shape = shape_of(observed.kind, table.omega, observed.band)
+    if not observed.phase_known:
+        table = with_phase(table, found, shape)
+    return shape.subtract(table, found.background)
+
+
+def _background(found: Fit, regression: Regression, kind: str) -> Background | None:
+    """Background with the errors of its values; None where none was asked for."""
+    observed = found.problem.observed
+    shape, values = observed.background, found.background
+    if not len(values):
+        return None
+    variance = np.diag(regression.covariance)[found.problem.count :]
+    wide = float(stdtrit(regression.freedom, 0.975))
+    errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
+    estimates = tuple(
+        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
+        for name, v, e, unit in zip(shape.names, values, errors, shape.units, strict=True)
+    )
+    points = observed.points
+    part = np.abs(shape.receptance(values) * points.force)
+    share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
+    return Background(kind, observed.band, estimates, share)
+
+
+def _first_order(points: Points, problem: Problem, values: Array, mass: float) -> Fit:
+    """Fit one harmonic to the points of the mode, from values near the solution."""
+    mode = replace(problem, observed=Observed.of(points))
+    return fit_balance(mode, mode.join(values, mass), order=1, reject=False)
+
+
+def _first_order_bias(points: Points, refined: Fit, first: Fit) -> Array:
+    """What the first-order fit makes of the noise-free response of the refined model."""
     used = refined.regression.used
     turn = np.exp(1j * refined.turn[used])
     count = points.harmonics.shape[1]
@@ -237,15 +252,15 @@ def _first_order_bias(
     harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
     harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
     if not np.isfinite(harmonics).all():
-        return np.full(len(refined.regression.parameters), np.nan)
+        return np.full(first.problem.count, np.nan)
     exact = replace(points, force=refined.force[used] * turn, harmonics=harmonics[:, :count])
     exact = exact.select(exact.spread(2 * QUICK))
-    again = fit_order(exact, law, first.values, first.mass, given, 1, reject=False)
-    return np.asarray(again.regression.parameters - refined.regression.parameters)
+    again = _first_order(exact, first.problem, first.values, first.mass)
+    return again.regression.parameters - refined.regression.parameters[: first.problem.count]
 
 
 def _paper(
-    points: Points, law: ForceLaw, given: float | None, near: FittedModel
+    points: Points, law: ForceLaw, given: float | None, near: Fit
 ) -> tuple[Values, tuple[Resonance, ...]]:
     """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
     mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))

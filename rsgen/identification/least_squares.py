@@ -1,8 +1,8 @@
 """Maximum likelihood where force and response both carry noise.
 
-Every point has two unknowns of its own (true amplitude and time origin) besides the parameters. They are
-eliminated point by point, so that the least-squares problem keeps the size of the parameters; the matrix is
-never squared, and its columns are scaled, because parameters differ by many orders of magnitude.
+Every point has one or two unknowns that concern only itself (its true amplitude, its time origin): nuisances.
+They are eliminated point by point, so that the least-squares problem keeps the size of the parameters; the
+matrix is never squared, and its columns are scaled, because parameters differ by many orders of magnitude.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-__all__ = ["Linearisation", "Regression", "fit", "solve_scaled"]
+__all__ = ["Linearisation", "Regression", "eliminate", "fit", "solve_scaled"]
 
 Array = NDArray[np.float64]
 
@@ -52,15 +52,14 @@ class Linearisation:
     ----------
     residual
         (n, M) measured minus predicted; NaN in every row of a point that could not be predicted.
-    by_own
-        (n, M, 2) derivative of the prediction by the two unknowns of each point; (n, M, 1) where the time
-        origin does not matter.
+    by_nuisance
+        (n, M, k) derivative of the prediction by the k nuisances of each point.
     by_parameter
         (n, M, q) derivative of the prediction by the parameters.
     """
 
     residual: Array
-    by_own: Array
+    by_nuisance: Array
     by_parameter: Array
 
 
@@ -72,8 +71,8 @@ class Regression:
     ----------
     parameters
         (q,) the estimate.
-    own
-        (n, 2) the unknowns of each point.
+    nuisance
+        (n, k) the nuisances of each point.
     covariance
         (q, q), scaled with the noise found in the residual; NaN for parameters that are not told.
     null
@@ -97,7 +96,7 @@ class Regression:
     """
 
     parameters: Array
-    own: Array
+    nuisance: Array
     covariance: Array
     null: Array
     noise: float
@@ -108,27 +107,37 @@ class Regression:
     strength: Array
     influence: Array
 
+    def first(self, count: int) -> Regression:
+        """What concerns the first parameters; errors that the others cause stay in."""
+        return replace(
+            self,
+            parameters=self.parameters[:count],
+            covariance=self.covariance[:count, :count],
+            null=self.null[:count],
+            strength=self.strength[:count],
+            influence=self.influence[:, :, :count],
+        )
+
 
 def fit(
     linearise: Callable[[Array, Array], Linearisation],
     parameters: Array,
-    own: Array,
+    nuisance: Array,
     *,
     steps: int = 25,
     small: float = 1e-12,
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
     used: NDArray[np.bool_] | None = None,
-    bend: Callable[[Array, Array, Array], Array] | None = None,
     floor: float = 0.0,
 ) -> Regression:
-    """Gauss-Newton with step halving on parameters and on the unknowns of every point together.
+    """Gauss-Newton with step halving on parameters and nuisances together.
 
     Parameters
     ----------
     linearise
-        Called with (q,) parameters and (n, 2) own unknowns.
-    parameters, own
+        Called with (q,) parameters and (n, k) nuisances.
+    parameters, nuisance
         Where to start.
     steps
         Most Gauss-Newton steps in a round; there is a round for each setting aside of outliers.
@@ -141,54 +150,30 @@ def fit(
         the law that does not fit, and no point is set aside.
     used
         (n,) points to begin with, all where it is None.
-    bend
-        Called with (q,) parameters, (n, 2) own unknowns and (n, 2, 2) their covariance: half the second
-        derivative of the prediction by the own unknowns times that covariance, (n, M). It is what the noise
-        in the own unknowns adds to the prediction on average; the bias that follows is removed from the
-        parameters (Box, Bias in nonlinear estimation, 1971: -1/2 (J'J)^-1 J' tr(C H)).
     floor
-        Misfit that the prediction's own error explains: below it steps are not halved, and end sooner.
+        Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
     """
-    used = np.ones(len(own), dtype=bool) if used is None else used
+    used = np.ones(len(nuisance), dtype=bool) if used is None else used
     rounds = 4 if reject else 1
     converged = False
     for _ in range(rounds):
-        parameters, own, line, converged = _descend(linearise, parameters, own, used, steps, small, floor)
+        parameters, nuisance, line, converged = _descend(
+            linearise, parameters, nuisance, used, steps, small, floor
+        )
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
         same = np.array_equal(kept, used)
         used = kept
         if same:
             break
-    found = _summary(line, parameters, own, used, converged)
-    return found if bend is None else _unbent(found, line, bend)
+    return _summary(line, parameters, nuisance, used, converged)
 
 
-def _unbent(
-    found: Regression, line: Linearisation, bend: Callable[[Array, Array, Array], Array]
-) -> Regression:
-    """Remove the bias that noise brings through the curvature in the unknowns of every point."""
-    normal = np.einsum("nma,nmb->nab", line.by_own, line.by_own)
-    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
-    spread = np.zeros_like(normal)
-    spread[regular] = np.linalg.inv(normal[regular]) * found.noise**2
-    bent = bend(found.parameters, found.own, spread)
-    regular &= np.isfinite(bent).all(axis=1)
-    residual, matrix = _reduced(replace(line, residual=bent))
-    count = matrix.shape[2]
-    change, _, _ = solve_scaled(
-        matrix[regular].reshape(residual[regular].size, count),
-        residual[regular].reshape(-1),
-        found.parameters,
-    )
-    return replace(found, parameters=found.parameters + change)
-
-
-def _reduced(line: Linearisation) -> tuple[Array, Array]:
-    """Remove from residual and derivatives what the unknowns of each point can take up."""
+def eliminate(line: Linearisation) -> tuple[Array, Array]:
+    """Remove from residual and derivatives what the nuisances of each point can take up."""
     residual, matrix = line.residual, line.by_parameter
     basis: list[Array] = []
-    for column in np.moveaxis(line.by_own, 2, 0):
+    for column in np.moveaxis(line.by_nuisance, 2, 0):
         for unit in basis:
             column = column - unit * np.sum(unit * column, axis=1, keepdims=True)
         norm = np.sqrt(np.sum(column**2, axis=1, keepdims=True))
@@ -237,49 +222,55 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
 def _descend(
     linearise: Callable[[Array, Array], Linearisation],
     parameters: Array,
-    own: Array,
+    nuisance: Array,
     used: NDArray[np.bool_],
     steps: int,
     small: float,
     floor: float,
 ) -> tuple[Array, Array, Linearisation, bool]:
-    line = linearise(parameters, own)
+    line = linearise(parameters, nuisance)
     for _ in range(steps):
         good = used & np.isfinite(line.residual).all(axis=1)
         if not good.any():
-            return parameters, own, line, False
-        residual, matrix = _reduced(line)
+            return parameters, nuisance, line, False
+        residual, matrix = eliminate(line)
         change, _, _ = solve_scaled(
             matrix[good].reshape(residual[good].size, matrix.shape[2]), residual[good].reshape(-1), parameters
         )
         rest = line.residual - line.by_parameter @ change
-        own_change = np.zeros_like(own)
+        nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
-        own_change[predicted] = _least_squares(line.by_own[predicted], rest[predicted])
+        nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted])
         relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
         cost = float(np.sum(line.residual[good] ** 2))
-        expected = float(np.sum((rest - np.einsum("nmk,nk->nm", line.by_own, own_change))[good] ** 2))
+        expected = float(
+            np.sum((rest - np.einsum("nmk,nk->nm", line.by_nuisance, nuisance_change))[good] ** 2)
+        )
         gain = (cost - expected) * residual[good].size / max(expected, 1e-300)
         if gain < _GAIN:
-            return parameters, own, line, True
-        own_change = np.clip(own_change, -1, 1)
+            return parameters, nuisance, line, True
+        nuisance_change = np.clip(nuisance_change, -1, 1)
         realised = -1.0
         reached = float(np.sqrt(np.mean(residual[good] ** 2))) < floor
         for part in 0.5 ** np.arange(1 if reached else _HALVINGS):
-            trial = linearise(parameters + part * change, own + part * own_change)
+            trial = linearise(parameters + part * change, nuisance + part * nuisance_change)
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
                 continue
             before, after = (float(np.sum(each.residual[both] ** 2)) for each in (line, trial))
             if after <= before:
-                parameters, own, line = parameters + part * change, own + part * own_change, trial
+                parameters, nuisance, line = (
+                    parameters + part * change,
+                    nuisance + part * nuisance_change,
+                    trial,
+                )
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
         least = max(_GAIN, _UNCHANGED * residual[good].size) if reached else _GAIN
         if realised < least or relative < small:
             # no better point along the step: round-off decides, or the step was already tiny
-            return parameters, own, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
-    return parameters, own, line, False
+            return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
+    return parameters, nuisance, line, False
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
@@ -300,9 +291,9 @@ def _agreeing(
     line: Linearisation, used: NDArray[np.bool_], neighbours: NDArray[np.intp] | None
 ) -> NDArray[np.bool_]:
     """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
-    residual, _ = _reduced(line)
+    residual, _ = eliminate(line)
     distance = np.sum(residual**2, axis=1)
-    freedom = line.residual.shape[1] - line.by_own.shape[2]
+    freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
     typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
     limit = max(float(chdtri(freedom, 1e-3 / len(distance))) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
@@ -320,10 +311,10 @@ def _agreeing(
 
 
 def _summary(
-    line: Linearisation, parameters: Array, own: Array, used: NDArray[np.bool_], converged: bool
+    line: Linearisation, parameters: Array, nuisance: Array, used: NDArray[np.bool_], converged: bool
 ) -> Regression:
-    residual, matrix = _reduced(line)
-    each = residual.shape[1] - line.by_own.shape[2]
+    residual, matrix = eliminate(line)
+    each = residual.shape[1] - line.by_nuisance.shape[2]
     count = len(parameters)
     flat = matrix[used].reshape(residual[used].size, count)
     _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters)
@@ -348,7 +339,7 @@ def _summary(
     influence[used] = matrix[used] @ (inverse @ inverse.T)
     return Regression(
         parameters,
-        own,
+        nuisance,
         covariance,
         null,
         float(np.sqrt(variance)),

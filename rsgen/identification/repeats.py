@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.data import Points
+from rsgen.identification.least_squares import Regression
 from rsgen.surface import ResponseSurface
 
-__all__ = ["Repeats", "gather_repeats"]
+__all__ = ["Repeats", "gather_repeats", "with_repeats"]
 
 Array = NDArray[np.float64]
 
@@ -234,3 +236,12 @@ def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.
         limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - _MOST)))
         far[rows] = distance > limit
     return far
+
+
+def with_repeats(regression: Regression, points: Points, repeats: Repeats | None) -> Regression:
+    """Give a regression the covariance that repeats show, where there are any."""
+    if repeats is None:
+        return regression
+    covariance = repeats.covariance(points.index, regression.influence)
+    covariance[np.isnan(regression.covariance)] = np.nan
+    return replace(regression, covariance=covariance)

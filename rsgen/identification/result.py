@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.errors import RsgenError
 from rsgen.expression import write
 from rsgen.finding import Finding
-from rsgen.identification.background import Shape, shape_of
+from rsgen.identification.observed import Shape, shape_of
 from rsgen.identification.ranking import Ranking
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error

@@ -150,7 +150,7 @@ def _curve(
     folds: list[tuple[float, float]] = []
     for omega, size in parts:
         at = balance.solve(size, omega)
-        gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force)
+        gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
         spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
         spread[spread > _WIDEST * size] = np.nan
         seen, lag = _as_seen(identification, omega, size, at.force)

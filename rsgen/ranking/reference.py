@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
-from rsgen.identification.balance_fit import FittedModel, fit_balance
 from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit, Problem, fit_balance
+from rsgen.identification.observed import Observed
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
@@ -160,9 +161,8 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     law = best.law
     values = np.array([best.values[name] for name in law.parameters])
     start = best.values["m"] if mass is None else mass
-    found = fit_balance(
-        points, law, values, start, mass_free=mass is None, order=ORDER, reject=False, steps=_STEPS
-    )
+    problem = Problem(best.elements, law, Observed.of(points), mass)
+    found = fit_balance(problem, problem.join(values, start), order=ORDER, reject=False, steps=_STEPS)
     if law.rough and found.mass > 0 and _shared(points, found) < _HOPELESS:
         exact = _simulated(points, best, found, mass)
         if exact is not None:
@@ -176,7 +176,7 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     return Reference(kept, motion, law, found.values, found.mass)
 
 
-def _shared(points: Points, found: FittedModel) -> float:
+def _shared(points: Points, found: Fit) -> float:
     """Root mean square of the relative misfit of the force that neighbours share, beside a few points."""
     misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
     first, second = misfit[points.neighbours].T
@@ -188,13 +188,13 @@ def _shared(points: Points, found: FittedModel) -> float:
     return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
 
-def _followed(found: FittedModel) -> NDArray[np.bool_]:
+def _followed(found: Fit) -> NDArray[np.bool_]:
     return np.asarray(
         found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
     )
 
 
-def _simulated(points: Points, best: Guess, found: FittedModel, mass: float | None) -> Reference | None:
+def _simulated(points: Points, best: Guess, found: Fit, mass: float | None) -> Reference | None:
     """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
     reference = _hold(points, best, found.values, found.mass, found)
     for _ in range(_AGAIN):
@@ -215,7 +215,7 @@ def _simulated(points: Points, best: Guess, found: FittedModel, mass: float | No
     return reference
 
 
-def _hold(points: Points, best: Guess, values: Array, mass: float, found: FittedModel) -> Reference | None:
+def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -> Reference | None:
     """Simulate the points with the force that holds the measured amplitude; None where too few are held.
 
     The truncated balance only gives the state to start from: near sticking its amplitude is far off.

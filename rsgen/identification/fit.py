@@ -1,0 +1,345 @@
+"""The one fit: a law, seen through an observation, by a forward model that is asked for every test point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.bias import remove_bias
+from rsgen.identification.forward import Forward, HarmonicBalance, Response
+from rsgen.identification.least_squares import Linearisation, Regression, fit
+from rsgen.identification.observed import Observed
+from rsgen.identification.simulator import Simulator
+from rsgen.law.element import Element
+from rsgen.law.numeric import ForceLaw
+
+__all__ = ["Fit", "Problem", "fit_balance", "fit_simulator"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SAMPLES_SWITCHED = 256
+"""Where the law has switches and the data are exact enough to show what fewer samples miss."""
+
+_EXACT = 1e-3
+"""Misfit below which they show it."""
+
+_NOISY = 1e-4
+"""Above this misfit the O(noise^2) bias is corrected."""
+
+_FOLLOWED = 0.5
+"""Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
+
+_STEPS = 50
+_STEPS_SIMULATED = 6
+_ROUNDS = 4
+_FLOOR = 5.0
+"""A misfit of so many times the simulator's accuracy is its own."""
+
+_SAME = 0.99
+"""A round that lowers the misfit by less was the last."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What is fitted to what: parameters are those of the law by name, the mass where free, the background.
+
+    Parameters
+    ----------
+    elements, law
+        The laws, for the simulator and as array functions.
+    observed
+        The measured points.
+    given
+        m [kg], None where it is free.
+    """
+
+    elements: tuple[Element, ...]
+    law: ForceLaw
+    observed: Observed
+    given: float | None
+
+    @property
+    def count(self) -> int:
+        """Parameters apart from the background."""
+        return len(self.law.parameters) + (self.given is None)
+
+    def split(self, parameters: Array) -> tuple[Array, float, Array]:
+        """Values of the law (p,), mass [kg] and background (b,)."""
+        values = parameters[: len(self.law.parameters)]
+        mass = float(parameters[len(values)]) if self.given is None else self.given
+        return values, mass, parameters[self.count :]
+
+    def join(self, values: Array, mass: float, background: Array | None = None) -> Array:
+        """One vector of them; None is a background of zeros."""
+        if background is None:
+            background = np.zeros(len(self.observed.background.names))
+        return np.concatenate([values, [mass] if self.given is None else [], background])
+
+    def select(self, chosen: NDArray[np.intp]) -> Problem:
+        """Take some of the points."""
+        return replace(self, observed=self.observed.select(chosen))
+
+    def compared(self, forward: Forward) -> tuple[int, ...]:
+        """Harmonics besides the fundamental that are measured and predicted."""
+        measured = self.observed.points.measured if self.observed.phase_known else ()
+        return tuple(h for h in measured if h in forward.harmonics)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A fit to every point.
+
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    regression
+        Its parameters are those of the problem.
+    force, harmonics
+        (n,) [N] and (n, H+1) [m]: predicted, of the mode, relative to a fundamental of phase zero.
+    turn
+        (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
+    scale
+        (n,) amplitude of the fundamental that the sensor sees [m].
+    """
+
+    problem: Problem
+    regression: Regression
+    force: ComplexArray
+    harmonics: ComplexArray
+    turn: Array
+    scale: Array
+
+    @property
+    def values(self) -> Array:
+        """(p,) of the law."""
+        return self.problem.split(self.regression.parameters)[0]
+
+    @property
+    def mass(self) -> float:
+        """The given or the fitted one [kg]."""
+        return self.problem.split(self.regression.parameters)[1]
+
+    @property
+    def background(self) -> Array:
+        """(b,) values of the background."""
+        return self.problem.split(self.regression.parameters)[2]
+
+    def select(self, chosen: NDArray[np.intp]) -> Fit:
+        """Take some of the points; what was found from all stays."""
+        of_points = ("nuisance", "misfit", "used", "influence")
+        part = {name: getattr(self.regression, name)[chosen] for name in of_points}
+        return Fit(
+            self.problem.select(chosen),
+            replace(self.regression, **part),
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.turn[chosen],
+            self.scale[chosen],
+        )
+
+
+class _Descent:
+    """Residuals and curvature of a problem under a forward model."""
+
+    def __init__(self, problem: Problem, forward: Forward) -> None:
+        self.problem, self.forward = problem, forward
+        self.compared = problem.compared(forward)
+        self.scale: Array | None = None
+
+    def predict(self, parameters: Array, nuisance: Array) -> Response:
+        values, mass, _ = self.problem.split(parameters)
+        return self.forward(values, mass, np.exp(nuisance[:, 0]))
+
+    def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
+        return self.problem.observed.linearise(
+            self.predict(parameters, nuisance),
+            self.problem.split(parameters)[2],
+            nuisance,
+            self.scale,
+            self.compared,
+        )
+
+    def corrected(self, found: Regression) -> Regression:
+        """Remove the bias of the square of the noise."""
+        return remove_bias(
+            found,
+            self.linearise(found.parameters, found.nuisance),
+            lambda: self._curvature(found.parameters, found.nuisance),
+        )
+
+    def _curvature(self, parameters: Array, nuisance: Array) -> Array:
+        step = np.zeros(nuisance.shape[1])
+        step[0] = self.forward.step
+        low, here, high = (self.linearise(parameters, nuisance + sign * step) for sign in (-1, 0, 1))
+        if self.forward.exact_slopes:
+            by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
+        else:
+            by_size = (2 * here.residual - high.residual - low.residual) / step[0] ** 2
+        if nuisance.shape[1] == 1:
+            return np.asarray(by_size[:, :, None])
+        observed = self.problem.observed
+        scale = observed.points.amplitude if self.scale is None else self.scale
+        by_phase = observed.phase_curvature(nuisance, scale, self.compared)
+        return np.stack([by_size, by_phase], axis=2)
+
+    def finish(self, regression: Regression) -> Fit:
+        """Predict at the estimate, relative to a fundamental of phase zero."""
+        response = self.predict(regression.parameters, regression.nuisance)
+        problem, lag = self.problem, np.angle(response.harmonics[:, 1])
+        values = problem.split(regression.parameters)[2]
+        orders = np.arange(response.harmonics.shape[1])
+        known = problem.observed.phase_known
+        return Fit(
+            problem,
+            regression,
+            response.force * np.exp(-1j * lag),
+            response.harmonics * np.exp(-1j * lag)[:, None] ** orders,
+            (regression.nuisance[:, 1] if known else np.zeros(len(lag))) + lag,
+            np.abs(problem.observed.seen(response, values)),
+        )
+
+
+def fit_balance(
+    problem: Problem,
+    parameters: Array,
+    *,
+    order: int,
+    reject: bool = True,
+    steps: int = _STEPS,
+    correct: bool = True,
+) -> Fit:
+    """Fit by harmonic balance to all points at once.
+
+    Parameters
+    ----------
+    problem, parameters
+        What is fitted, and where to start.
+    order
+        Harmonics carried in the balance; 1 is first order.
+    reject
+        Whether outliers are set aside.
+    steps
+        Most Gauss-Newton steps.
+    correct
+        Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
+    """
+    observed, law = problem.observed, problem.law
+    mode = observed.mode(problem.split(parameters)[2])
+    nuisance = np.log(mode.amplitude)[:, None]
+    if observed.phase_known:
+        nuisance = np.hstack([nuisance, np.angle(mode.harmonics[:, 1])[:, None]])
+    forward = HarmonicBalance(law, mode.omega, mode.harmonics, order, mass_free=problem.given is None)
+    descent = _Descent(problem, forward)
+    pairs = mode.neighbours
+    if not observed.phase_known:
+        # without phases the sign of a difference is that of its logarithm, and the start is near
+        descent.scale = mode.amplitude
+    found = fit(descent.linearise, parameters, nuisance, reject=reject, steps=steps, neighbours=pairs)
+    # first order is what it says, not what a coarse sum makes of it
+    coarse = law.switched and steps > 1 and forward.samples < _SAMPLES_SWITCHED
+    if coarse and (order == 1 or found.noise < _EXACT):
+        forward.samples = _SAMPLES_SWITCHED
+        more = 1 if order == 1 else steps
+        found = fit(
+            descent.linearise, found.parameters, found.nuisance, reject=reject, steps=more, neighbours=pairs
+        )
+    # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
+    if found.noise > _NOISY and not law.rough:
+        response = descent.predict(found.parameters, found.nuisance)
+        descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
+        found = fit(
+            descent.linearise,
+            found.parameters,
+            found.nuisance,
+            reject=reject,
+            steps=steps,
+            neighbours=pairs,
+            used=found.used,
+        )
+        if correct:
+            found = descent.corrected(found)
+    return descent.finish(found)
+
+
+def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
+    """Fit by the compiled steady states, started on the measured branch.
+
+    Parameters
+    ----------
+    problem, start
+        What is fitted, and its fit of the balance.
+    accuracy
+        Of the simulated amplitude, relative.
+
+    Returns
+    -------
+    Fit or None
+        None where the simulator cannot follow enough of the points.
+    """
+    observed, before = problem.observed, start.regression
+    mode = observed.mode(start.background)
+    noisy = before.noise > _NOISY
+    drive, harmonics, amplitude = mode.force, mode.harmonics, mode.amplitude
+    if not observed.phase_known:
+        amplitude = np.where(np.isfinite(start.force), np.abs(start.harmonics[:, 1]), amplitude)
+    if noisy or not observed.phase_known:
+        # what the balance made of force and response together is less noisy than the force
+        turn = np.exp(1j * start.turn)
+        count = start.harmonics.shape[1]
+        near = np.zeros((len(mode), max(count, harmonics.shape[1])), dtype=complex)
+        near[:, : harmonics.shape[1]] = harmonics
+        smooth = start.force * turn
+        good = np.isfinite(smooth) & np.isfinite(start.harmonics).all(axis=1) & before.used
+        near[good] = 0
+        near[good, :count] = (start.harmonics * turn[:, None] ** np.arange(count))[good]
+        drive, harmonics = np.where(good, smooth, drive), near
+    count = problem.count
+    forward = Simulator(
+        problem.elements,
+        problem.law,
+        mode.omega,
+        amplitude,
+        drive,
+        harmonics,
+        [h for h in mode.measured if h != 1] if observed.phase_known else [],
+        before.parameters[:count],
+        before.strength[:count],
+        before.noise,
+        mass_free=problem.given is None,
+        accuracy=accuracy,
+    )
+    descent = _Descent(problem, forward)
+    descent.scale = start.scale if noisy else observed.points.amplitude
+    parameters, last = before.parameters, before.noise
+    nuisance = np.log(np.abs(drive))[:, None]
+    if observed.phase_known:
+        nuisance = np.hstack([nuisance, np.angle(drive)[:, None]])
+    values, mass, _ = problem.split(parameters)
+    predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
+    if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(mode):
+        return None
+    for _ in range(_ROUNDS):
+        found = fit(
+            descent.linearise,
+            parameters,
+            nuisance,
+            steps=_STEPS_SIMULATED,
+            neighbours=mode.neighbours,
+            floor=_FLOOR * accuracy,
+        )
+        if noisy:
+            found = descent.corrected(found)
+        parameters, nuisance = found.parameters, found.nuisance
+        exact = found.noise < _FLOOR * accuracy
+        if found.converged and (exact or found.noise > _SAME * last):
+            break
+        # near a fold derivatives change quickly
+        last = found.noise
+        forward.renew()
+    if np.count_nonzero(found.used) < _FOLLOWED * len(mode):
+        return None
+    return descent.finish(found)

@@ -1,0 +1,267 @@
+"""Forward models: from parameters to force and motion at every test point; here the harmonic balance.
+
+At a given amplitude X of the fundamental and a frequency the balance of  m a + n(x, v) - f  in every harmonic
+has one solution, also where the response folds over the force; so it serves for measured points on any branch
+(slices of constant amplitude). With one harmonic it is first-order harmonic balance, Liu et al.,
+Eqs. (4), (5). The other forward model is the simulator, which is given the force (``simulator.py``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.fourier import FourierSeries, fourier_series
+from rsgen.law.numeric import ForceLaw
+
+__all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hold_amplitude"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_BLOCK = 384
+"""Points a block: its sample arrays stay in the processor's cache."""
+
+_STEPS = 12
+"""Newton steps for the higher harmonics; from a near start one or two suffice."""
+
+_SETTLED = 1e-10
+"""Relative step at which the harmonics have converged: the next one would be its square."""
+
+_CONVERGED = 1e-6
+"""Relative last step that is still called convergence."""
+
+SAMPLES = 64
+"""A period, for a law without switches and up to nine harmonics."""
+
+_FAR = 0.5
+"""Relative change beyond which slopes no longer lead from one trial to the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """Force and motion at n points with H harmonics, and derivatives by q parameters (laws, then the mass).
+
+    All phases count from one reference a point; ``size`` is what the forward model is asked for at each
+    point, the amplitude X of the fundamental (harmonic balance) or that of the force (simulator).
+
+    Parameters
+    ----------
+    force
+        (n,) complex [N].
+    harmonics
+        (n, H+1) complex [m]; those that are not predicted are zero.
+    force_slope, harmonics_slope
+        (n,), (n, H+1): derivatives by the logarithm of the size.
+    force_by, harmonics_by
+        (n, q), (n, H+1, q): derivatives by the parameters.
+    valid
+        (n,) False where there is no prediction.
+    """
+
+    force: ComplexArray
+    harmonics: ComplexArray
+    force_slope: ComplexArray
+    harmonics_slope: ComplexArray
+    force_by: ComplexArray
+    harmonics_by: ComplexArray
+    valid: NDArray[np.bool_]
+
+
+class Forward(Protocol):
+    """From values to the response at every test point."""
+
+    harmonics: tuple[int, ...]
+    """Predicted ones besides the fundamental."""
+
+    step: float
+    """Change of the logarithm of the size by which second derivatives are taken."""
+
+    exact_slopes: bool
+    """Whether slopes are those of every call; else they stay for many."""
+
+    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+        """Predict at (p,) values, a mass [kg] and (n,) sizes."""
+        ...
+
+
+def following_harmonics(law: ForceLaw, order: int) -> tuple[int, ...]:
+    """Harmonics up to ``order`` that follow from the fundamental: no even ones for an odd law."""
+    if law.odd:
+        return tuple(range(3, order + 1, 2))
+    mean = (0,) if law.springs else ()
+    return (*mean, *range(2, order + 1))
+
+
+def hold_amplitude(
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    omega: Array,
+    amplitude: Array,
+    start: ComplexArray,
+    follow: tuple[int, ...],
+    samples: int,
+) -> Response:
+    """Solve the balance at given amplitudes of the fundamental, whose phase is zero.
+
+    Parameters
+    ----------
+    law, values, mass
+        The force law, its (p,) parameters and m [kg].
+    omega, amplitude
+        (n,) [rad/s] and X [m].
+    start
+        (n, H+1) first guess of the harmonics that follow [m].
+    follow
+        Harmonics that follow from the balance: a subset of 0, 2, ..., H.
+    samples
+        Samples a period, more than four times H.
+    """
+    # odd harmonics under an odd law repeat with the other sign after half a period
+    half = law.odd and all(h % 2 for h in follow)
+    series = fourier_series((1, *follow), samples, half)
+    parts = [
+        _block(law, values, mass, omega[part], amplitude[part], start[part], series)
+        for part in (slice(i, i + _BLOCK) for i in range(0, len(omega), _BLOCK))
+    ]
+    names = Response.__dataclass_fields__
+    return Response(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _block(
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    omega: Array,
+    amplitude: Array,
+    start: ComplexArray,
+    series: FourierSeries,
+) -> Response:
+    orders = list(series.orders)
+    at = series.real(start[:, orders])
+    at[:, 0], at[:, 1] = amplitude, 0.0
+    accelerated = -((series.order_of * omega[:, None]) ** 2)
+    diagonal = np.arange(at.shape[1])
+    update, step = np.zeros_like(at[:, 2:]), np.zeros(len(at))
+    for _ in range(_STEPS):
+        x, v = at @ series.shape, (omega[:, None] * at) @ series.rate
+        # only switches ask for the acceleration
+        a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v
+        sample = law.sample(x, v, a, (series.step / omega)[:, None], values)
+        residual = mass * accelerated * at + sample.force @ series.project
+        tangent = series.tangent(sample.by_x, omega[:, None] * sample.by_v)
+        tangent[:, diagonal, diagonal] += mass * accelerated
+        if at.shape[1] == 2:
+            break
+        update = _solve(tangent[:, 2:, 2:], residual[:, 2:, None])[..., 0]
+        size = np.abs(update).max(axis=1)
+        update *= np.minimum(1.0, 0.5 * amplitude / np.maximum(size, 1e-300))[:, None]
+        at[:, 2:] -= update
+        step = size / amplitude
+        if np.all(step < _SETTLED):
+            break
+
+    # slopes, and what the last step changed, are those of the place before it
+    force = residual[:, :2] - (tangent[:, :2, 2:] @ update[..., None])[..., 0]
+    columns = [part @ series.project for part in sample.by_parameter]
+    by = np.stack([tangent[:, :, 0], *columns, accelerated * at], axis=-1)
+    by[:, :, 0] *= amplitude[:, None]
+    higher = -_solve(tangent[:, 2:, 2:], by[:, 2:]) if len(orders) > 1 else by[:, 2:]
+    through = by[:, :2] + tangent[:, :2, 2:] @ higher
+    fundamental = through[:, 0] + 1j * through[:, 1]
+    harmonics = np.zeros(start.shape, dtype=complex)
+    harmonics[:, orders] = series.complex(at)
+    moved = np.zeros((*start.shape, by.shape[2]), dtype=complex)
+    moved[:, orders[1:]] = series.complex(np.concatenate([by[:, :2], higher], axis=1))[:, 1:]
+    moved[:, 1, 0] = amplitude
+    return Response(
+        force[:, 0] + 1j * force[:, 1],
+        harmonics,
+        fundamental[:, 0],
+        moved[:, :, 0],
+        fundamental[:, 1:],
+        moved[:, :, 1:],
+        step <= _CONVERGED,
+    )
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Solve a batch; a singular member gets the solution of smallest norm instead of spoiling the batch."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        solution = np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ right)
+        solution[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
+        return solution
+
+
+class HarmonicBalance:
+    """The balance from trial to trial: each begins where slopes lead from the one before.
+
+    Parameters
+    ----------
+    law
+        The force law.
+    omega
+        (n,) [rad/s].
+    start
+        (n, H+1) motion [m] that leads to the branch that was measured; serves the first trial, and points
+        that did not converge.
+    order
+        Highest harmonic.
+    mass_free
+        Whether the mass is a parameter.
+    """
+
+    exact_slopes = True
+    step = 1e-4
+    """Leaves the second derivatives eight digits: error of central differences h^2, round-off eps/h."""
+
+    def __init__(
+        self, law: ForceLaw, omega: Array, start: ComplexArray, order: int, *, mass_free: bool
+    ) -> None:
+        self.harmonics = following_harmonics(law, order)
+        self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
+        phase = np.angle(start[:, 1])[:, None]
+        self._start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
+        known = [h for h in self.harmonics if h < start.shape[1]]
+        self._start[:, known] = start[:, known] * np.exp(-1j * phase * np.array(known))
+        self._law, self._omega, self._mass_free = law, omega, mass_free
+        self._last: tuple[Array, Array, int, Response] | None = None
+
+    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+        """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
+        parameters = np.append(values, mass)
+        guess = self._start
+        if self._last is not None:
+            before, last, sampled, response = self._last
+            same = np.array_equal(before, parameters) and np.array_equal(last, size)
+            if same and sampled == self.samples:
+                return self._of(response)
+            guess = self._next(response, parameters - before, np.log(size / last))
+        response = hold_amplitude(
+            self._law, values, mass, self._omega, size, guess, self.harmonics, self.samples
+        )
+        self._last = (parameters, np.array(size), self.samples, response)
+        return self._of(response)
+
+    def _of(self, response: Response) -> Response:
+        if self._mass_free:
+            return response
+        return replace(
+            response, force_by=response.force_by[:, :-1], harmonics_by=response.harmonics_by[:, :, :-1]
+        )
+
+    def _next(self, response: Response, change: Array, growth: Array) -> ComplexArray:
+        along = response.harmonics_slope * growth[:, None] + response.harmonics_by @ change
+        size = np.abs(response.harmonics[:, 1:2])
+        # what did not converge is not finite at times, and no guide
+        with np.errstate(invalid="ignore"):
+            near = np.abs(along).max(axis=1, keepdims=True) < _FAR * size
+            guess = response.harmonics + np.where(near, along, 0)
+        good = response.valid & np.isfinite(guess).all(axis=1)
+        return np.where(good[:, None], guess, self._start)

@@ -1,0 +1,296 @@
+"""What the sensors saw: residuals and slopes of a predicted response, with background and unknown phases.
+
+A mode among others answers a force F at the sensor with
+
+    x = q + b(omega) F,     F = F_measured exp(i psi),     b = A + B/omega^2,
+
+where q obeys the nonlinear law, A is what modes above add (their flexibility) and B/omega^2 what modes below
+add (their inertia); both are complex, because those modes have damping, and because a sensor picks up some of
+the drive (residual terms: Ewins, Modal Testing, 2000, Sec. 4.4). Within a band A and B are nearly collinear,
+so they are carried as the value b0 in the middle of the band and the change b1 over the band. A mode too near
+for these terms has one of its own, r/(omega_n^2 - omega^2 + 2 i zeta omega_n omega): it is linear.
+No background is the case without values; a recorded phase needs one nuisance a point more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.data import Points
+from rsgen.identification.forward import Response
+from rsgen.identification.least_squares import Linearisation
+from rsgen.observation import BACKGROUNDS
+from rsgen.surface import ResponseSurface
+
+__all__ = ["Observed", "Shape", "shape_of"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+Table = TypeVar("Table", Points, ResponseSurface)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A background as a function of real values: psi, real and imaginary part of b0, b1; a neighbour.
+
+    Parameters
+    ----------
+    names, units
+        Of the values.
+    functions
+        (n, t) real: what each complex term is multiplied by at each point.
+    omega
+        (n,) [rad/s].
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    functions: Array
+    omega: Array
+
+    @property
+    def _terms(self) -> int:
+        return 1 + 2 * int(self.functions.shape[1])
+
+    def turn(self, values: Array) -> complex:
+        """exp(i psi)."""
+        return complex(np.exp(1j * values[0])) if len(values) else 1.0 + 0.0j
+
+    def receptance(self, values: Array) -> ComplexArray:
+        """(n,) background response per force [m/N]."""
+        terms = values[: self._terms]
+        total = self.functions @ (terms[1::2] + 1j * terms[2::2])
+        if len(values) > self._terms:
+            real, imaginary = values[self._terms : self._terms + 2]
+            total = total + (real + 1j * imaginary) * self._neighbour(values)[0]
+        return np.asarray(total, dtype=np.complex128)
+
+    def slopes(self, values: Array) -> ComplexArray:
+        """(n, b) derivatives of the receptance by all values; zero by psi."""
+        columns = (self.functions[:, :, None] * np.array([1, 1j])).reshape(len(self.omega), -1)
+        if len(values) > self._terms:
+            residue = complex(*values[self._terms : self._terms + 2])
+            one, by_frequency, by_damping = self._neighbour(values)
+            columns = np.column_stack([columns, one, 1j * one, residue * by_frequency, residue * by_damping])
+        by_psi = np.zeros((len(self.omega), min(len(values), 1)))
+        return np.asarray(np.hstack([by_psi, columns]), dtype=np.complex128)
+
+    def _neighbour(self, values: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """(n,) receptance of a mode of mass 1 kg, and its derivatives by f_n [Hz] and zeta."""
+        natural, zeta = 2 * np.pi * values[-2], values[-1]
+        one = 1 / (natural**2 - self.omega**2 + 2j * zeta * natural * self.omega)
+        by_frequency = -(one**2) * (2 * natural + 2j * zeta * self.omega) * 2 * np.pi
+        return one, by_frequency, -(one**2) * 2j * natural * self.omega
+
+    def subtract(self, points: Table, values: Array) -> Table:
+        """Leave the mode alone: its displacement, and the force in the phase of the response."""
+        if not len(values):
+            return points
+        force = points.force * self.turn(values)
+        harmonics = np.array(points.harmonics)
+        harmonics[:, 1] -= self.receptance(values) * force
+        peak = points.peak if np.all(self.functions == 0) else np.full_like(points.peak, np.nan)
+        return replace(points, force=force, harmonics=harmonics, peak=peak)
+
+
+def shape_of(kind: str, omega: Array, band: tuple[float, float]) -> Shape:
+    """Give the functions of a background at the frequencies.
+
+    Parameters
+    ----------
+    kind
+        "none": no value; "phase": psi; "constant": and b0; "residuals": and b1; "neighbour": and a mode near
+        the band.
+    omega
+        (n,) [rad/s].
+    band
+        Lowest and highest frequency [Hz] of the points that are fitted.
+    """
+    rank = BACKGROUNDS.index(kind)
+    terms = min(max(rank - 1, 0), 2)
+    count = 1 + 2 * terms if rank else 0
+    names = ("psi", "b0_re", "b0_im", "b1_re", "b1_im")[:count]
+    units = ("rad", *["m/N"] * 4)[:count]
+    if kind == "neighbour":
+        names, units = (*names, "r_re", "r_im", "f_n", "zeta"), (*units, "1/kg", "1/kg", "Hz", "")
+    low, high = (1 / (2 * np.pi * f) ** 2 for f in band)
+    # 1 in the middle for b0; from -1/2 to 1/2 over the band for b1
+    change = (1 / omega**2 - (low + high) / 2) / (high - low) if high != low else np.zeros(len(omega))
+    return Shape(names, units, np.stack([np.ones(len(omega)), change], axis=1)[:, :terms], omega)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """One compared quantity: measured minus predicted, and derivatives of the prediction."""
+
+    residual: NDArray[Any]
+    by_size: NDArray[Any]
+    by_phase: NDArray[Any]
+    by: NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observed:
+    """The measured points as a fit sees them.
+
+    The nuisances of a point are the logarithm of the size that the forward model is asked for (amplitude or
+    force) and, where the phase was recorded, the phase of the model's reference. Noise is expected relative
+    to the size of force and fundamental, the same in real and imaginary part; so a background that takes the
+    place of the mode gains nothing.
+
+    Parameters
+    ----------
+    points
+        As measured, background included.
+    background
+        At the points.
+    phase_known
+        False where only amplitudes of force and fundamental were recorded.
+    fitted
+        (b,) which values of the background are fitted; the others stay.
+    kind, band
+        Of the background, and lowest and highest frequency [Hz] that it is defined over.
+    """
+
+    points: Points
+    background: Shape
+    phase_known: bool
+    fitted: NDArray[np.bool_]
+    kind: str
+    band: tuple[float, float]
+
+    @classmethod
+    def of(cls, points: Points, kind: str = "none", *, phase_known: bool = True) -> Observed:
+        """Take the points with a background of a kind over their band."""
+        frequency = points.omega / (2 * np.pi)
+        band = float(frequency.min()), float(frequency.max())
+        shape = shape_of(kind, points.omega, band)
+        # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
+        fitted = (np.arange(len(shape.names)) % 2 == 1) | phase_known
+        return cls(points, shape, phase_known, fitted, kind, band)
+
+    def without_neighbour(self) -> Observed:
+        """Residual terms only."""
+        shape = shape_of("residuals", self.points.omega, self.band)
+        return replace(self, kind="residuals", background=shape, fitted=self.fitted[: len(shape.names)])
+
+    def select(self, chosen: NDArray[np.intp]) -> Observed:
+        """Take some of the points; the band of the background stays."""
+        shape = self.background
+        part = replace(shape, functions=shape.functions[chosen], omega=shape.omega[chosen])
+        return replace(self, points=self.points.select(chosen), background=part)
+
+    def mode(self, values: Array) -> Points:
+        """The points without the background (b,)."""
+        return self.background.subtract(self.points, values)
+
+    def seen(self, response: Response, values: Array) -> ComplexArray:
+        """(n,) fundamental at the sensor, in the reference of the response [m]."""
+        return np.asarray(
+            response.harmonics[:, 1] + self.background.receptance(values) * response.force,
+            dtype=np.complex128,
+        )
+
+    def linearise(
+        self,
+        response: Response,
+        values: Array,
+        nuisance: Array,
+        scale: Array | None,
+        compared: Sequence[int],
+    ) -> Linearisation:
+        """Compare with a prediction.
+
+        Parameters
+        ----------
+        response
+            Predicted.
+        values
+            (b,) of the background.
+        nuisance
+            (n, 2) as above, (n, 1) without phase.
+        scale
+            (n,) amplitude [m] of the fundamental that the noise of other harmonics is relative to; force and
+            fundamental are then compared by their logarithms, whose noise has mean zero and the same size
+            everywhere. None: plain differences relative to the measured sizes, which no start is too far for.
+        compared
+            Other harmonics that are measured and predicted.
+        """
+        points, shape = self.points, self.background
+        back = np.exp(-1j * nuisance[:, 1]) if self.phase_known else np.ones(len(points), complex)
+        force = points.force * shape.turn(values) * back
+        harmonics = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])
+        b = shape.receptance(values)
+        seen = response.harmonics[:, 1] + b * response.force
+        seen_by = response.harmonics_by[:, 1] + b[:, None] * response.force_by
+        terms = shape.slopes(values) * self.fitted
+        by_terms = terms * response.force[:, None]
+        by_psi = np.zeros_like(terms)
+        # points that could not be predicted are NaN and say so below
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if scale is None:
+                units: list[NDArray[Any]] = [np.abs(points.force), points.amplitude]
+                unit = points.amplitude
+                rests = [(force - response.force) / units[0], (harmonics[:, 1] - seen) / unit]
+                turns = [1j * force / units[0], 1j * harmonics[:, 1] / unit]
+            else:
+                units, unit = [response.force, seen], scale
+                rests = [np.log(force / response.force), np.log(harmonics[:, 1] / seen)]
+                turns = [np.full(len(points), 1j)] * 2
+            by_psi[:, :1] = -turns[0][:, None] * self.fitted[:1]
+            seen_slope = response.harmonics_slope[:, 1] + b * response.force_slope
+            rows = [
+                _Row(
+                    rests[0],
+                    response.force_slope / units[0],
+                    turns[0],
+                    np.hstack([response.force_by / units[0][:, None], by_psi]),
+                ),
+                _Row(
+                    rests[1],
+                    seen_slope / units[1],
+                    turns[1],
+                    np.hstack([seen_by, by_terms]) / units[1][:, None],
+                ),
+            ]
+            none = np.zeros_like(terms)
+            for h in compared:
+                rows.append(
+                    _Row(
+                        (harmonics[:, h] - response.harmonics[:, h]) / unit,
+                        response.harmonics_slope[:, h] / unit,
+                        1j * h * harmonics[:, h] / unit,
+                        np.hstack([response.harmonics_by[:, h] / unit[:, None], none]),
+                    )
+                )
+        # the mean has no imaginary part, an amplitude no phase
+        real = [h == 0 or not self.phase_known for h in (1, 1, *compared)]
+        residual = _split([row.residual for row in rows], real)
+        residual[~response.valid] = np.nan
+        by_nuisance = [_split([row.by_size for row in rows], real)]
+        if self.phase_known:
+            by_nuisance.append(_split([row.by_phase for row in rows], real))
+        return Linearisation(residual, np.stack(by_nuisance, axis=2), _split([row.by for row in rows], real))
+
+    def phase_curvature(self, nuisance: Array, scale: Array, compared: Sequence[int]) -> Array:
+        """(n, M) second derivative of the prediction by the phase."""
+        none = np.zeros(len(nuisance))
+        if not self.phase_known:
+            return np.zeros((len(nuisance), 2))
+        back = np.exp(-1j * nuisance[:, 1])
+        twice = [none, none]
+        twice += [h**2 * self.points.harmonics[:, h] * back**h / scale for h in compared]
+        return _split(twice, [h == 0 for h in (1, 1, *compared)])
+
+
+def _split(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:
+    """Join c complex rows (n, ...) to (n, r, ...) real ones; of those marked real only the real part."""
+    parts = [np.asarray(row.real, dtype=np.float64) for row in rows]
+    parts += [np.asarray(row.imag) for row, alone in zip(rows, real, strict=True) if not alone]
+    return np.stack(parts, axis=1)

@@ -1,0 +1,193 @@
+"""The compiled steady state as forward model, started on the measured branch.
+
+For laws that jump or have corners a truncated Fourier series is not the motion; the time-domain steady state
+is. Derivatives are differences whose step moves the response by a fixed small amount; they are kept from step
+to step, because near the estimate they change less than the estimate itself has to.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.identification.forward import Response
+from rsgen.law.element import Element
+from rsgen.law.numeric import ForceLaw
+from rsgen.oscillator import Oscillator
+from rsgen.steady_state import SteadyStates, solve_steady_states
+
+__all__ = ["Simulator"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_MOVE = 1e-3
+"""Relative change of the response by which derivatives are taken."""
+
+_SHARE = 1e-3
+"""Error of a derivative, relative, that slows the fit down by no step."""
+
+_ROUND_OFF = 1e-12
+"""Effect of a parameter, relative to the strongest, that is only round-off."""
+
+_BRANCH = 0.2
+"""A prediction farther from the measured fundamental, relatively, is on another branch."""
+
+_SIGMAS = 8.0
+"""The noise puts no point on another branch within this many standard deviations."""
+
+_BENT = (1e-3, 2e-2)
+"""Least and largest relative change of the force by which second derivatives are taken."""
+
+_STEEP = 20.0
+"""Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
+
+
+class Simulator:
+    """Steady states of all points near the measured ones; their size is |F|, their reference the force.
+
+    Parameters
+    ----------
+    elements, law
+        The laws, for the kernel and as array functions.
+    omega, amplitude
+        (n,) [rad/s], and measured X [m] of the mode.
+    force, harmonics
+        (n,) [N], (n, H+1) [m]: a motion near the measured one.
+    compared
+        Harmonics to predict.
+    parameters, strength
+        (q,) near the solution, and root mean square change of the prediction by a unit of each, relative.
+    noise
+        Relative noise found so far.
+    mass_free
+        Whether the mass is the last parameter.
+    accuracy
+        Of the simulated amplitude, relative.
+    """
+
+    exact_slopes = False
+
+    def __init__(
+        self,
+        elements: tuple[Element, ...],
+        law: ForceLaw,
+        omega: Array,
+        amplitude: Array,
+        force: ComplexArray,
+        harmonics: ComplexArray,
+        compared: Sequence[int],
+        parameters: Array,
+        strength: Array,
+        noise: float,
+        *,
+        mass_free: bool,
+        accuracy: float,
+    ) -> None:
+        self._elements, self._law, self._omega, self._amplitude = elements, law, omega, amplitude
+        self._accuracy, self._mass_free = accuracy, mass_free
+        self.harmonics = tuple(h for h in compared if (h % 2 or not law.odd) and (h or law.springs))
+        self._highest = max([1, *self.harmonics])
+        self._branch = max(_BRANCH, _SIGMAS * noise)
+        self.step = float(np.clip(noise, *_BENT))
+        self._moves = _moves(parameters, strength)
+        self._slopes: tuple[ComplexArray, ComplexArray, NDArray[np.bool_]] | None = None
+        self._state = _states(harmonics, np.angle(force), omega)
+        # a step is tried, refused perhaps, and the place before it asked for again
+        self._lately: deque[tuple[tuple[bytes, bytes, float], SteadyStates | None]] = deque(maxlen=2)
+
+    def renew(self) -> None:
+        """Take the derivatives anew at the next call."""
+        self._slopes = None
+
+    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+        """Predict at (p,) values, a mass [kg] and (n,) forces [N]; derivatives are of the first call."""
+        parameters = np.append(values, mass)
+        if self._slopes is None:
+            states = self._states_of(parameters, size, self._accuracy)
+            predicted = self._near(states)
+            if states is not None:
+                found = np.isfinite(predicted[:, 1])
+                self._state = np.where(found[:, None], states.state, self._state)
+            self._slopes = self._differentiate(parameters, size, predicted)
+        else:
+            predicted = self.solve(parameters, size, self._accuracy)
+        by_force, by_parameter, steep = self._slopes
+        known = np.isfinite(by_parameter).all(axis=(1, 2)) & np.isfinite(by_force).all(axis=1)
+        drive = size.astype(complex)
+        none = np.zeros((len(size), by_parameter.shape[2]), dtype=complex)
+        valid = known & ~steep & np.isfinite(predicted[:, 1])
+        return Response(drive, predicted, drive, by_force, none, by_parameter, valid)
+
+    def solve(self, parameters: Array, drive: Array, accuracy: float) -> ComplexArray:
+        """(n, H+1) harmonics [m] under the forces [N] of phase zero; NaN off the measured branch."""
+        return self._near(self._states_of(parameters, drive, accuracy))
+
+    def _near(self, states: SteadyStates | None) -> ComplexArray:
+        if states is None:
+            return np.full((len(self._omega), self._highest + 1), np.nan + 0j)
+        size = np.abs(states.harmonics[:, 1])
+        good = states.settled & (np.abs(size / self._amplitude - 1) < self._branch)
+        return np.where(good[:, None], states.harmonics, np.nan)
+
+    def _states_of(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
+        asked = (parameters.tobytes(), drive.tobytes(), accuracy)
+        for known, states in self._lately:
+            if asked == known:
+                return states
+        states = self._integrate(parameters, drive, accuracy)
+        self._lately.append((asked, states))
+        return states
+
+    def _integrate(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
+        values = dict(zip(self._law.parameters, map(float, parameters), strict=False))
+        try:
+            return solve_steady_states(
+                Oscillator(float(parameters[-1]), self._elements, values),
+                drive.astype(complex),
+                self._omega / (2 * np.pi),
+                harmonics=self._highest,
+                accuracy=accuracy,
+                start=self._state,
+            )
+        except RsgenError:
+            return None
+
+    def _differentiate(
+        self, parameters: Array, drive: Array, base: ComplexArray
+    ) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
+        accuracy = max(self._accuracy, _SHARE * _MOVE)
+        by_force = (self.solve(parameters, drive * (1 + _MOVE), accuracy) - base) / _MOVE
+        columns = []
+        for j, move in enumerate(self._moves):
+            trial = np.array(parameters)
+            trial[j] += move
+            # nothing moves where the response does not depend on the parameter
+            moved = self.solve(trial, drive, accuracy) if move else base
+            columns.append((moved - base) / (move or 1.0))
+        none = np.zeros((*base.shape, 0), dtype=complex)
+        with np.errstate(invalid="ignore"):
+            steep = ~(np.abs(by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
+        return by_force, np.stack(columns, axis=-1) if columns else none, steep
+
+
+def _states(harmonics: ComplexArray, phase: Array, omega: Array) -> Array:
+    """(n, 2) displacement and velocity of a waveform at the top of a force of that phase."""
+    orders = np.arange(harmonics.shape[1])
+    turned = harmonics * np.exp(-1j * phase)[:, None] ** orders
+    velocity = 1j * orders * omega[:, None] * turned
+    return np.stack([turned.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
+
+
+def _moves(parameters: Array, strength: Array) -> Array:
+    """Step of each parameter that moves the response by ``_MOVE``, root mean square over all points.
+
+    Zero where the response does not depend on the parameter: there is nothing to differentiate.
+    """
+    size = np.abs(parameters)
+    acts = strength * size > _ROUND_OFF * np.max(strength * size, initial=0.0)
+    return np.where(acts, np.minimum(_MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)

@@ -1,0 +1,256 @@
+"""Values to start from: a law that is linear at first order, phase errors all around, phases made up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.data import Points
+from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, point_misfit, solve_equations
+from rsgen.identification.fit import Fit, Problem, fit_balance
+from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
+from rsgen.identification.observed import Shape
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.surface import ResponseSurface
+
+__all__ = ["QUICK", "is_asymmetric", "is_strong", "start_fit", "with_phase"]
+
+Array = NDArray[np.float64]
+Table = TypeVar("Table", Points, ResponseSurface)
+
+QUICK = 400
+"""Points that suffice to come near the estimate; all points then need one or two steps more."""
+
+_GROSS = 5.0
+"""Starting values give less weight to points that disagree by more than so many typical misfits."""
+
+_TYPICAL = 0.04
+"""Relative misfit of starting values that is never called gross: first order may be as wrong."""
+
+_STRONG = 0.2
+"""Mean or second harmonic, relative to the fundamental, that a centred motion does not have."""
+
+_SOME = 3
+"""At least as many points are no accident."""
+
+_ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
+"""Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
+
+_PLACES = 12
+_BRIEF = 12
+_SHARE = 0.3
+_TYPICAL_DAMPING = 0.01
+"""A neighbour is sought with this damping ratio, in so many places, in so few steps
+each, and with this share of the mode's own residue."""
+
+_NEIGHBOURS = 4
+"""Best places from which the law itself is tried."""
+
+_TURNS = 12
+"""Phase errors tried all around the circle."""
+
+_SCANNED = 80
+
+_SAMPLES_SMOOTH = 64
+_SAMPLES_SWITCHED = 256
+_ROUNDS = 12
+"""Times the phase is made up and the law fitted anew; then the amplitudes alone are fitted."""
+
+_FLAT = 0.05
+"""Where the response hardly grows with the amplitude of the mode, Newton's step is no guide."""
+
+_BETTER = 0.999
+"""Relative misfit below which another round is worth it."""
+
+_ORDER = 3
+
+
+def is_asymmetric(points: Points) -> bool:
+    """Tell whether some motions have a mean or a second harmonic that no noise explains."""
+    even = np.abs(points.harmonics[:, 0:3:2]).max(axis=1) / points.amplitude
+    return int(np.count_nonzero(even > _STRONG)) >= _SOME
+
+
+def is_strong(points: Points) -> bool:
+    """Tell whether some motions are so far from a sine that a balance of few harmonics may miss them."""
+    higher = np.abs(points.harmonics[:, 2:]).max(axis=1, initial=0.0) / points.amplitude
+    return int(np.count_nonzero(higher > _STRONG)) >= _SOME
+
+
+def start_fit(problem: Problem) -> Array:
+    """Parameters of the problem to start from, without any knowledge but the points."""
+    observed = problem.observed
+    if not observed.phase_known:
+        found = _start_amplitudes(observed.points, problem.law, problem.given)
+        parameters = problem.join(found.values, found.mass)
+        if not observed.fitted.any():
+            return parameters
+        # law and background share the tails of a resonance: the law comes near first
+        alone = replace(observed, fitted=np.zeros_like(observed.fitted))
+        return fit_balance(replace(problem, observed=alone), parameters, order=_ORDER).regression.parameters
+    trials = []
+    for background in _start_backgrounds(problem):
+        found = _start_values(observed.mode(background), problem.law, problem.given)
+        trials.append(problem.join(found.values, found.mass, background))
+    if len(trials) == 1:
+        return trials[0]
+    few = problem.select(observed.points.spread(QUICK))
+    fits = [fit_balance(few, trial, order=_ORDER, correct=False) for trial in trials]
+    return min(fits, key=lambda found: found.regression.noise).regression.parameters
+
+
+def _start_values(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
+    """First order, or the measured waveform where that fits better."""
+    some = points.select(points.spread(2 * QUICK))
+    first = _linear_start(some, law, mass, 1)
+    if not is_strong(points):
+        return first
+    # in the balance of the fundamental along the measured waveform a law is as linear as it is written
+    whole = _linear_start(some, law, mass, points.harmonics.shape[1] - 1)
+    return whole if whole.misfit < first.misfit else first
+
+
+def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> LinearSolution:
+    """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
+    equations = Equations(
+        points.omega,
+        points.force,
+        points.harmonics[:, : order + 1],
+        not law.odd and 0 in points.measured,
+        1 / np.abs(points.force),
+        np.zeros((0, 2)),
+    )
+    weight = equations.weight
+    for _ in range(3):
+        solution = solve_equations(equations, law, mass)
+        misfit = point_misfit(replace(equations, weight=weight), law, solution)
+        typical = max(1.4826 * float(np.median(misfit)), _TYPICAL)
+        factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
+        if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
+            break
+        equations = replace(equations, weight=weight * factor)
+    return solution
+
+
+def _start_backgrounds(problem: Problem) -> list[Array]:
+    """Phase error and background, several of a neighbour, with a law that bends as any other."""
+    observed = problem.observed
+    if not observed.background.names:
+        return [np.zeros(0)]
+    points = observed.points
+    law = compile_law(make_element("any", _ANY_LAW).force)
+    few = replace(problem.select(points.spread(QUICK)), law=law)
+    scanned = points.select(points.spread(_SCANNED))
+    turns = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
+    misfits = [_turned(scanned, law, problem.given, float(turn)) for turn in turns]
+    best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
+    found = _turned(few.observed.points, law, problem.given, float(turns[best]))
+    names = observed.background.names
+    parameters = few.join(found.values, found.mass, np.append(turns[best], np.zeros(len(names) - 1)))
+    trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
+    return [fit_balance(few, trial, order=1, correct=False).background for trial in trials]
+
+
+def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
+    """Try a neighbour at places around the band; those that leave the least misfit may be near."""
+    without = replace(problem, observed=problem.observed.without_neighbour())
+    kept = len(parameters) - 4
+    begun = fit_balance(without, parameters[:kept], order=1, steps=_BRIEF, correct=False)
+    low, high = problem.observed.band
+    fits = []
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _PLACES):
+        neighbour = [_SHARE / begun.mass, 0.0, place, _TYPICAL_DAMPING]
+        trial = np.concatenate([begun.regression.parameters, neighbour])
+        fits.append(fit_balance(problem, trial, order=1, steps=_BRIEF, reject=False, correct=False))
+    fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
+
+
+def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> LinearSolution:
+    """Solve the first-order balance with the force turned by psi [rad]."""
+    force = points.force * np.exp(1j * psi)
+    weight = 1 / np.abs(force)
+    none = np.zeros((0, 2))
+    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, none)
+    return solve_equations(equations, law, mass)
+
+
+def _guessed(points: Points) -> NDArray[np.float64]:
+    """(n,) lag of the response [rad] from where each point lies in its run."""
+    size, force = points.amplitude, np.abs(points.force)
+    side = np.zeros(len(points))
+    peaks: list[tuple[float, float]] = []
+    runs = {(float(level), str(sweep)) for level, sweep in zip(points.level, points.sweep, strict=True)}
+    for level, sweep in sorted(runs):
+        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
+        top = rows[np.argmax(size[rows])]
+        side[rows] = np.sign(points.omega[rows] - points.omega[top])
+        if points.omega[rows].min() < points.omega[top] < points.omega[rows].max():
+            peaks.append((float(size[top]), float(force[top] / (points.omega[top] * size[top]))))
+    if not peaks:
+        top = int(np.argmax(size))
+        peaks = [(float(size[top]), float(force[top] / (points.omega[top] * size[top])))]
+    heights, damping = np.array(sorted(peaks)).T
+    share = np.interp(size, heights, damping) * points.omega * size / force
+    below = np.arcsin(np.clip(share, 0.0, 1.0))
+    return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
+
+
+def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
+    """Fit the law to phases that the law itself predicts, from a guess on.
+
+    At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
+    less, above it more; the law that fits then predicts the phase anew.
+    """
+    lag = _guessed(points)
+    force = np.abs(points.force)
+    harmonics = np.zeros((len(points), 2), dtype=complex)
+    harmonics[:, 1] = points.amplitude
+    best = np.inf
+    start: LinearSolution | None = None
+    for _ in range(_ROUNDS):
+        equations = Equations(
+            points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
+        )
+        found = solve_equations(equations, law, mass)
+        balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
+        misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
+        if start is not None and not misfit < _BETTER * best:
+            break
+        best, start = misfit, found
+        lag = np.angle(balance.force)
+    return start if start is not None else found
+
+
+def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
+    samples = _SAMPLES_SWITCHED if law.switched else _SAMPLES_SMOOTH
+    start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
+    return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
+
+
+def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
+    """Give force and response the phases that law and background predict at each amplitude."""
+    law, background = found.problem.law, found.background
+    seen = np.abs(table.harmonics[:, 1])
+    held = np.isfinite(seen) & (seen > 0)
+    force = np.abs(table.force).astype(np.complex128)
+    harmonics = np.zeros((len(seen), 2), dtype=np.complex128)
+    harmonics[:, 1] = seen
+    b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
+    size = np.array(wanted)
+    for _ in range(_ROUNDS):
+        balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
+        response = size + b * balance.force
+        slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
+        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > _FLAT, slope, 1.0)
+        size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
+    balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
+    force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
+    harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
+    if isinstance(table, Points):
+        return replace(table, force=force, harmonics=harmonics, measured=(1,))
+    return replace(table, force=force, harmonics=harmonics)
