@@ -101,9 +101,9 @@ def identify_once(job: tuple[str, float, int]) -> tuple[tuple[str, ...], tuple[o
     intervals = np.array([estimate.interval for estimate in found.refined]) / true[:, None]
     intervals.sort(axis=1)
     said = np.array([estimate.standard_error for estimate in found.refined]) / np.abs(true)
-    told = np.array([estimate.told for estimate in found.refined])
+    told = np.array([estimate.identifiable for estimate in found.refined])
     return tuple(row.name for row in rows), (
-        np.array([*first, signed]), intervals - 1, said, told, found.curve.used.sum(), took, found.warnings,
+        np.array([*first, signed]), intervals - 1, said, told, found.curve.used.sum(), took, found.findings,
     )  # fmt: skip
 
 

@@ -47,14 +47,14 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         note("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(tested, case.model)
     rows = _rows(identification)
-    warnings = [*identification.warnings, *map(sentence, identification.findings)]
+    warnings = [*map(sentence, identification.findings)]
     if json:
         print_json(
             {
                 "case": case.name,
                 "parameters": rows,
                 "residual": identification.residual,
-                "outcome": identification.outcome,
+                "outcome": sentence(identification.outcome),
                 "warnings": warnings,
             }
         )
@@ -71,7 +71,7 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
             for row in rows
         ],
     )
-    print_line(identification.outcome)
+    print_line(sentence(identification.outcome))
     for warning in warnings:
         print_line(f"note: {warning}")
     return ACCEPTED

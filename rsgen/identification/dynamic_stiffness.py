@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.equations import Equations, equation_rows
-from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.least_squares import NULL_PART, solve_scaled
 from rsgen.identification.search import search_nonlinear
 from rsgen.law.numeric import ForceLaw
 
@@ -61,7 +61,7 @@ def solve_equations(
     freedom = max(len(right) - matrix.shape[1], 1)
     covariance = inverse @ inverse.T * float(residual @ residual) / freedom
     order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
-    lost = np.abs(null).max(axis=1, initial=0.0) > 1e-3
+    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
     covariance[lost] = np.nan
     covariance[:, lost] = np.nan
     sorted_covariance = np.empty_like(covariance)

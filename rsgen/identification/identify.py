@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from rsgen.finding import Finding
 from rsgen.identification.abel import invert_curve
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.dynamic_stiffness import Equations, solve_equations
-from rsgen.identification.estimates import Values, make_estimates, names_of, of_fit
+from rsgen.identification.estimates import Values, make_estimates, names_of, of_fit, units_of
+from rsgen.identification.findings import Findings, parameter_finding, repeat_findings
 from rsgen.identification.fit import Fit, Problem, fit_balance
-from rsgen.identification.identifiability import find_warnings, untold_reason
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.refinement import add_harmonics, refine, refit_with_simulator
@@ -126,20 +127,22 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
     # the expected noise has unit size in real and imaginary part each
     noise = misfit_noise = refined.regression.noise * np.sqrt(2)
     regression = whole.first(problem.count)
-    notes: tuple[str, ...] = ()
+    about: tuple[Finding, ...] = ()
     if repeats is not None:
         noise = repeats.noise
         spread = refined.regression.noise * np.sqrt(np.sum(regression.influence**2, axis=(0, 1)))
         wider = float(np.nanmedian(spread / np.sqrt(np.diag(regression.covariance))))
-        notes = (repeats.judge(misfit_noise, wider),)
+        about = repeat_findings(repeats, misfit_noise, wider)
     covariance = regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
-    told = replace(regression, covariance=covariance)
+    regression = replace(regression, covariance=covariance)
+    names, units = names_of(law, model), units_of(model)
     reasons = {
-        name: untold_reason(name, law, points, told, model.mass is None) for name in names_of(law, model)
+        name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
+        for name in names
     }
     estimates = make_estimates(replace(of_fit(refined), covariance=covariance), law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
-    mass_told = refined.mass if model.mass is not None or estimates[-1].told else None
+    mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
     misfit = refined.regression.misfit[refined.regression.used]
     return Identification(
         model=model,
@@ -150,7 +153,7 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
         covariance=covariance,
         resonances=resonances,
         curve=curve,
-        restoring=_without_law(kept, curve, mass_told, float(noise)),
+        restoring=_without_law(kept, curve, mass, float(noise)),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=float(noise),
         levels=_force_levels(surface, points, resonances),
@@ -159,19 +162,11 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
         outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
         solution=refined.values,
         background=background,
-        findings=surface.findings,
-        warnings=(
-            *notes,
-            *find_warnings(
-                surface,
-                points,
-                used,
-                law,
-                refined,
-                resonances,
-                estimates,
+        findings=(
+            *about,
+            *Findings(surface, points, refined, resonances).collect(
+                tuple(e.finding for e in estimates if e.finding is not None),
                 calibrated=model.observation.calibrated,
-                background=model.observation.background,
             ),
         ),
     )
@@ -319,11 +314,13 @@ def _outcome(
     used: NDArray[np.bool_],
     estimates: tuple[Estimate, ...],
     noise: float,
-) -> str:
-    told = sum(estimate.told for estimate in estimates)
-    levels = len(np.unique(points.level))
-    return (
-        f"{told} of {len(estimates)} parameters identified from {int(used.sum())} of {len(surface)} points "
-        f"at {levels} {'level' if levels == 1 else 'levels'}; force and response agree with the law within "
-        f"{100 * noise:.2g} % of their size"
-    )
+) -> Finding:
+    return Finding(
+        "identified",
+        "info",
+        numbers={
+            "identified": sum(estimate.identifiable for estimate in estimates),
+            "parameters": len(estimates), "used": int(used.sum()), "points": len(surface),
+            "levels": len(np.unique(points.level)), "misfit": noise,
+        },
+    )  # fmt: skip

@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-__all__ = ["Linearisation", "Regression", "eliminate", "fit", "solve_scaled"]
+__all__ = ["NULL_PART", "Linearisation", "Regression", "eliminate", "fit", "solve_scaled"]
 
 Array = NDArray[np.float64]
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
+
+NULL_PART = 1e-3
+"""A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
 
 _GAIN = 1e-4
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 error."""
@@ -330,7 +333,7 @@ def _summary(
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
     widen = np.maximum(ratio, 1.0)
     covariance = fisher * np.outer(widen, widen)
-    lost = np.abs(null).max(axis=1, initial=0.0) > 1e-3
+    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
     covariance[lost] = np.nan
     covariance[:, lost] = np.nan
     misfit = np.sqrt(np.sum(residual**2, axis=1) / each)

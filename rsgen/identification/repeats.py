@@ -42,9 +42,6 @@ _ENOUGH = 20
 
 _ROUND_OFF = 1e-12
 
-_EXCESS = 1.5
-"""A misfit so many times the scatter of the means is the law's, not the noise's."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repeats:
@@ -112,35 +109,6 @@ class Repeats:
         # rows without repeats are as noisy as the others
         repeated = int(np.count_nonzero(self.count[index] > 1))
         return np.asarray(scaled.T @ scaled * (len(index) / max(repeated, 1)))
-
-    def judge(self, misfit: float, wider: float) -> str:
-        """Say how the misfit of the means compares with the scatter, and what that does to the errors.
-
-        Parameters
-        ----------
-        misfit
-            Relative, of force and response together [1].
-        wider
-            How many times wider standard errors were if the misfit were noise.
-        """
-        typical = float(np.median(self.count))
-        expected = self.noise / np.sqrt(typical)
-        start = (
-            f"{len(self.row)} readings of {len(self.count)} points: one reading scatters by {self.noise:.2g} "
-            f"of its size, the mean of {typical:g} by {expected:.2g}"
-        )
-        if self.aside:
-            start += (
-                f" ({self.aside} more lie far off the others of their point, as before a response has "
-                "settled, and were set aside)"
-            )
-        if misfit < _EXCESS * expected:
-            return f"{start}; the misfit of {misfit:.2g} is no more than that: the law leaves nothing over"
-        return (
-            f"{start}; the misfit of {misfit:.2g} is {misfit / expected:.2g} times that: model error beyond "
-            "the noise. Standard errors are those of doing the test again with this law; were the misfit "
-            f"noise, they would be {wider:.2g} times wider"
-        )
 
 
 def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats | None]:

@@ -55,15 +55,15 @@ class Estimate:
     name
         The parameter of the law, or "m" for the mass.
     value
-        In SI units; NaN where the test does not tell the parameter.
+        In SI units; NaN where the parameter is not identifiable.
     standard_error
-        One standard deviation, same unit; infinite where the test does not tell the parameter.
+        One standard deviation, same unit; infinite where the parameter is not identifiable.
     interval
         The 95 % interval (lower, upper), Student t.
     unit
         SI unit, "" where it is dimensionless or unknown.
-    remark
-        Why the test does not tell the parameter, in a sentence; "" where it does.
+    finding
+        Why the test does not determine the parameter; None where it does.
     """
 
     name: str
@@ -71,18 +71,18 @@ class Estimate:
     standard_error: float
     interval: tuple[float, float]
     unit: str = ""
-    remark: str = ""
+    finding: Finding | None = None
 
     @property
-    def told(self) -> bool:
-        """True where the test tells the parameter."""
-        return isfinite(self.value) and not self.remark
+    def identifiable(self) -> bool:
+        """True where the test determines the parameter."""
+        return isfinite(self.value) and self.finding is None
 
     @property
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, value, 95 % interval, unit and finding, as a table prints them."""
-        if not self.told:
-            return (self.name, "", "", self.unit, "not-identifiable")
+        if not self.identifiable:
+            return (self.name, "", "", self.unit, self.finding.code if self.finding else "not-identifiable")
         digits = with_error(self.value, self.standard_error)
         low, high = (short(end, digits) for end in self.interval)
         return (self.name, short(self.value, digits), f"{low} to {high}", self.unit, "")
@@ -245,8 +245,8 @@ class Identification(Printed):
         What the one-harmonic approximation adds to each first-order estimate, predicted with the refined
         parameters; same order and units as ``first_order``. NaN where it is not known.
     covariance
-        (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that the test does
-        not tell are NaN, those of a given mass are absent.
+        (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that are not
+        identifiable are NaN, those of a given mass are absent.
     resonances
         One a level and sweep, ascending in level.
     curve
@@ -261,18 +261,17 @@ class Identification(Printed):
     amplitude_range, frequency_range
         Tested range of X [m] and of the frequency [Hz] over the points that took part.
     outcome
-        One sentence: what was identified from how many points and how well.
-    warnings
-        Sentences about what may be wrong or is not told by the test.
+        The finding "identified": numbers of identified and all parameters, of points used and tested, of
+        levels, and the relative misfit.
     findings
-        What a reader should know about the surface.
+        What a reader should know about test and fit, those about single parameters first.
     restoring
         Forces without a law; None where the points do not suffice.
     ranking
         Candidate laws compared on the same test; None where none were.
     solution
         (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
-        parameters that the test does not tell. Predictions use it.
+        parameters that are not identifiable. Predictions use it.
     background
         What was found besides the mode and subtracted; None where nothing was asked for.
     """
@@ -290,8 +289,7 @@ class Identification(Printed):
     levels: NDArray[np.float64]
     amplitude_range: tuple[float, float]
     frequency_range: tuple[float, float]
-    outcome: str
-    warnings: tuple[str, ...] = ()
+    outcome: Finding
     findings: tuple[Finding, ...] = ()
     restoring: RestoringForce | None = None
     ranking: Ranking | None = None
@@ -357,7 +355,7 @@ class Identification(Printed):
             "lower": [estimate.interval[0] for estimate in self],
             "upper": [estimate.interval[1] for estimate in self],
             "unit": [estimate.unit for estimate in self],
-            "identifiable": [estimate.told for estimate in self],
+            "identifiable": [estimate.identifiable for estimate in self],
         }
         return data_frame(columns, "name")
 

@@ -188,9 +188,9 @@ def describe_element(element: Element, identification: Identification) -> str:
     identification
         Gives the values and the tested range; parameters that the test does not tell are named.
     """
-    told = {estimate.name: estimate.told for estimate in identification.refined}
-    unknown = [name for name in element.parameters if not told.get(name, True)]
-    missing = f"not told by this test: {', '.join(unknown)}"
+    identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
+    unknown = [name for name in element.parameters if not identifiable.get(name, True)]
+    missing = f"not identifiable from this test: {', '.join(unknown)}"
     # the fit reproduces the test with these values, also where single ones of them are not told
     names = sorted(identification.model.parameters)
     values = dict(zip(names, identification.solution.tolist(), strict=True))

@@ -66,7 +66,7 @@ def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str
     judged = [row for row in comparison.rows if row.tolerance is not None]
     if not judged:
         parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
-        told = sum(row.refined.told for row in parameters)
+        told = sum(row.refined.identifiable for row in parameters)
         known = any(math.isfinite(row.true) for row in parameters)
         why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
         counted = f"{told} of {count_text(len(parameters), 'parameter')}"
@@ -165,10 +165,9 @@ def render_page(
     """
     meaning = describe_elements(subject.elements, identification)
     names = identification.model.parameters
-    # identification warns with these words when the misfit is systematic
-    fits = not any(text.startswith("the law does not fit") for text in identification.warnings)
+    fits = not any(finding.code == "law-does-not-fit" for finding in identification.findings)
     # what comes from the case stays as it is written there
-    said = (*identification.warnings, *map(sentence, identification.findings))
+    said = map(sentence, identification.findings)
     warnings = [*subject.warnings, *(set_sentence(text, names) for text in said)]
     context = {
         "title": subject.title,
@@ -177,7 +176,7 @@ def render_page(
         "contents": _CONTENTS,
         "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
         "verdict": verdict_sentence(comparison, None if fits else identification.noise),
-        "outcome": set_sentence(identification.outcome, names),
+        "outcome": set_sentence(sentence(identification.outcome), names),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
         "mean_sentence": describe_mean(surface, identification),

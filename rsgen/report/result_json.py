@@ -46,8 +46,9 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
         "standard_error": _finite(estimate.standard_error),
         "interval": [_finite(bound) for bound in estimate.interval],
     }
-    if estimate.remark:
-        entry["remark"] = estimate.remark
+    if estimate.finding is not None:
+        entry["remark"] = sentence(estimate.finding)
+        entry["finding"] = estimate.finding.to_dict()
     return entry
 
 
@@ -133,8 +134,8 @@ def build_result(
         "case": subject.name,
         "title": subject.title,
         "passed": comparison.passed,
-        "outcome": identification.outcome,
-        "warnings": [*subject.warnings, *identification.warnings, *map(sentence, identification.findings)],
+        "outcome": sentence(identification.outcome),
+        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
         "findings": [finding.to_dict() for finding in identification.findings],
         "mass": _finite(identification.mass),
         "parameters": [_row(row) for row in comparison.rows if row.name not in FORCE_KEYS],

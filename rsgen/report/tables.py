@@ -9,6 +9,7 @@ from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.figures import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification import Estimate, Identification
 from rsgen.prediction import Prediction
+from rsgen.report.wording import sentence
 
 __all__ = [
     "Cell",
@@ -87,17 +88,21 @@ def _digits(estimate: Estimate) -> int:
     return min(max(math.ceil(math.log10(abs(estimate.value) / half)) + 2, 4), 8)
 
 
+def _remark(estimate: Estimate) -> str:
+    return "" if estimate.finding is None else sentence(estimate.finding)
+
+
 def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False) -> Cell:
     if estimate is None or not math.isfinite(estimate.value):
         # the refined estimate says why, for all
-        return Cell("–", estimate.remark if estimate is not None and interval else "")
+        return Cell("–", _remark(estimate) if estimate is not None and interval else "")
     text = quantity_text(estimate.value, unit, _digits(estimate) if interval else 4)
     half = (estimate.interval[1] - estimate.interval[0]) / 2
     if not interval or not math.isfinite(half):
-        return Cell(text, estimate.remark)
+        return Cell(text, _remark(estimate))
     scale = choose_scale([estimate.value], unit)
     note = f"± {number_text(half / scale.factor, 2)} {scale.unit}".rstrip()
-    return Cell(text, f"{note}; {estimate.remark}" if estimate.remark else note)
+    return Cell(text, "; ".join(filter(None, [note, _remark(estimate)])))
 
 
 def verdict_table(comparison: Comparison) -> Table:
@@ -237,7 +242,7 @@ def background_table(identification: Identification) -> Table | None:
             else (
                 Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
                 Cell(unit_text(estimate.unit)),
-                Cell("–", "not told by this test"),
+                Cell("–", "not identifiable"),
                 Cell("–"),
             )
         )

@@ -20,6 +20,7 @@ from rsgen.describing import derive
 from rsgen.errors import RsgenError
 from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
 from rsgen.figures.equivalent import backbone, refined_band, values_of
+from rsgen.finding import Finding
 from rsgen.identification import Estimate
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
@@ -173,7 +174,13 @@ def test_a_parameter_that_is_not_told_leaves_the_points() -> None:
     from dataclasses import replace
 
     refined = tuple(
-        replace(e, value=float("nan"), remark="too little amplitude") if e.name == "kn1" else e
+        replace(
+            e,
+            value=float("nan"),
+            finding=Finding("no-effect", "warning", "kn1", {"amplitude": 1, "level": 1}),
+        )
+        if e.name == "kn1"
+        else e
         for e in IDENTIFICATION.refined
     )
     unknown = replace(IDENTIFICATION, refined=refined)
@@ -234,7 +241,10 @@ def test_every_level_gets_its_own_curve(size: float) -> None:
 
 def test_the_curve_is_drawn_where_single_parameters_are_not_told() -> None:
     told, *others = IDENTIFICATION.refined
-    lost = [replace(estimate, value=float("nan"), remark="not told") for estimate in others]
+    lost = [
+        replace(estimate, value=float("nan"), finding=Finding("not-determined", "warning"))
+        for estimate in others
+    ]
     known = replace(IDENTIFICATION, refined=(told, *lost))
     for draw in (figures.draw_stiffness, figures.draw_resonance, figures.draw_forces):
         lines = [

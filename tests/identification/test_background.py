@@ -122,11 +122,10 @@ def test_standard_errors_allow_for_the_background(cubic):
 
 def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
-    sentences = identify(seen, model("cubic")).warnings
-    proposal = next(sentence for sentence in sentences if "band = [" in sentence)
-    assert 'background = "phase"' in proposal
+    (proposal,) = (f for f in identify(seen, model("cubic")).findings if f.code == "background-possible")
+    assert 8 <= proposal["low"] < proposal["high"] <= 12
     found = identify(seen, model("cubic"), Observation(background="residuals"))
-    assert not any("band = [" in sentence for sentence in found.warnings)
+    assert "background-possible" not in {finding.code for finding in found.findings}
 
 
 def test_predictions_are_of_what_the_sensor_sees(cubic):

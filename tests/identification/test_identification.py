@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding
 from rsgen.identification import Identification, identify
 from rsgen.observation import Observation
+from rsgen.report.wording import sentence
 from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
 
 EXACT = 1e-6
@@ -121,8 +123,7 @@ def test_outliers_gaps_and_unsettled_points_are_survived() -> None:
     found = identify(table, model("cubic"))
     for estimate in found.refined:
         assert abs(estimate.value - truth("cubic")[estimate.name]) < 4 * estimate.standard_error
-    assert any("set aside" in warning for warning in found.warnings)
-    assert any("no settled response" in warning for warning in found.warnings)
+    assert {"points-set-aside", "points-not-settled"} <= {finding.code for finding in found.findings}
 
 
 def test_drifting_force_and_response_control_are_no_special_case() -> None:
@@ -136,14 +137,14 @@ def test_drifting_force_and_response_control_are_no_special_case() -> None:
 
 
 @pytest.mark.slow
-def test_what_the_test_does_not_tell_is_no_number() -> None:
+def test_what_is_not_identifiable_is_no_number() -> None:
     low = surface("piecewise", levels=np.array([0.2, 0.4, 0.6]))
     assert low.amplitude.max() < LAWS["piecewise"][1]["b"]
     found = identify(low, model("piecewise"))
     estimates = {e.name: e for e in found.refined}
     for name in ("b", "k5"):
-        assert not estimates[name].told
-        assert estimates[name].remark in found.warnings
+        assert not estimates[name].identifiable
+        assert estimates[name].finding in found.findings
     for name in ("k4", "c", "m"):
         assert estimates[name].value == pytest.approx(truth("piecewise")[name], rel=1e-5)
 
@@ -155,13 +156,13 @@ def test_confounded_parameters_are_named() -> None:
     both = Model((make_element("one", "k*x + kn*x**3 + c*v"), make_element("two", "ka*x")))
     found = {e.name: e for e in identify(surface("cubic"), both).refined}
     assert isnan(found["k"].value)
-    assert "only a combination with ka" in found["k"].remark
+    assert found["k"].finding == Finding("confounded", "warning", "k", names={"with": "ka"})
     assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
 
 
 def test_a_wrong_law_is_said_to_be_wrong() -> None:
     found = identify(noisy(surface("quintic"), 0.002, 1), model("coulomb"))
-    assert any("the law does not fit" in warning for warning in found.warnings)
+    assert "law-does-not-fit" in {finding.code for finding in found.findings}
 
 
 def test_too_few_points_are_refused_in_a_sentence() -> None:
@@ -220,7 +221,7 @@ def test_a_spring_driven_until_its_symmetry_breaks_is_found(relative: float) -> 
             assert estimate.standard_error < 0.02 * true[estimate.name]
         else:
             assert estimate.value == pytest.approx(true[estimate.name], rel=EXACT)
-    assert not any("converge" in warning for warning in found.warnings)
+    assert "not-converged" not in {finding.code for finding in found.findings}
 
 
 def test_an_odd_law_may_move_about_one_of_two_wells() -> None:
@@ -233,12 +234,16 @@ def test_an_odd_law_may_move_about_one_of_two_wells() -> None:
         assert estimate.value == pytest.approx(true[estimate.name], rel=1e-5), estimate
 
 
-def test_a_wide_interval_is_told_as_such() -> None:
+def test_a_wide_interval_has_a_finding() -> None:
     # far above resonance the spring is almost not seen, and the simulator's own error hides the rest
     table = surface("cubic", frequencies=np.linspace(30, 60, 41), accuracy=1e-4)
     found = {estimate.name: estimate for estimate in identify(table, model("cubic")).refined}
     assert found["kn"].standard_error > 0.5 * abs(found["kn"].value)
-    assert "cannot be told" in found["kn"].remark
+    finding = found["kn"].finding
+    assert finding is not None
+    assert finding.code == "not-distinct-from-zero"
+    assert finding["standard_error"] == found["kn"].standard_error
+    assert finding.numbers["value"] == (found["kn"].value, "N/m^3")
 
 
 def test_points_that_do_not_move_are_counted() -> None:
@@ -249,10 +254,9 @@ def test_points_that_do_not_move_are_counted() -> None:
 
 def test_sentences_print_displacements_as_drawings_do() -> None:
     found = identify(surface("piecewise", levels=np.array([0.5])), model("piecewise"))
-    assert " at 1 level; " in found.outcome
-    remark = next(estimate.remark for estimate in found.refined if estimate.name == "b")
+    assert " at 1 level; " in sentence(found.outcome)
     # X = F/(c omega) at 10 Hz, next to the resonance
-    assert "X up to 2.09 mm, levels up to 0.5 N" in remark
+    assert "X up to 2.09 mm, levels up to 500 mN" in sentence(found["b"].finding)
 
 
 def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
@@ -260,9 +264,9 @@ def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
     table = noisy(surface("combined", np.linspace(1, 12, 12)), 0.05, 1)
     found = identify(table, model("cubic"))
     assert found.noise < 0.06
-    assert any("the law does not fit" in warning for warning in found.warnings)
+    assert "law-does-not-fit" in {finding.code for finding in found.findings}
     right = identify(table, model("combined"))
-    assert not any("the law does not fit" in warning for warning in right.warnings)
+    assert "law-does-not-fit" not in {finding.code for finding in right.findings}
 
 
 def test_a_law_is_a_formula_an_element_a_sequence_or_a_model():

@@ -89,15 +89,16 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     for seed in range(8):
         found = identify(repeated(cubic, seed), model("cubic"))
         distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
-        assert any("leaves nothing over" in sentence for sentence in found.warnings)
+        assert "misfit-is-scatter" in {finding.code for finding in found.findings}
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
-def test_a_wrong_law_is_told_from_noise(cubic):
+def test_a_wrong_law_is_not_taken_for_noise(cubic):
     linear = Model((make_element("law", "k*x + c*v"),))
     found = identify(repeated(cubic, 1), linear)
-    sentence = next(s for s in found.warnings if "readings" in s)
-    assert "model error beyond the noise" in sentence
+    finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+    assert finding["times"] > 2
+    assert finding["wider"] > 1
     assert found.residual > 3 * found.noise
 
 
@@ -110,7 +111,7 @@ def test_the_beam_with_fifty_readings_a_point(measured_data: Callable[[str], Pat
     asked = replace(case.model, elements=(make_element("law", "k*x + kn*x*abs(x) + c*v + cn*v*abs(v)"),))
     whole = identify(table, case.model)
     assert whole.residual < 0.025
-    assert any("arbitrary scale" in sentence for sentence in whole.warnings)
+    assert "not-calibrated" in {finding.code for finding in whole.findings}
     parts = [identify(table.select(np.arange(len(table)) % 5 == k), asked) for k in range(5)]
     spread = np.std([[e.value for e in part.refined] for part in parts], axis=0, ddof=1)
     quoted = np.median([[e.standard_error for e in part.refined] for part in parts], axis=0)

@@ -10,6 +10,7 @@ import numpy as np
 from rsgen.case import Case
 from rsgen.comparison import Comparison, Row
 from rsgen.expression import parse, symbol
+from rsgen.finding import Finding
 from rsgen.identification import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.law.element import Element
 from rsgen.observation import Observation
@@ -120,7 +121,18 @@ def cubic_identification(surface: ResponseSurface) -> Identification:
         levels=surface.levels,
         amplitude_range=(float(surface.amplitude.min()), float(surface.amplitude.max())),
         frequency_range=(float(surface.frequency.min()), float(surface.frequency.max())),
-        outcome="3 parameters from 488 points.",
+        outcome=Finding(
+            "identified",
+            "info",
+            numbers={
+                "identified": 3,
+                "parameters": 3,
+                "used": 488,
+                "points": 488,
+                "levels": 4,
+                "misfit": 1e-7,
+            },
+        ),
     )
 
 

@@ -25,6 +25,7 @@ from scipy.special import ellipk
 from rsgen.comparison import Comparison
 from rsgen.expression import parse, write
 from rsgen.figures import Drawing
+from rsgen.finding import Finding
 from rsgen.identification import Estimate, Identification
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
@@ -37,6 +38,7 @@ from rsgen.report.page import render_page, verdict_sentence
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import PrintedFormula, check_printed
 from rsgen.report.subject import Subject
+from rsgen.report.wording import sentence
 from rsgen.surface import save_surface
 from tests.oracles.first_order import (
     C1,
@@ -232,9 +234,12 @@ def test_result_keeps_the_contract() -> None:
     assert [formula["agrees"] for formula in read["printed"]] == [True, True]
 
 
+LOST = Finding("not-determined", "warning", "c1")
+
+
 def test_what_is_not_known_is_null() -> None:
     refined = (
-        Estimate("c1", C1, float("inf"), (-float("inf"), float("inf")), "N*s/m", "not told"),
+        Estimate("c1", C1, float("inf"), (-float("inf"), float("inf")), "N*s/m", LOST),
         *IDENTIFICATION.refined[1:],
     )
     row = replace(COMPARISON.rows[0], true=float("nan"), refined=refined[0], relative_error=float("nan"))
@@ -245,7 +250,8 @@ def test_what_is_not_known_is_null() -> None:
         "value": C1,
         "standard_error": None,
         "interval": [None, None],
-        "remark": "not told",
+        "remark": sentence(LOST),
+        "finding": LOST.to_dict(),
     }
 
 
@@ -345,7 +351,7 @@ def test_no_free_vibration_without_a_spring() -> None:
         ),
         # a gap that the test never closes
         ("k*x + h*Max(x - b, 0)", {"k": 5e3, "h": 1e3, "b": 0.2}, "linear: stiffness stays at 5 kN/m"),
-        ("k*x", {"k": float("nan")}, "not told by this test: k"),
+        ("k*x", {"k": float("nan")}, "not identifiable from this test: k"),
         ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "the mean moves to"),
         ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "though the law is not linear: stiffness"),
     ],
@@ -364,19 +370,19 @@ def test_a_change_within_its_uncertainty_is_none() -> None:
     ):
         spread = abs(share * KN1 / 2)
         noisy = replace(exact, covariance=np.diag([0.0, spread**2]))
-        assert words in (sentence := describe_element(model.elements[0], noisy))
+        assert words in (text := describe_element(model.elements[0], noisy))
     # the 95 % half width of 3/4 kn X^2, three halves of it as one standard error
-    assert f"± {1.96 * 1.5 * abs(whole) / 1e3:.2g} kN/m" in sentence
+    assert f"± {1.96 * 1.5 * abs(whole) / 1e3:.2g} kN/m" in text
 
 
-def test_parameters_that_the_test_does_not_tell_are_named_beside_what_it_tells() -> None:
+def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> None:
     model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": 0.0})
     told, untold = exact.refined
-    untold = replace(untold, value=float("nan"), remark="kn: too small to be told")
+    untold = replace(untold, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
     partly = replace(exact, refined=(told, untold), solution=np.array([K1, 0.0]))
     words = describe_element(model.elements[0], partly)
     assert words.startswith("linear: stiffness stays at 5.92 kN/m")
-    assert words.endswith("not told by this test: kn")
+    assert words.endswith("not identifiable from this test: kn")
 
 
 def test_the_verdict_says_what_was_judged_and_whether_the_law_fits() -> None:

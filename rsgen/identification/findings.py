@@ -1,0 +1,248 @@
+"""What a reader should know of an identification, as data: what is not identifiable, what disagrees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.finding import Finding, Quantity
+from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit
+from rsgen.identification.least_squares import NULL_PART, Regression
+from rsgen.identification.repeats import Repeats
+from rsgen.identification.result import Resonance
+from rsgen.surface import ResponseSurface
+
+__all__ = ["Findings", "parameter_finding", "repeat_findings"]
+
+_NOT_ZERO = 0.5
+"""A standard error beyond this share of the value: the 95 % interval contains zero."""
+
+_STRONG = 0.05
+"""Higher harmonics beyond this share of the fundamental bias every first-order estimate by per cents."""
+
+_DRIFT = 0.02
+"""Mean displacement, relative to the amplitude, beyond which a symmetric law misses more than an offset."""
+
+_SYSTEMATIC = 0.3
+"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+
+_CHANCE = 4.0
+"""Standard deviations within which chance may bring such a correlation: false alarms once in 30 000."""
+
+_REACH = 5.0
+"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
+
+_NOTICEABLE = 1e-3
+"""Misfits below this, relative, change no engineering number: a law may be as wrong."""
+
+_WHOLE = 0.99
+"""Null vectors have unit norm; a shorter parameter part means that the background takes part."""
+
+_FEW = 5
+"""Points within the width of a resonance below which one outlier decides the damping."""
+
+_EXCESS = 1.5
+"""A misfit so many times the scatter of the means is the law's: chance reaches it with few points only."""
+
+
+def parameter_finding(
+    name: str, names: tuple[str, ...], unit: str, points: Points, level_unit: str, regression: Regression
+) -> Finding | None:
+    """Why a parameter is not identifiable from the test; None where it is.
+
+    Parameters
+    ----------
+    name, names, unit
+        The parameter, all of the regression, and its SI unit.
+    points, level_unit
+        That were fitted.
+    regression
+        Of all ``names``; errors that a background causes are in its covariance.
+    """
+    i = names.index(name)
+    tested = {
+        "amplitude": Quantity(float(points.amplitude.max()), "m"),
+        "level": Quantity(float(points.level.max()), level_unit),
+    }
+    weight = np.abs(regression.null[i])
+    if weight.max(initial=0.0) > NULL_PART:
+        column = regression.null[:, int(np.argmax(weight))]
+        partners = [n for n, part in zip(names, column, strict=True) if n != name and abs(part) > NULL_PART]
+        if partners:
+            return Finding("confounded", "warning", name, names={"with": ", ".join(partners)})
+        if float(np.linalg.norm(column)) < _WHOLE:
+            return Finding("confounded-with-background", "warning", name)
+        return Finding("no-effect", "warning", name, tested)
+    error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
+    if np.isfinite(error) and error > _NOT_ZERO * abs(value):
+        numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
+        return Finding("not-distinct-from-zero", "warning", name, numbers)
+    return None
+
+
+def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Finding, ...]:
+    """How the misfit of the means compares with the scatter of repeats, and what that does to the errors.
+
+    Parameters
+    ----------
+    repeats
+        Readings that were joined to means.
+    misfit
+        Relative, of force and response together [1].
+    wider
+        How many times wider standard errors were if the misfit were noise.
+    """
+    typical = float(np.median(repeats.count))
+    expected = repeats.noise / np.sqrt(typical)
+    found = [
+        Finding(
+            "repeats-scatter",
+            "info",
+            numbers={
+                "readings": len(repeats.row), "points": len(repeats.count), "repeats": typical,
+                "of_reading": repeats.noise, "of_mean": expected, "aside": repeats.aside,
+            },
+        )
+    ]  # fmt: skip
+    numbers = {"misfit": misfit, "times": misfit / expected}
+    if misfit < _EXCESS * expected:
+        found.append(Finding("misfit-is-scatter", "info", numbers=numbers))
+    else:
+        found.append(Finding("misfit-beyond-scatter", "warning", numbers={**numbers, "wider": wider}))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What is looked at for findings about data and fit.
+
+    Parameters
+    ----------
+    surface, points
+        All points of the test, and those that were fitted, without the background.
+    fit
+        The refined one.
+    resonances
+        Of all runs.
+    """
+
+    surface: ResponseSurface
+    points: Points
+    fit: Fit
+    resonances: tuple[Resonance, ...]
+
+    def collect(self, of_parameters: tuple[Finding, ...], *, calibrated: bool) -> tuple[Finding, ...]:
+        """All findings, those about parameters first."""
+        found = [*of_parameters, *(self._small_shift() if of_parameters else ()), *self.surface.findings]
+        if not self.surface.phase_known:
+            found.append(Finding("phase-not-recorded", "info"))
+        if not calibrated:
+            found.append(Finding("not-calibrated", "info"))
+        counts = {"all": len(self.surface), "points": len(self.points)}
+        unsettled = int(np.count_nonzero(~self.surface.settled))
+        if unsettled:
+            found.append(Finding("points-not-settled", "info", numbers={"unsettled": unsettled, **counts}))
+        aside = int(np.count_nonzero(~self.fit.regression.used))
+        if aside:
+            found.append(Finding("points-set-aside", "warning", numbers={"aside": aside, **counts}))
+        if not self.fit.regression.converged:
+            found.append(Finding("not-converged", "warning"))
+        found += self._misfit()
+        found += self._motion()
+        return (*found, *self._runs())
+
+    def _misfit(self) -> list[Finding]:
+        # of real and imaginary part together, as everywhere in the result
+        misfit = self.fit.regression.noise * np.sqrt(2)
+        if not (misfit > _NOTICEABLE and self._is_systematic()):
+            return []
+        found = [Finding("law-does-not-fit", "error", numbers={"misfit": misfit})]
+        observed = self.fit.problem.observed
+        if self.surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
+            found.append(self._background_proposal())
+        return found
+
+    def _is_systematic(self) -> bool:
+        """Tell whether signed misfits of the force go together between neighbours in frequency of one run."""
+        points, fit = self.points, self.fit
+        rotated = points.force * np.exp(-1j * fit.turn)
+        misfit = (rotated - fit.force) / np.abs(points.force)
+        pairs = points.neighbours
+        pairs = pairs[(fit.regression.used & np.isfinite(misfit))[pairs].all(axis=1)]
+        first, second = misfit[pairs].T
+        power: NDArray[np.float64] = np.abs(misfit[pairs]) ** 2
+        if len(first) < 2 * _FEW or power.sum() == 0:
+            return False
+        correlation = float(np.mean((first * np.conj(second)).real) / np.mean(power))
+        # real and imaginary part together
+        return bool(correlation > max(_SYSTEMATIC, _CHANCE / np.sqrt(2 * len(first))))
+
+    def _background_proposal(self) -> Finding:
+        """In which band to look for a background."""
+        tested = self.points.omega / (2 * np.pi)
+        low, high = float(tested.min()), float(tested.max())
+        if self.resonances:
+            reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in self.resonances]
+            low = max(min(r.frequency - width for r, width in zip(self.resonances, reach, strict=True)), low)
+            high = min(
+                max(r.frequency + width for r, width in zip(self.resonances, reach, strict=True)), high
+            )
+        numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
+        return Finding("background-possible", "info", numbers=numbers)
+
+    def _motion(self) -> list[Finding]:
+        points, found = self.points, []
+        size = points.amplitude
+        if points.harmonics.shape[1] > 2:
+            higher = np.abs(points.harmonics[:, 2:]) / size[:, None]
+            row, order = np.unravel_index(int(np.argmax(higher)), higher.shape)
+            if higher[row, order] > _STRONG:
+                numbers = {
+                    "harmonic": Quantity(2 + int(order)),
+                    "share": Quantity(float(higher[row, order])),
+                    "level": Quantity(float(points.level[row]), self.surface.level_unit),
+                    "frequency": Quantity(float(points.omega[row] / 2 / np.pi), "Hz"),
+                }
+                found.append(Finding("harmonic-strong", "info", numbers=numbers))
+        drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
+        if self.fit.problem.law.odd and drift > _DRIFT:
+            found.append(Finding("mean-of-symmetric-law", "warning", numbers={"share": drift}))
+        return found
+
+    def _runs(self) -> list[Finding]:
+        found, runs = [], len(self.resonances)
+        jumps = sum(resonance.jump for resonance in self.resonances)
+        if jumps:
+            found.append(Finding("resonance-jumped", "info", numbers={"jumps": jumps, "runs": runs}))
+        few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
+        if few:
+            numbers = {"few": few, "runs": runs, "points": _FEW}
+            found.append(Finding("resonance-sparse", "warning", numbers=numbers))
+        return found
+
+    def _near(self, resonance: Resonance) -> int:
+        """Points of the run within the width of its resonance."""
+        points = self.points
+        near = (points.level == resonance.level) & (points.sweep == resonance.sweep)
+        width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
+        return int(np.count_nonzero(near & (np.abs(points.omega / 2 / np.pi - resonance.frequency) < width)))
+
+    def _small_shift(self) -> list[Finding]:
+        """A resonance that shifts by less than its width says little of a spring."""
+        frequency = np.array([resonance.frequency for resonance in self.resonances])
+        if len(frequency) < 2:
+            return []
+        width = float(np.median([2 * abs(r.damping_ratio) * r.frequency for r in self.resonances]))
+        shift = float(np.ptp(frequency))
+        if not shift < width:
+            return []
+        level = max(resonance.level for resonance in self.resonances)
+        numbers = {
+            "shift": Quantity(shift, "Hz"),
+            "width": Quantity(width, "Hz"),
+            "level": Quantity(level, self.surface.level_unit),
+        }
+        return [Finding("shift-small", "info", numbers=numbers)]
