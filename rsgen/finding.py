@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
-__all__ = ["Finding", "Quantity", "Severity"]
+__all__ = ["Finding", "Quantity", "Severity", "quantities"]
 
 Severity = Literal["info", "warning", "error"]
 
@@ -17,6 +17,14 @@ class Quantity(NamedTuple):
 
     value: float
     unit: str = ""
+
+
+def quantities(**numbers: float | Quantity) -> dict[str, Quantity]:
+    """Name the numbers of a finding; bare ones are counts or ratios."""
+    return {
+        name: number if isinstance(number, Quantity) else Quantity(float(number))
+        for name, number in numbers.items()
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +58,7 @@ class Finding:
     names: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        numbers = {
-            name: value if isinstance(value, Quantity) else Quantity(float(value))
-            for name, value in self.numbers.items()
-        }
-        object.__setattr__(self, "numbers", MappingProxyType(numbers))
+        object.__setattr__(self, "numbers", MappingProxyType(quantities(**self.numbers)))
         object.__setattr__(self, "names", MappingProxyType(dict(self.names)))
 
     def __getitem__(self, name: str) -> float:

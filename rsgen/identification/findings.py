@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.finding import Finding, Quantity
+from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import NULL_PART, Regression
@@ -101,17 +101,21 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
         Finding(
             "repeats-scatter",
             "info",
-            numbers={
-                "readings": len(repeats.row), "points": len(repeats.count), "repeats": typical,
-                "of_reading": repeats.noise, "of_mean": expected, "aside": repeats.aside,
-            },
+            numbers=quantities(
+                readings=len(repeats.row),
+                points=len(repeats.count),
+                repeats=typical,
+                of_reading=repeats.noise,
+                of_mean=expected,
+                aside=repeats.aside,
+            ),
         )
-    ]  # fmt: skip
-    numbers = {"misfit": misfit, "times": misfit / expected}
+    ]
+    numbers = quantities(misfit=misfit, times=misfit / expected)
     if misfit < _EXCESS * expected:
         found.append(Finding("misfit-is-scatter", "info", numbers=numbers))
     else:
-        found.append(Finding("misfit-beyond-scatter", "warning", numbers={**numbers, "wider": wider}))
+        found.append(Finding("misfit-beyond-scatter", "warning", numbers=quantities(**numbers, wider=wider)))
     return tuple(found)
 
 
@@ -141,13 +145,15 @@ class Findings:
             found.append(Finding("phase-not-recorded", "info"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
-        counts = {"all": len(self.surface), "points": len(self.points)}
+        counts = quantities(all=len(self.surface), points=len(self.points))
         unsettled = int(np.count_nonzero(~self.surface.settled))
         if unsettled:
-            found.append(Finding("points-not-settled", "info", numbers={"unsettled": unsettled, **counts}))
+            found.append(
+                Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
+            )
         aside = int(np.count_nonzero(~self.fit.regression.used))
         if aside:
-            found.append(Finding("points-set-aside", "warning", numbers={"aside": aside, **counts}))
+            found.append(Finding("points-set-aside", "warning", numbers=quantities(aside=aside, **counts)))
         if not self.fit.regression.converged:
             found.append(Finding("not-converged", "warning"))
         found += self._misfit()
@@ -159,7 +165,7 @@ class Findings:
         misfit = self.fit.regression.noise * np.sqrt(2)
         if not (misfit > _NOTICEABLE and self._is_systematic()):
             return []
-        found = [Finding("law-does-not-fit", "error", numbers={"misfit": misfit})]
+        found = [Finding("law-does-not-fit", "error", numbers=quantities(misfit=misfit))]
         observed = self.fit.problem.observed
         if self.surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
             found.append(self._background_proposal())
@@ -200,26 +206,26 @@ class Findings:
             higher = np.abs(points.harmonics[:, 2:]) / size[:, None]
             row, order = np.unravel_index(int(np.argmax(higher)), higher.shape)
             if higher[row, order] > _STRONG:
-                numbers = {
-                    "harmonic": Quantity(2 + int(order)),
-                    "share": Quantity(float(higher[row, order])),
-                    "level": Quantity(float(points.level[row]), self.surface.level_unit),
-                    "frequency": Quantity(float(points.omega[row] / 2 / np.pi), "Hz"),
-                }
+                numbers = quantities(
+                    harmonic=2 + int(order),
+                    share=float(higher[row, order]),
+                    level=Quantity(float(points.level[row]), self.surface.level_unit),
+                    frequency=Quantity(float(points.omega[row] / 2 / np.pi), "Hz"),
+                )
                 found.append(Finding("harmonic-strong", "info", numbers=numbers))
         drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
         if self.fit.problem.law.odd and drift > _DRIFT:
-            found.append(Finding("mean-of-symmetric-law", "warning", numbers={"share": drift}))
+            found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 
     def _runs(self) -> list[Finding]:
         found, runs = [], len(self.resonances)
         jumps = sum(resonance.jump for resonance in self.resonances)
         if jumps:
-            found.append(Finding("resonance-jumped", "info", numbers={"jumps": jumps, "runs": runs}))
+            found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
         if few:
-            numbers = {"few": few, "runs": runs, "points": _FEW}
+            numbers = quantities(few=few, runs=runs, points=_FEW)
             found.append(Finding("resonance-sparse", "warning", numbers=numbers))
         return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rsgen.finding import Finding
+from rsgen.finding import Finding, quantities
 from rsgen.identification.abel import invert_curve
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.dynamic_stiffness import Equations, solve_equations
@@ -315,12 +315,12 @@ def _outcome(
     estimates: tuple[Estimate, ...],
     noise: float,
 ) -> Finding:
-    return Finding(
-        "identified",
-        "info",
-        numbers={
-            "identified": sum(estimate.identifiable for estimate in estimates),
-            "parameters": len(estimates), "used": int(used.sum()), "points": len(surface),
-            "levels": len(np.unique(points.level)), "misfit": noise,
-        },
-    )  # fmt: skip
+    numbers = quantities(
+        identified=sum(estimate.identifiable for estimate in estimates),
+        parameters=len(estimates),
+        used=int(used.sum()),
+        points=len(surface),
+        levels=len(np.unique(points.level)),
+        misfit=noise,
+    )
+    return Finding("identified", "info", numbers=numbers)

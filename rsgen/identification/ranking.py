@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
@@ -101,9 +102,10 @@ class Ranking(Printed):
             from rsgen.identification.identify import identify
 
             found = replace(identify(self.surface, self.model), ranking=self)
-            self._best.append(
-                found if self.fits else replace(found, warnings=(*self.verdict, *found.warnings))
-            )
+            if not self.fits:
+                doubts = (Finding("note", "error", names={"text": text}) for text in self.verdict)
+                found = replace(found, findings=(*doubts, *found.findings))
+            self._best.append(found)
         return self._best[0]
 
     def __getitem__(self, name: str) -> Candidate:
