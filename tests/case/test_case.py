@@ -20,10 +20,10 @@ from rsgen.case.data_paths import path_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.expression import check_name
 from rsgen.simulation import SimulatedTest
+from tests.case.faults import FAULTS, HISTORY, SIMULATED, TABLE, Fault, changed
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"), key=lambda path: path.stem)
-FAULTS = sorted((Path(__file__).parents[1] / "faults").glob("*.toml"))
 # of the corpus: 2 s for a file; a case file is far smaller
 SECONDS = 2.0
 
@@ -141,19 +141,18 @@ def test_published_schema_is_current() -> None:
 # ---------------------------------------------------------------- faults
 
 
-@pytest.mark.parametrize("path", FAULTS, ids=lambda path: path.stem)
-def test_every_fault_has_its_sentence(path: Path) -> None:
-    lines = path.read_bytes().split(b"\n")
-    expected = [
-        line.removeprefix(b"# expected: ").decode() for line in lines if line.startswith(b"# expected: ")
-    ]
-    faults = refused(path)
-    assert expected
-    assert len(faults) == len(expected), faults
-    for fault in faults:
-        assert fault.startswith(f"{path.name}: ")
-    for message in expected:
-        assert any(message in fault for fault in faults), faults
+@pytest.mark.parametrize("case", [SIMULATED, TABLE, HISTORY], ids=["simulated", "table", "history"])
+def test_a_case_without_a_fault_loads(case: dict[str, Any], tmp_path: Path) -> None:
+    assert load_case(write(tmp_path, changed(case, {}).decode())).name == "good"
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_every_fault_has_its_sentence(fault: Fault, tmp_path: Path) -> None:
+    found = refused(fault.write(tmp_path))
+    assert len(found) == len(fault.expected), found
+    assert all(sentence.startswith("faulty.toml: ") for sentence in found)
+    for message in fault.expected:
+        assert any(message in sentence for sentence in found), found
 
 
 def test_no_file_no_regular_file_too_large(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ import pytest
 
 from rsgen.cli import main
 from rsgen.expression import parse
+from tests.case.faults import FAULTS, Fault
 
 ROOT = Path(__file__).parents[2]
-FAULTS = sorted((Path(__file__).parents[1] / "faults").glob("*.toml"))
 # the promise is 0.3 s on a quiet machine; a busy one gets air
 HELP_SECONDS = 1.0
 COMMANDS = (
@@ -113,10 +113,11 @@ def test_faulty_words_get_a_sentence(
     assert caught.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("path", FAULTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_faulty_case_ends_with_2_and_no_traceback(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fault: Fault, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    path = fault.write(tmp_path)
     for command in (("check",), ("run", "--out", tmp_path / "out")):
         assert call(*command, path) == 2
         caught = capsys.readouterr()
