@@ -483,10 +483,18 @@ def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> Non
         changed = bytearray(content)
         for place in random.integers(0, min(len(content), 4000), 8):
             changed[place] = random.integers(0, 256)
+        cut = number % 3 == 0
         path = tmp_path / f"{number}-{name}"
-        path.write_bytes(bytes(changed[: random.integers(100, len(content))] if number % 3 == 0 else changed))
-        with suppress(MeasurementError):
-            list_binary(path, recognise_format(path))
+        path.write_bytes(bytes(changed[: random.integers(100, len(content))] if cut else changed))
+        try:
+            entries = list_binary(path, recognise_format(path)).entries
+        except MeasurementError as fault:
+            assert str(fault).startswith(f"{path.name}: ")
+            assert str(fault).isprintable()
+        else:
+            assert not cut
+            assert all(entry.fault or entry.dtype for entry in entries)
+            assert all(entry.low <= entry.high for entry in entries if entry.low is not None)
 
 
 def test_the_reading_process_loads_no_more_than_it_needs() -> None:
