@@ -173,8 +173,7 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
 def _guessed(data: Path, target: Path) -> tuple[str, str]:
     """Give path and [test] tables for a data file, as seen from the folder of the case."""
     from rsgen.cli.inspect_command import proposal_text
-    from rsgen.inspection.listing import list_contents
-    from rsgen.inspection.proposal import propose
+    from rsgen.inspection import list_contents, propose
 
     proposal = propose(list_contents(data))
     if proposal is None:

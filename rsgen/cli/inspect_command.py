@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.cli.terminal import print_json, print_line
-from rsgen.inspection.listing import list_contents
-from rsgen.inspection.proposal import Proposal, propose
-from rsgen.measurement.tree import Contents, Entry
+from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
 
 __all__ = ["inspect_command", "proposal_text"]
 

@@ -1,9 +1,10 @@
-"""What names, units and values of an array tell about its part in a test."""
+"""Clues to what an array of a data file is: its name, its unit, its values."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import pi
 
 from rsgen.errors import RsgenError
@@ -11,79 +12,20 @@ from rsgen.measurement.tree import Entry
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
-    "DECIBEL",
-    "DRIVE",
-    "EXCITATIONS",
-    "FEW",
-    "FORCE",
-    "FREQUENCY",
-    "IMAGINARY",
-    "LEVEL",
-    "LOAD",
-    "NAMES",
-    "NOMINAL",
-    "PHASE",
-    "QUANTITIES",
-    "QUOTIENT",
-    "RATE",
-    "REAL",
-    "RESPONSE",
-    "RESPONSE_UNITS",
-    "RMS",
-    "SPREAD",
-    "TIME",
-    "all_of",
-    "evenly_spaced",
-    "has_both_signs",
-    "has_few",
-    "is_long",
-    "is_named",
-    "is_positive",
-    "is_radian",
-    "is_real",
-    "is_unit",
-    "last_name",
-    "moves",
-    "of_size",
-    "phase_sense",
-    "remarked",
-    "tells",
-    "unit_for",
-    "unit_in",
-]
+    "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "IMAGINARY", "LEVEL", "LOAD",
+    "LONG", "NAMES", "NOMINAL", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL",
+    "REAL_PART", "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue",
+    "last_name", "of_size", "phase_sense", "remarked", "unit_for", "unit_in", "with_unit",
+]  # fmt: skip
 
-FEW = 60
-"""Different values of a column that may be that of the level."""
-FREQUENCY = re.compile(r"freq|hertz|omega|^f(_|$|\d)|(^|_)hz(_|$)|rpm", re.IGNORECASE)
-TIME = re.compile(r"^t(_|$)|time|zeit|instant", re.IGNORECASE)
-FORCE = re.compile(r"forc|kraft|load(?!_cycle)", re.IGNORECASE)
-DRIVE = re.compile(r"excit|drive|shaker|^u(_|$)|input|^f(_|$|\d)|volt", re.IGNORECASE)
-RESPONSE = re.compile(
-    r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^[xyva](_|$|\d)|^h(_|$|\d)", re.IGNORECASE
-)
-LOAD = re.compile(r"forc|kraft|load|^f(_|$|\d)", re.IGNORECASE)
-LEVEL = re.compile(r"level|drive|^amplitude", re.IGNORECASE)
-NOMINAL = re.compile(r"level|stufe|nominal|soll|set_?point", re.IGNORECASE)
-UNIT = re.compile(
+_FEW = 60
+"""At most this number of different values may be levels."""
+_UNIT = re.compile(
     r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z"
     r"|_((?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)(?:_per_N)?)\Z"
     r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
 )
 """A unit in a name: "Kraft [N]", "force_N", "Kraft in N (rms)"."""
-DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
-RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
-LEAD = re.compile(r"lead", re.IGNORECASE)
-LAG = re.compile(r"lag", re.IGNORECASE)
-QUOTIENT = re.compile(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)", re.IGNORECASE)
-EXCITATIONS = {
-    "step": "stepped-sine",
-    **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
-}
-RATE = re.compile(r"^f_?s$|rate|sampling|fsamp", re.IGNORECASE)
-REAL = re.compile(r"(^|_)re(al)?(_|$)|in_?phase|cos|(^|_)x\d*(_|$)", re.IGNORECASE)
-IMAGINARY = re.compile(r"(^|_)im(ag)?|quad|sin|(^|_)y\d*(_|$)", re.IGNORECASE)
-PHASE = re.compile(r"phase|phi|(^|_)lag|arg|angle|deg", re.IGNORECASE)
-SPREAD = re.compile(r"std|sigma|var|error|coherence|temperature|number", re.IGNORECASE)
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 RESPONSE_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
@@ -95,25 +37,108 @@ NAMES = {
     " a ": "acceleration",
     " v ": "velocity",
 }
+"""Quantities by what stands in a name."""
 
 
-def unit_in(name: str) -> str:
-    """Give the unit that a name tells, or "": "accelerance_g_per_N" has g/N."""
-    found = UNIT.search(name)
-    return next(filter(None, found.groups())).replace("_per_", "/") if found else ""
+@dataclass(frozen=True, slots=True)
+class Clue:
+    """A condition on an array; conditions are joined by & and inverted by ~."""
+
+    holds: Callable[[Entry], bool]
+
+    def __call__(self, entry: Entry) -> bool:
+        """Whether it holds for an array."""
+        return self.holds(entry)
+
+    def __and__(self, other: Clue) -> Clue:
+        """Both."""
+        return Clue(lambda entry: self(entry) and other(entry))
+
+    def __invert__(self) -> Clue:
+        """Not this."""
+        return Clue(lambda entry: not self(entry))
 
 
 def last_name(entry: Entry) -> str:
-    """Give the last telling part of a path: "x/X1__V_/data" is about X1__V_."""
+    """Give the last part of a path with a meaning: "x/X1__V_/data" is about X1__V_."""
     if entry.path.isdigit() and entry.remark:
-        # a column that goes by its number, with a title of its own
+        # a column that goes by its number, but has a title
         return entry.remark
     parts = [part for part in entry.path.split("/") if part.casefold() not in ("data", "value", "values")]
     return parts[-1] if parts else entry.path
 
 
+def _named(pattern: str) -> Clue:
+    search = re.compile(pattern, re.IGNORECASE).search
+    return Clue(lambda entry: bool(search(last_name(entry))))
+
+
+FREQUENCY = _named(r"freq|hertz|omega|^f(_|$|\d)|(^|_)hz(_|$)|rpm")
+TIME = _named(r"^t(_|$)|time|zeit|instant")
+FORCE = _named(r"forc|kraft|load(?!_cycle)")
+DRIVE = _named(r"excit|drive|shaker|^u(_|$)|input|^f(_|$|\d)|volt")
+RESPONSE = _named(r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^[xyva](_|$|\d)|^h(_|$|\d)")
+LOAD = _named(r"forc|kraft|load|^f(_|$|\d)")
+LEVEL = _named(r"level|drive|^amplitude")
+NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
+RATE = _named(r"^f_?s$|rate|sampling|fsamp")
+REAL_PART = _named(r"(^|_)re(al)?(_|$)|in_?phase|cos|(^|_)x\d*(_|$)")
+IMAGINARY = _named(r"(^|_)im(ag)?|quad|sin|(^|_)y\d*(_|$)")
+PHASE = _named(r"phase|phi|(^|_)lag|arg|angle|deg")
+SPREAD = _named(r"std|sigma|var|error|coherence|temperature|number")
+QUOTIENT = _named(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)")
+_LEAD = _named(r"lead")
+_LAG = _named(r"lag")
+RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
+DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
+
+REAL = Clue(lambda entry: not entry.dtype.startswith("complex"))
+LONG = Clue(lambda entry: entry.size > 1)
+FEW = Clue(lambda entry: 1 < entry.distinct <= _FEW and entry.distinct < entry.size / 3)
+"""Few different numbers, as levels are."""
+POSITIVE = Clue(lambda entry: entry.low is not None and entry.low >= 0 and (entry.high or 0) > 0)
+"""No number is negative, and not all are zero."""
+BOTH_SIGNS = Clue(lambda entry: entry.low is not None and entry.low < 0 < (entry.high or 0))
+USABLE = Clue(lambda entry: not REAL(entry) or (entry.low is not None and (entry.low, entry.high) != (0, 0)))
+"""Finite and not all zero; of complex numbers that is not known."""
+VARIES = Clue(lambda entry: not REAL(entry) or (entry.low is not None and entry.low != entry.high))
+EVEN = REAL & Clue(lambda entry: entry.order == "rising" and bool(entry.step) and entry.size > 15)
+"""Rising in even steps, as instants do."""
+
+
+def _is_radian(phase: Entry) -> bool:
+    """Whether a phase is in radians, by its unit or its size."""
+    if phase.unit in ("deg", "°", "rad"):
+        return phase.unit == "rad"
+    return phase.high is not None and phase.high <= 6.5 and (phase.low or 0) >= -6.5
+
+
+RADIAN = Clue(_is_radian)
+
+
+def with_unit(*targets: str) -> Clue:
+    """Ask for a unit of one of the dimensions."""
+    return Clue(lambda entry: bool(entry.unit) and any(unit_for(entry.unit, target) for target in targets))
+
+
+def of_size(size: int) -> Clue:
+    """Ask for arrays with a side of ``size`` numbers."""
+    return Clue(lambda entry: entry.size == size or size in entry.shape)
+
+
+def remarked(word: str) -> Clue:
+    """Ask for a word in what the file says about an array."""
+    return Clue(lambda entry: word in entry.remark)
+
+
+def unit_in(name: str) -> str:
+    """Give the unit in a name, or "": "accelerance_g_per_N" has g/N."""
+    found = _UNIT.search(name)
+    return next(filter(None, found.groups())).replace("_per_", "/") if found else ""
+
+
 def unit_for(unit: str, target: str) -> str | None:
-    """Give the unit if it is one of the target's dimension."""
+    """Give the unit, spelled as a case takes it, if it is one of the target's dimension."""
     name = unit.strip().replace("²", "^2").replace("µ", "u")
     name = "thou" if name in ("mil", "mils") else name
     try:
@@ -123,93 +148,21 @@ def unit_for(unit: str, target: str) -> str | None:
     return name
 
 
-def is_unit(entry: Entry, *targets: str) -> bool:
-    """Tell whether the unit in the file is of one of the dimensions."""
-    return bool(entry.unit) and any(unit_for(entry.unit, target) for target in targets)
-
-
-def tells(entry: Entry) -> bool:
-    """Tell whether numbers are finite and not all zero."""
-    return entry.dtype.startswith("complex") or (entry.low is not None and (entry.low, entry.high) != (0, 0))
-
-
-def moves(entry: Entry) -> bool:
-    """Tell whether the numbers are finite and differ; of complex ones that is not known."""
-    return entry.dtype.startswith("complex") or (entry.low is not None and entry.low != entry.high)
-
-
-def of_size(size: int) -> Callable[[Entry], bool]:
-    """Make a test for arrays with a side of so many numbers."""
-    return lambda entry: entry.size == size or size in entry.shape
-
-
 def phase_sense(phase: Entry, quantity: str) -> str:
-    """Tell whether a positive phase means later or earlier, by its name, else by its values.
+    """Find whether a positive phase means later or earlier, by its name, else by its values.
 
     A structure that takes energy from its shaker lags with its displacement and leads with its acceleration,
-    by 0 to 180 deg; where the values tell nothing, "lag".
+    by 0 to 180 deg; "lag" where the values allow both.
     """
-    if LAG.search(last_name(phase)) or LEAD.search(last_name(phase)):
-        return "lag" if LAG.search(last_name(phase)) else "lead"
+    if _LAG(phase) or _LEAD(phase):
+        return "lag" if _LAG(phase) else "lead"
     low, high = phase.low, phase.high
     if low is None or high is None or quantity == "velocity":
         return "lag"
-    half = pi if is_radian(phase) else 180.0
+    half = pi if RADIAN(phase) else 180.0
     margin = half / 12
     negative = -half - margin <= low and high <= margin and low < -margin
     positive = -margin <= low and high <= half + margin and high > margin
     if not (negative or positive):
         return "lag"
     return "lag" if positive == (quantity == "displacement") else "lead"
-
-
-def is_radian(phase: Entry) -> bool:
-    """Tell whether a phase is in radians, by its unit or its size."""
-    if phase.unit in ("deg", "°"):
-        return False
-    return phase.unit == "rad" or (phase.high is not None and phase.high <= 6.5 and (phase.low or 0) >= -6.5)
-
-
-def all_of(*tests: Callable[[Entry], bool]) -> Callable[[Entry], bool]:
-    """Make a test that asks for several."""
-    return lambda entry: all(test(entry) for test in tests)
-
-
-def is_named(pattern: re.Pattern[str]) -> Callable[[Entry], bool]:
-    """Make a test for names."""
-    return lambda entry: bool(pattern.search(last_name(entry)))
-
-
-def remarked(*words: str) -> Callable[[Entry], bool]:
-    """Make a test for what the file says about an array."""
-    return lambda entry: any(word in entry.remark for word in words)
-
-
-def is_positive(entry: Entry) -> bool:
-    """Tell whether no number is negative, and not all are zero."""
-    return entry.low is not None and entry.low >= 0 and entry.high is not None and entry.high > 0
-
-
-def has_few(entry: Entry) -> bool:
-    """Tell whether there are few different numbers, as levels are."""
-    return 1 < entry.distinct <= FEW and entry.distinct < entry.size / 3
-
-
-def has_both_signs(entry: Entry) -> bool:
-    """Tell whether there are numbers below and above zero."""
-    return entry.low is not None and entry.high is not None and entry.low < 0 < entry.high
-
-
-def is_real(entry: Entry) -> bool:
-    """Tell whether numbers are real."""
-    return not entry.dtype.startswith("complex")
-
-
-def is_long(entry: Entry) -> bool:
-    """Tell whether there is more than one number."""
-    return entry.size > 1
-
-
-def evenly_spaced(entry: Entry) -> bool:
-    """Tell whether numbers rise evenly, as instants do."""
-    return entry.order == "rising" and bool(entry.step) and entry.size > 15 and is_real(entry)

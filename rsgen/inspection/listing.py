@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import islice, zip_longest
+from itertools import islice
 from pathlib import Path
 from typing import IO
 
@@ -19,34 +19,32 @@ from rsgen.inspection.clues import unit_for, unit_in
 from rsgen.measurement.data_files import file_label, open_regular, recognise_format
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import list_binary
-from rsgen.measurement.text_columns import MAX_BYTES, read_columns, text_lines
+from rsgen.measurement.text_columns import (
+    MAX_BYTES,
+    automatic_delimiter,
+    column_names,
+    number_in,
+    read_columns,
+    split_cells,
+    text_lines,
+)
 from rsgen.measurement.tree import Contents, Entry, facts
 
 __all__ = ["list_contents"]
 
 LOOKED_AT = 300
-"""Lines of a text that tell its layout."""
+"""Lines of a text from which its layout is recognised."""
 _ALONE_BYTES = 32 * 2**20
 """Of larger files no column is read alone."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 _GAP = re.compile(r"(?:[+-]?(?:nan|inf|infinity)|n/?a|)\Z", re.IGNORECASE)
 """What stands in place of a number that is missing: the row is one of numbers all the same."""
 
 
-def _cells(text: str, layout: Layout) -> list[str]:
-    if layout.delimiter == "whitespace":
-        return text.split()
-    return [cell.strip().strip('"').strip() for cell in text.split(layout.delimiter)]
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    return bool(_NUMBER.match(cell.replace(",", ".") if decimal == "," and "." not in cell else cell))
-
-
 def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
-    return tuple(_is_number(cell, layout.decimal) for cell in _cells(text, layout))
+    cells = split_cells(text, layout.delimiter)
+    return tuple(number_in(cell, layout.decimal) is not None for cell in cells)
 
 
 def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
@@ -60,9 +58,9 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
     full = _full(lines, layout)
     first = len(lines)
     for place in range(len(lines) - 1, -1, -1):
-        cells = _cells(lines[place][1], layout)
+        cells = split_cells(lines[place][1], layout.delimiter)
         if len(cells) != len(full) or not all(
-            _GAP.match(cell) or _is_number(cell, layout.decimal)
+            _GAP.match(cell) or number_in(cell, layout.decimal) is not None
             for cell, kind in zip(cells, full, strict=True)
             if kind
         ):
@@ -82,13 +80,8 @@ def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
     return layout, first
 
 
-def _automatic(text: str, decimal: str) -> str:
-    """Tell what ``read_columns`` takes for the delimiter of its own accord."""
-    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
-
-
 def _is_foreign(lines: Iterable[bytes]) -> bool:
-    """Tell whether a line is not UTF-8."""
+    """Whether a line is not UTF-8."""
     try:
         for line in lines:
             line.decode("utf-8")
@@ -127,40 +120,40 @@ def _list_text(path: Path) -> Contents:
     layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
     kinds = _full(lines[first:], layout)
     used = first if units or not head else first - 1
-    if layout.delimiter == _automatic(lines[used][1], layout.decimal):
+    if layout.delimiter == automatic_delimiter(lines[used][1], layout.decimal):
         layout = replace(layout, delimiter="auto")
     if not head:
         head = _remarked(begin, lines[first][0], len(kinds))
     entries = _entries(path, layout, [] if units else head, kinds, whole)
     if units:
-        told = zip_longest(entries, titles, head, fillvalue="")
+        titles += [""] * (len(entries) - len(titles))
         entries = tuple(
-            replace(entry, remark=title, unit=unit) for entry, title, unit in told if isinstance(entry, Entry)
+            replace(entry, remark=title, unit=unit)
+            for entry, title, unit in zip(entries, titles, head, strict=True)
         )
     return Contents(path, "csv", entries, layout, whole)
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
     """Give the cells of the line above where they are names: one a column, and no numbers."""
-    cells = _cells(lines[first - 1][1], layout) if first > 0 else []
-    named = len(cells) == len(_cells(lines[first][1], layout))
-    return cells if named and not any(_is_number(cell, layout.decimal) for cell in cells) else []
+    if first < 1:
+        return []
+    cells, below = (split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
+    named = len(cells) == len(below) and all(number_in(cell, layout.decimal) is None for cell in cells)
+    return cells if named else []
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Tell whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
-    told = [cell.strip("[]()") for cell in cells]
-    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in told)
+    """Whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
+    units = [cell.strip("[]()") for cell in cells]
+    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in units)
 
 
 def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
     """Give the names in the last comment above the numbers, as ``read_columns`` takes them."""
-    comments = [text.strip() for n, text in begin if n < first and text.strip().startswith(Layout().comments)]
-    if not comments:
-        return []
-    sign = next(sign for sign in Layout().comments if comments[-1].startswith(sign))
-    names = re.split(r"[\s,;|]+", comments[-1].removeprefix(sign).strip())
-    return names if len(names) == width else []
+    found = (column_names(text.strip(), Layout().comments) for n, text in begin if n < first)
+    names = [cells for cells in found if cells is not None]
+    return names[-1] if names and len(names[-1]) == width else []
 
 
 def _numbers(
@@ -174,10 +167,13 @@ def _numbers(
             return {}, dict.fromkeys(wanted, str(error))
     else:
         return {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)}, {}
-    parts = [_numbers(path, layout, [number], sha256) for number in wanted]
-    return {n: v for found, _ in parts for n, v in found.items()}, {
-        n: t for _, told in parts for n, t in told.items()
-    }
+    numbers: dict[int, NDArray[np.float64]] = {}
+    faults: dict[int, str] = {}
+    for number in wanted:
+        found, fault = _numbers(path, layout, [number], sha256)
+        numbers |= found
+        faults |= fault
+    return numbers, faults
 
 
 def _entries(

@@ -3,54 +3,63 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
 from rsgen.inspection.clues import (
+    BOTH_SIGNS,
     DECIBEL,
     DRIVE,
-    EXCITATIONS,
+    EVEN,
+    FEW,
     FORCE,
     FREQUENCY,
     IMAGINARY,
     LEVEL,
     LOAD,
+    LONG,
     NAMES,
     NOMINAL,
     PHASE,
+    POSITIVE,
     QUANTITIES,
     QUOTIENT,
+    RADIAN,
     RATE,
     REAL,
+    REAL_PART,
     RESPONSE,
     RESPONSE_UNITS,
     RMS,
     SPREAD,
     TIME,
-    all_of,
-    evenly_spaced,
-    has_both_signs,
-    has_few,
-    is_long,
-    is_named,
-    is_positive,
-    is_radian,
-    is_real,
-    is_unit,
+    USABLE,
+    VARIES,
+    Clue,
     last_name,
-    moves,
     of_size,
     phase_sense,
     remarked,
-    tells,
     unit_for,
     unit_in,
-)
+    with_unit,
+)  # fmt: skip
+from rsgen.measurement.plan import Layout
 from rsgen.measurement.tree import Contents, Entry
 
 __all__ = ["Proposal", "propose"]
+
+_EXCITATIONS = {
+    "step": "stepped-sine",
+    **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
+}
+"""Excitations by what stands in the name of a file."""
+_HERTZ = ("Hz", "kHz", "mHz", "rad/s", "rpm")
+_SECONDS = ("s", "ms", "us")
+_IS_RESPONSE = with_unit(*RESPONSE_UNITS)
+_IS_FORCE = with_unit("N")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,20 +85,19 @@ class _Guess:
         self.contents = contents
         readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
         usable = [e if e.unit else replace(e, unit=unit_in(last_name(e))) for e in readable]
-        self.free = [e for e in usable if not SPREAD.search(last_name(e)) and (e.size == 1 or tells(e))]
+        self.free = [e for e in usable if not SPREAD(e) and (e.size == 1 or USABLE(e))]
         self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
+        self.unnamed = Clue(lambda _: self.nameless)
         self.run: tuple[str, str] | None = None
         self.tables: dict[str, dict[str, Any]] = {}
         self.doubts: dict[str, str] = {}
 
-    def take(self, *tests: Callable[[Entry], bool]) -> Entry | None:
-        """Take the first entry that passes the first test that any passes."""
-        for test in tests:
-            for entry in self.free:
-                if test(entry):
-                    self.free.remove(entry)
-                    return entry
-        return None
+    def take(self, *clues: Clue) -> Entry | None:
+        """Take the first entry for which the first clue that holds for any holds."""
+        entry = next((entry for clue in clues for entry in self.free if clue(entry)), None)
+        if entry is not None:
+            self.free.remove(entry)
+        return entry
 
     def address(self, entry: Entry) -> int | str:
         if self.run:
@@ -145,7 +153,7 @@ def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
             table["unit"] = entry.unit
             guess.doubts["test.response.unit"] = "decibels are not read: write linear numbers into the file"
     per = bool(known) and target.endswith("/N")
-    quotient = QUOTIENT.search(last_name(entry)) or "over force" in entry.remark
+    quotient = QUOTIENT(entry) or "over force" in entry.remark
     if per or quotient or "frequency response" in entry.remark:
         table["unit"] += "" if per else "/N"
         table["per_force"] = True
@@ -163,47 +171,40 @@ def _unknown(entry: Entry) -> str:
     return entry.unit_source or "not in the file"
 
 
+def _time(guess: _Guess, time: Entry | None, rate: Entry | None) -> int:
+    """Write where the time is; give the number of samples."""
+    if time is not None:
+        table: dict[str, Any] = {"column": guess.address(time)}
+        guess.tables["test.time"] = table | ({"unit": time.unit} if time.unit in _SECONDS[1:] else {})
+        return time.size
+    guess.tables["test.time"] = {"rate": "1000 Hz"} if rate is None else {"rate_column": guess.address(rate)}
+    if rate is None:
+        guess.doubts["test.time.rate"] = "not in the file: write the sampling rate"
+    return max((max(entry.shape, default=1) for entry in guess.free), default=0)
+
+
 def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
     stem = guess.contents.file.stem.casefold()
-    told_by_name = (kind for sign, kind in EXCITATIONS.items() if sign in stem)
-    test: dict[str, Any] = {"excitation": next(told_by_name, "swept-sine")}
+    kinds = (kind for sign, kind in _EXCITATIONS.items() if sign in stem)
+    test: dict[str, Any] = {"excitation": next(kinds, "swept-sine")}
     guess.tables["test"] = test
-    if time is not None:
-        size = time.size
-        table: dict[str, Any] = {"column": guess.address(time)}
-        if time.unit in ("ms", "us"):
-            table["unit"] = time.unit
-    else:
-        size = max((e.size for e in guess.free), default=0)
-        size = max((max(e.shape) for e in guess.free if e.shape), default=size)
-        table = {"rate_column": guess.address(rate)} if rate is not None else {"rate": "1000 Hz"}
-        if rate is None:
-            guess.doubts["test.time.rate"] = "not in the file: write the sampling rate"
-    guess.tables["test.time"] = table
-    fits = all_of(is_real, is_long, moves, of_size(size))
-    force = guess.take(
-        all_of(fits, lambda e: is_unit(e, "N")),
-        all_of(fits, remarked("force")),
-        all_of(fits, is_named(FORCE)),
-        all_of(fits, is_named(DRIVE)),
-    )
+    fits = REAL & LONG & VARIES & of_size(_time(guess, time, rate))
+    force = guess.take(fits & _IS_FORCE, fits & remarked("force"), fits & FORCE, fits & DRIVE)
     if force is None:
         test["excitation"] = "ring-down"
         guess.doubts["test.excitation"] = "no force was found"
     else:
         guess.doubts["test.excitation"] = "swept-sine, stepped-sine or ring-down"
         guess.tables["test.force"] = {"samples": guess.address(force), "unit": _unit_of_force(guess, force)}
-    response = guess.take(
-        all_of(fits, lambda e: is_unit(e, *RESPONSE_UNITS)), all_of(fits, is_named(RESPONSE)), fits
-    )
-    told: dict[str, Any] = {}
+    response = guess.take(fits & _IS_RESPONSE, fits & RESPONSE, fits)
+    table: dict[str, Any] = {}
     if response is not None:
-        _quantity_of(guess, response, told)
-        told["samples"] = guess.address(response)
-        if told["samples"] != response.path and str(told["samples"]).endswith("[1]"):
+        _quantity_of(guess, response, table)
+        table["samples"] = guess.address(response)
+        if table["samples"] != response.path and str(table["samples"]).endswith("[1]"):
             sides = [length for length in response.shape if length > 1]
             guess.doubts["test.response.samples"] = f"channels 1 to {min(sides)}"
-    guess.tables["test.response"] = told
+    guess.tables["test.response"] = table
 
 
 def _scale(entry: Entry) -> dict[str, str]:
@@ -224,41 +225,46 @@ def _unit_of_force(guess: _Guess, entry: Entry) -> str:
     return known or "N"
 
 
-def _response(guess: _Guess, fits: Callable[[Entry], bool]) -> dict[str, Any]:
+def _response(guess: _Guess, fits: Clue) -> dict[str, Any]:
     table: dict[str, Any] = {}
-    whole = guess.take(all_of(fits, lambda entry: not is_real(entry)))
+    whole = guess.take(fits & ~REAL)
     if whole is not None:
         _quantity_of(guess, whole, table)
         return table | {"complex": guess.address(whole), "phase_sense": "lead"}
-    real = guess.take(
-        all_of(fits, is_named(REAL)), all_of(fits, has_both_signs, lambda entry: guess.nameless)
-    )
-    imaginary = None
-    if real is not None:
-        imaginary = guess.take(
-            all_of(fits, is_named(IMAGINARY)), all_of(fits, has_both_signs, lambda entry: guess.nameless)
-        )
+    by_values = fits & BOTH_SIGNS & guess.unnamed
+    real = guess.take(fits & REAL_PART, by_values)
+    imaginary = None if real is None else guess.take(fits & IMAGINARY, by_values)
     if real is not None and imaginary is not None:
         _quantity_of(guess, real, table)
         table |= {"real": guess.address(real), "imaginary": guess.address(imaginary)}
         return table | {"phase_sense": "lead"}
     if real is not None:
         guess.free.insert(0, real)
-    phase = guess.take(all_of(fits, is_named(PHASE)))
-    amplitude = guess.take(
-        all_of(fits, lambda entry: is_unit(entry, *RESPONSE_UNITS)),
-        all_of(fits, is_named(RESPONSE)),
-        fits,
-    )
+    phase = guess.take(fits & PHASE)
+    amplitude = guess.take(fits & _IS_RESPONSE, fits & RESPONSE, fits)
     if amplitude is not None:
         _quantity_of(guess, amplitude, table)
         table |= {"amplitude": guess.address(amplitude)} | _scale(amplitude)
     if phase is None:
         return table | {"phase_known": False}
     table["phase"] = guess.address(phase)
-    if is_radian(phase):
+    if RADIAN(phase):
         table["phase_unit"] = "rad"
     return table | {"phase_sense": phase_sense(phase, table.get("quantity", "displacement"))}
+
+
+def _level(guess: _Guess, level: Entry | None, force: Entry | None, runs: int) -> dict[str, Any]:
+    """Give the table of the level; empty where the forces make the levels."""
+    if level is not None:
+        unit = {"unit": unit_for(level.unit, "N")} if _IS_FORCE(level) else {}
+        return {"column": guess.address(level)} | unit
+    if force is not None:
+        return {}
+    if runs:
+        guess.doubts["test.level.values"] = "write the force amplitude of each"
+        return {"values": ["1 N"] * runs}
+    guess.doubts["test.level.value"] = "write the force amplitude of this file"
+    return {"value": "1 N"}
 
 
 def _amplitudes(guess: _Guess, frequency: Entry) -> None:
@@ -268,51 +274,60 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
     if runs is not None:
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
-    column: dict[str, Any] = {"column": guess.address(frequency)}
-    if frequency.unit in ("kHz", "mHz", "rad/s", "rpm"):
-        column["unit"] = frequency.unit
-    guess.tables["test.frequency"] = column
-    alike = all_of(is_long, of_size(size))
-    level = guess.take(
-        all_of(is_real, is_positive, is_named(LEVEL), lambda entry: entry.size < size),
-        all_of(alike, is_real, is_positive, is_named(NOMINAL), has_few),
+    unit = {"unit": frequency.unit} if frequency.unit in _HERTZ[1:] else {}
+    guess.tables["test.frequency"] = {"column": guess.address(frequency)} | unit
+    alike = LONG & of_size(size)
+    # a level with a name goes first, for its name may be one of a force, too
+    named = guess.take(
+        REAL & POSITIVE & LEVEL & Clue(lambda entry: entry.size < size),
+        alike & REAL & POSITIVE & NOMINAL & FEW,
     )
-    leveled: dict[str, Any] = {} if level is None else {"column": guess.address(level)}
-    if level is not None and is_unit(level, "N"):
-        leveled["unit"] = unit_for(level.unit, "N")
-    fits = all_of(alike, moves)
+    fits = alike & VARIES
     force = guess.take(
-        all_of(alike, is_real, lambda entry: is_unit(entry, "N")),
-        all_of(alike, is_real, is_positive, is_named(FORCE)),
-        all_of(alike, is_real, is_positive, is_named(DRIVE)),
-        all_of(fits, is_real, is_positive, has_few, lambda entry: guess.nameless),
-        all_of(fits, lambda entry: not is_real(entry), is_named(LOAD)),
+        alike & REAL & _IS_FORCE,
+        alike & REAL & POSITIVE & FORCE,
+        alike & REAL & POSITIVE & DRIVE,
+        fits & REAL & POSITIVE & FEW & guess.unnamed,
+        fits & ~REAL & LOAD,
     )
     response = _response(guess, fits)
     if response.get("phase_sense"):
         guess.doubts["test.response.phase_sense"] = "a positive phase means later (lag) or earlier (lead)"
-    if force is not None:
-        told = {"amplitude": guess.address(force), "unit": _unit_of_force(guess, force)} | _scale(force)
-        if not is_real(force):
-            told = {"complex": told["amplitude"], "unit": told["unit"], "phase_sense": "lead"}
-        guess.tables["test.force"] = told
-        guess.tables["test.response"] = response
-        if leveled:
-            guess.tables["test.level"] = leveled
-        elif has_few(force):
-            guess.tables["test.level"] = {"column": told["amplitude"], "unit": told["unit"]}
-        return
-    guess.tables["test.force"] = {"nominal": True}
-    guess.doubts["test.force.nominal"] = "no force was found, so the level stands for it"
-    guess.tables["test.response"] = response
-    if leveled:
-        guess.tables["test.level"] = leveled
-    elif runs is not None:
-        guess.tables["test.level"] = {"values": ["1 N"] * runs[2]}
-        guess.doubts["test.level.values"] = "write the force amplitude of each"
+    level = _level(guess, named, force, runs[2] if runs else 0)
+    if force is None:
+        table: dict[str, Any] = {"nominal": True}
+        guess.doubts["test.force.nominal"] = "no force was found, so the level stands for it"
     else:
-        guess.tables["test.level"] = {"value": "1 N"}
-        guess.doubts["test.level.value"] = "write the force amplitude of this file"
+        table = {"amplitude": guess.address(force), "unit": _unit_of_force(guess, force)} | _scale(force)
+        if FEW(force):
+            level = level or {"column": table["amplitude"], "unit": table["unit"]}
+        if not REAL(force):
+            table = {"complex": table["amplitude"], "unit": table["unit"], "phase_sense": "lead"}
+    guess.tables |= {"test.force": table, "test.response": response} | (
+        {"test.level": level} if level else {}
+    )
+
+
+def _abscissa(guess: _Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
+    """Take the time, the sampling rate or the frequency."""
+    tabled = REAL & LONG & VARIES & POSITIVE
+    time = guess.take(EVEN & Clue(lambda entry: entry.unit in _SECONDS) & ~FREQUENCY)
+    if time is not None:
+        return time, None, None
+    frequency = guess.take(tabled & Clue(lambda entry: entry.unit in _HERTZ), tabled & FREQUENCY)
+    if frequency is not None:
+        return None, None, frequency
+    time = guess.take(EVEN & TIME)
+    rate = None if time else guess.take(~LONG & RATE & POSITIVE)
+    if time is rate is None and guess.nameless:
+        # without names: what turns back is the frequency rather than what rises as time does
+        many = tabled & ~FEW & Clue(lambda entry: (entry.low or 0) > 0)
+        frequency = guess.take(many & Clue(lambda entry: entry.order == "mixed"), many)
+        if frequency is not None:
+            guess.doubts["test.frequency.column"] = (
+                "the columns have no names: all are guesses by their values"
+            )
+    return time, rate, frequency
 
 
 def propose(contents: Contents) -> Proposal | None:
@@ -324,56 +339,22 @@ def propose(contents: Contents) -> Proposal | None:
         What ``list_contents`` found.
     """
     guess = _Guess(contents)
-    timed = evenly_spaced
-    hertz = ("Hz", "kHz", "mHz", "rad/s", "rpm")
-    tabled = all_of(is_real, is_long, moves, is_positive)
-    seconds = all_of(timed, lambda entry: entry.unit in ("s", "ms", "us"))
-    time = guess.take(all_of(seconds, lambda entry: not FREQUENCY.search(last_name(entry))))
-    frequency = rate = None
-    if time is None:
-        frequency = guess.take(
-            all_of(tabled, lambda entry: entry.unit in hertz), all_of(tabled, is_named(FREQUENCY))
-        )
-    if time is None and frequency is None:
-        time = guess.take(all_of(timed, is_named(TIME)))
-        rate = (
-            guess.take(all_of(lambda entry: entry.size == 1, is_named(RATE), is_positive))
-            if not time
-            else None
-        )
-    if time is rate is frequency is None and guess.nameless:
-        # without names: what turns back is the frequency rather than what rises as time does
-        many = all_of(tabled, lambda entry: not has_few(entry) and (entry.low or 0) > 0)
-        frequency = guess.take(all_of(many, lambda entry: entry.order == "mixed"), many)
-        if frequency is not None:
-            guess.doubts["test.frequency.column"] = (
-                "the columns have no names: all are guesses by their values"
-            )
+    time, rate, frequency = _abscissa(guess)
     if frequency is not None:
         _amplitudes(guess, frequency)
     elif any(entry.size > 15 for entry in guess.free):
         _history(guess, time, rate)
     else:
         return None
-    if not guess.tables["test.response"]:
-        return None
-    if "samples" not in guess.tables["test.response"] and not any(
-        key in guess.tables["test.response"] for key in ("amplitude", "complex", "real")
-    ):
+    if not guess.tables["test.response"].keys() & {"samples", "amplitude", "complex", "real"}:
         return None
     fixed = {"sha256": contents.sha256} if contents.sha256 else {}
     guess.doubts["test.sha256"] = "the last line has no end: see that nothing is cut off"
     guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **fixed, **guess.tables["test"]}
-    layout = contents.layout
-    if layout is not None:
-        told: dict[str, str | int] = {
-            "delimiter": layout.delimiter,
-            "decimal": layout.decimal,
-            "skip": layout.skip,
-        }
-        told["encoding"] = layout.encoding
-        plain = {"delimiter": "auto", "decimal": ".", "skip": 0, "encoding": "auto"}
-        needed = {key: value for key, value in told.items() if value != plain[key]}
+    if contents.layout is not None:
+        keys = ("delimiter", "decimal", "skip", "encoding")
+        found = {key: getattr(contents.layout, key) for key in keys}
+        needed = {key: value for key, value in found.items() if value != getattr(Layout(), key)}
         if needed:
             guess.tables = {"test": guess.tables["test"], "test.layout": needed, **guess.tables}
     return Proposal(guess.tables, guess.doubts)

@@ -19,10 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
+from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label, open_regular
 from rsgen.measurement.plan import Layout
 
-__all__ = ["Columns", "read_columns", "text_lines"]
+__all__ = [
+    "Columns", "automatic_delimiter", "column_names", "number_in", "read_columns", "split_cells",
+    "text_lines",
+]  # fmt: skip
 
 MAX_BYTES = 256 * 2**20
 MAX_LINE = 1_000_000
@@ -47,19 +51,36 @@ class Columns:
         (n,) line of each row in the file, from 1.
     block
         (n,) number of the block of each row; blank and comment lines separate blocks.
-    sha256
-        Of the whole file.
     """
 
     values: NDArray[np.float64]
     line: NDArray[np.int64]
     block: NDArray[np.int64]
-    sha256: str
 
 
-def _show(text: str, limit: int = 30) -> str:
-    escaped = text[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
-    return repr(escaped) + ("..." if len(text) > limit else "")
+def split_cells(text: str, delimiter: str | None) -> list[str]:
+    """Split a line into cells, without blanks and quotes around them."""
+    if delimiter == "whitespace":
+        return text.split()
+    return [cell.strip().strip('"').strip() for cell in text.split(delimiter)]
+
+
+def automatic_delimiter(text: str, decimal: str) -> str:
+    """Find the delimiter of a line: the first of ; tab , | in it but the decimal sign, else blanks."""
+    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
+
+
+def number_in(cell: str, decimal: str) -> float | None:
+    """Read a plain number (digits, sign, decimal sign, exponent); None where the cell holds none."""
+    if decimal == ",":
+        cell = cell.replace(",", ".") if "." not in cell else "?"
+    return float(cell) if _NUMBER.match(cell) else None
+
+
+def column_names(line: str, comments: Sequence[str]) -> list[str] | None:
+    """Give the names that a comment above the numbers may hold; None where the line is no comment."""
+    sign = next((sign for sign in comments if line.startswith(sign)), None)
+    return None if sign is None else re.split(r"[\s,;|]+", line.removeprefix(sign).strip())
 
 
 class _Table:
@@ -82,26 +103,20 @@ class _Table:
     def fail(self, line: int, what: str) -> MeasurementError:
         return MeasurementError(f"{self.name}: line {line}: {what}")
 
-    def cells(self, text: str) -> list[str]:
-        if self.delimiter == "whitespace":
-            return text.split()
-        return [cell.strip().strip('"').strip() for cell in text.split(self.delimiter)]
-
     def settle(self, line: int, text: str) -> None:
         """Find delimiter, number of columns and places of the wanted ones from the first line."""
         if self.delimiter is None:
-            candidates = [sign for sign in (";", "\t", ",", "|") if sign != self.layout.decimal]
-            self.delimiter = next((sign for sign in candidates if sign in text), "whitespace")
-        cells = self.cells(text)
+            self.delimiter = automatic_delimiter(text, self.layout.decimal)
+        cells = split_cells(text, self.delimiter)
         self.width = len(cells)
         if self.width > MAX_COLUMNS:
             raise self.fail(line, f"{self.width} columns; at most {MAX_COLUMNS} are read")
-        header = not any(self.number(cell) is not None for cell in cells)
+        header = all(number_in(cell, self.layout.decimal) is None for cell in cells)
         names = cells if header else self.remark if len(self.remark) == self.width else []
         for name in names if header else []:
             if name.startswith(_FORMULA):
                 raise self.fail(
-                    line, f"column name {_show(name)} looks like a formula; a plain name is needed"
+                    line, f"column name {show(name)} looks like a formula; a plain name is needed"
                 )
         self.places = [self.place(line, column, names) for column in self.wanted]
         if not header:
@@ -116,14 +131,9 @@ class _Table:
         if len(found) == 1:
             return found[0]
         if found:
-            raise self.fail(line, f"{len(found)} columns are named {_show(column)}; give the column's number")
-        known = ", ".join(_show(name) for name in names[:12]) or "none, the file has no header; give a number"
-        raise self.fail(line, f"no column named {_show(column)}; known: {known}")
-
-    def number(self, cell: str) -> float | None:
-        if self.layout.decimal == ",":
-            cell = cell.replace(",", ".") if "." not in cell else "?"
-        return float(cell) if _NUMBER.match(cell) else None
+            raise self.fail(line, f"{len(found)} columns are named {show(column)}; give the column's number")
+        known = ", ".join(show(name) for name in names[:12]) or "none, the file has no header; give a number"
+        raise self.fail(line, f"no column named {show(column)}; known: {known}")
 
     def row(self, line: int, text: str) -> None:
         values = self.quick(text)
@@ -158,34 +168,33 @@ class _Table:
 
     def careful(self, line: int, text: str) -> None:
         """Read a line cell by cell and say what is wrong with the first faulty one."""
-        cells = self.cells(text)
+        cells = split_cells(text, self.delimiter)
         if len(cells) != self.width:
             raise self.fail(line, f"{len(cells)} values; every line must have {self.width}, as the first")
         for place in self.places:
-            value = self.number(cells[place])
+            value = number_in(cells[place], self.layout.decimal)
             if value is None:
                 raise self.fail(line, f"column {place + 1}: {self.reason(cells[place])}")
             if not isfinite(value):
-                raise self.fail(line, f"column {place + 1}: {_show(cells[place])} is too large for a number")
+                raise self.fail(line, f"column {place + 1}: {show(cells[place])} is too large for a number")
             self.values.append(value)
 
     def reason(self, cell: str) -> str:
         if not cell:
             return "is empty; give a number, or take the row out"
         if _NONFINITE.match(cell):
-            return f"{_show(cell)} is not finite; give a number, or take the row out"
+            return f"{show(cell)} is not finite; give a number, or take the row out"
         if self.layout.decimal == "." and "," in cell:
-            return f"{_show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
-        return f"{_show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
+            return f"{show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
+        return f"{show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
 
     def take(self, line: int, text: str) -> None:
         stripped = text.strip()
-        comment = next((sign for sign in self.layout.comments if stripped.startswith(sign)), None)
-        if not stripped or comment:
+        names = column_names(stripped, self.layout.comments)
+        if not stripped or names is not None:
             self.separated = True
-            if comment and not self.width:
-                # a comment above the numbers may name the columns
-                self.remark = re.split(r"[\s,;|]+", stripped.removeprefix(comment).strip())
+            if names is not None and not self.width:
+                self.remark = names
         elif self.width:
             self.row(line, text)
         else:
@@ -288,5 +297,4 @@ def read_columns(
         values=np.array(table.values).reshape(rows, len(wanted)),
         line=np.array(table.lines, dtype=np.int64),
         block=np.array(table.blocks, dtype=np.int64),
-        sha256=found,
     )

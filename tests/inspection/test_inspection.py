@@ -19,8 +19,7 @@ from rsgen.case import load_case
 from rsgen.cli import main
 from rsgen.cli.inspect_command import proposal_text
 from rsgen.errors import MeasurementError
-from rsgen.inspection.listing import list_contents
-from rsgen.inspection.proposal import Proposal, propose
+from rsgen.inspection import Proposal, list_contents, propose
 from rsgen.measurement import Layout, MeasuredTest, read_measurement
 from rsgen.measurement.text_columns import read_columns, text_lines
 

@@ -11,8 +11,7 @@ import pytest
 
 from rsgen.case import load_case
 from rsgen.errors import MeasurementError
-from rsgen.inspection.listing import list_contents
-from rsgen.inspection.proposal import propose
+from rsgen.inspection import list_contents, propose
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.measurement.uff_units import unit_system
 from rsgen.surface import ResponseSurface
