@@ -106,7 +106,7 @@ def select(values: NDArray[Any], index: str | None, path: str) -> NDArray[Any]:
     Raises
     ------
     MeasurementError
-        No such channel, no matrix, or a square one where the side is not said.
+        No such channel, no matrix, or a square one where the side is not given.
 
     Examples
     --------

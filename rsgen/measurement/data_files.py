@@ -25,7 +25,7 @@ _OTHERS = (
     (0, b"7z\xbc\xaf", "a packed file; unpack it"),
     (0, b"%PDF", "a PDF; text, MATLAB, HDF5, NumPy and universal files are read"),
 )
-"""What laboratories send besides: place of the sign, sign, what it is."""
+"""Other files that laboratories send: place of the signature, signature, what it is."""
 
 
 def file_label(path: Path) -> str:
@@ -58,7 +58,7 @@ def open_regular(path: Path, most: int) -> IO[bytes]:
 
 
 def recognise_format(path: Path) -> str:
-    """Tell the format of a data file by how it begins, then by its ending.
+    """Recognise the format of a data file by how it begins, then by its ending.
 
     Returns
     -------

@@ -17,8 +17,8 @@ from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
 from rsgen.measurement.file_units import scaled
+from rsgen.measurement.nominal_levels import level_of_file
 from rsgen.measurement.plan import HistoryRule, MeasuredTest
-from rsgen.measurement.runs import level_of_file
 
 __all__ = ["read_histories"]
 
@@ -59,7 +59,7 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     force = test.force.samples if test.force is not None else None
     response = test.response.samples
     if response is None or (test.force is not None and force is None):
-        raise MeasurementError("signal: a time history is told by samples, its column")
+        raise MeasurementError("signal: a time history needs samples, its column")
     apart = bool(test.response_files)
     if force == response and not apart:
         raise MeasurementError(f"{label}: {show(response)} is force and response; they must differ")
@@ -79,7 +79,7 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
         rate = rule.rate or 0.0
     for name in (rule.time, rule.rate_column):
         if name is not None and name not in (force, response):
-            # a long column of instants has said what it had to say
+            # a long column of instants is not needed any more
             del rows[name]
     length = len(other[response])
     if force is not None and len(rows[force]) != length:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.measurement.file_table import Table, read_table
+from rsgen.measurement.nominal_levels import group_levels, level_of_file
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
-from rsgen.measurement.runs import group_levels, level_of_file
 from rsgen.surface import ResponseSurface, recognise_directions
 
 __all__ = ["read_measurement"]
@@ -28,7 +28,7 @@ class _Part:
     force: NDArray[np.complex128]
     displacement: NDArray[np.complex128]
     level: NDArray[np.float64] | None
-    said: NDArray[np.float64] | None
+    mark: NDArray[np.float64] | None
     block: NDArray[np.int64]
     findings: tuple[Finding, ...]
 
@@ -88,7 +88,7 @@ def _level_of_entries(values: tuple[float, ...], table: Table) -> NDArray[np.flo
 
 def _part(test: MeasuredTest, number: int) -> _Part:
     if test.frequency is None:
-        raise MeasurementError("frequency: is missing; where it is must be told")
+        raise MeasurementError("frequency: is missing; where it is must be given")
     table, other = _tables(test, number)
     raw = table.real(test.frequency)
     table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
@@ -114,16 +114,16 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     elif level is not None:
         force = level.astype(np.complex128)
     else:
-        raise MeasurementError(f"{table.label}: no force recorded and no level told; one of them is needed")
+        raise MeasurementError(f"{table.label}: no force recorded and no level given; one of them is needed")
     response = _signal(other, test.response, test.response_factor, "response")
     if test.per_force:
         response = response * force
     displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
-    said = None if test.sweep.column is None else table.real(test.sweep.column)
+    mark = None if test.sweep.column is None else table.real(test.sweep.column)
     findings = table.findings if same else (*table.findings, *other.findings)
-    return _Part(frequency, force, displacement, level, said, table.block, findings)
+    return _Part(frequency, force, displacement, level, mark, table.block, findings)
 
 
 def _as_number(value: int | str | None) -> float:
@@ -139,12 +139,12 @@ def _directions(
     rule: SweepRule,
     frequency: NDArray[np.float64],
     level: NDArray[np.float64],
-    said: NDArray[np.float64] | None,
+    mark: NDArray[np.float64] | None,
     block: NDArray[np.int64],
 ) -> NDArray[np.str_]:
-    if said is not None:
+    if mark is not None:
         up, down = (_as_number(value) for value in (rule.up, rule.down))
-        return np.where(said == up, "up", np.where(said == down, "down", "rest"))
+        return np.where(mark == up, "up", np.where(mark == down, "down", "rest"))
     if rule.direction == "recognise":
         return recognise_directions(frequency, level, block)
     return np.full(len(frequency), rule.direction, dtype="U4")
@@ -155,9 +155,9 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     frequency = np.concatenate([part.frequency for part in parts])
     force = np.concatenate([part.force for part in parts])
     displacement = np.concatenate([part.displacement for part in parts])
-    told = [part.level for part in parts if part.level is not None]
-    level = np.concatenate(told) if told else group_levels(np.abs(force), test.level.spread)
-    saids = [part.said for part in parts if part.said is not None]
+    levels = [part.level for part in parts if part.level is not None]
+    level = np.concatenate(levels) if levels else group_levels(np.abs(force), test.level.spread)
+    marks = [part.mark for part in parts if part.mark is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
     findings = [finding for part in parts for finding in part.findings]
@@ -168,14 +168,14 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         frequency=frequency,
         force=force,
         response=displacement.astype(np.complex128),
-        sweep=_directions(test.sweep, frequency, level, np.concatenate(saids) if saids else None, block),
+        sweep=_directions(test.sweep, frequency, level, np.concatenate(marks) if marks else None, block),
         phase_known=test.phase_known,
         findings=tuple(findings),
     )
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    # imported here, for the process that opens binary files imports this room and must start quickly
+    # imported here, for the process that opens binary files imports this module and must start quickly
     from rsgen.history import from_free_decay, from_stepped_sine, from_swept_sine, record_findings
     from rsgen.measurement.histories import read_histories
 
@@ -197,7 +197,7 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     """Read a measured test.
 
     Velocity and acceleration are integrated in the frequency domain, X = V/(i omega) = -A/omega^2. The
-    phase of the response counts from the force. Rows at 0 Hz are passed over. The mean is not measured by
+    phase of the response counts from the force. Rows at 0 Hz are skipped. The mean is not measured by
     such a test and stands as 0; peaks, residual and error are unknown (NaN).
 
     Parameters

@@ -1,8 +1,8 @@
 """The process that opens binary files: it limits itself, reads from standard input, answers with raw numbers.
 
 Readers of binary formats are large programs in C that were not written for hostile files. So they run here,
-in a process of their own that can open no further file, write none, start nothing and take only so much
-memory and time. What comes back is a line of JSON and bytes of numbers: nothing that could be executed.
+in a separate process that can open no further file, write none, start nothing and whose memory and time are
+limited. What comes back is a line of JSON and bytes of numbers: nothing that could be executed.
 """
 
 from __future__ import annotations

@@ -307,7 +307,7 @@ class _Sets:
         if count > self.size - self.file.tell():
             raise self.lines.fail(f"declares {count} bytes; the file has {self.size - self.file.tell()} left")
         data = self.file.read(count)
-        # the closing line may follow at once or on a line of its own
+        # the closing line may follow at once or on the next line
         raw = self.lines.next()
         if raw is not None and not raw.strip():
             raw = self.lines.next()

@@ -75,8 +75,8 @@ class _Equations:
         value = _Form(rest.known, others) ** (-1 / power)
         for other, form_of in self.solved.items():
             if name in form_of.unknown:
-                kept = {key: exponent for key, exponent in form_of.unknown.items() if key != name}
-                self.solved[other] = _Form(form_of.known, kept) * value ** form_of.unknown[name]
+                others = {key: exponent for key, exponent in form_of.unknown.items() if key != name}
+                self.solved[other] = _Form(form_of.known, others) * value ** form_of.unknown[name]
         self.solved[name] = value
         return None
 

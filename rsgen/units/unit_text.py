@@ -1,4 +1,4 @@
-"""Text of a unit to its size and dimension; the grammar is rsgen's own, pint knows the single names."""
+"""Text of a unit to its size and dimension; rsgen has the grammar, pint the single names."""
 
 from __future__ import annotations
 

@@ -32,9 +32,9 @@ MEASURED = sorted(
 
 @pytest.fixture(autouse=True)
 def _keep_signals() -> object:
-    kept = signal.getsignal(signal.SIGTERM)
+    handler = signal.getsignal(signal.SIGTERM)
     yield
-    signal.signal(signal.SIGTERM, kept)
+    signal.signal(signal.SIGTERM, handler)
 
 
 def call(*words: str | Path) -> int:
@@ -93,7 +93,7 @@ def test_units_and_names_tell_what_is_what() -> None:
     [
         ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
         (
-            "made by a recorder\nserial 12, room 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n",
+            "made by a recorder\nserial 12, bench 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n",
             {"skip": 2},
             "freq",
         ),
@@ -127,10 +127,10 @@ def test_what_is_inside_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
         assert word in shown
     assert call("inspect", FORMATS / "steps.h5", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["format"] == "hdf5"
-    assert told["entries"][0]["shape"] == [10880]
-    assert told["test"]["test.time"] == {"rate_column": "rate"}
+    found = json.loads(capsys.readouterr().out)
+    assert found["format"] == "hdf5"
+    assert found["entries"][0]["shape"] == [10880]
+    assert found["test"]["test.time"] == {"rate_column": "rate"}
 
 
 def test_faulty_files_are_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -241,7 +241,7 @@ def test_a_text_of_a_german_laboratory_is_read(tmp_path: Path, encoding: str) ->
     assert table["response"]["phase"] == "Phase [°]"
     case = tmp_path / "a.toml"
     assert call("init", "--from", path, case) == 0
-    # recognised without being told, too
+    # recognised without the key, too
     case.write_text(case.read_text(encoding="utf-8").replace('encoding = "cp1252"', ""), encoding="utf-8")
     test = load_case(case).test
     assert isinstance(test, MeasuredTest)
@@ -263,7 +263,7 @@ def proposed_column(path: Path, encoding: str) -> str:
 
 
 def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Else a table with a gap would begin below it, and the rows above would be lost without a word."""
+    """Else a table with a gap would begin below it, and the rows above would be lost in silence."""
     path = tmp_path / "a.csv"
     rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
     rows[7] = "8.7,1,NaN,17,"
@@ -382,7 +382,7 @@ def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "begin", "told"),
+    ("name", "begin", "found"),
     [
         (
             "a.xlsx",
@@ -395,14 +395,14 @@ def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
         ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
     ],
 )
-def test_what_laboratories_send_besides_is_named(tmp_path: Path, name: str, begin: bytes, told: str) -> None:
+def test_other_files_of_laboratories_are_named(tmp_path: Path, name: str, begin: bytes, found: str) -> None:
     path = tmp_path / name
     path.write_bytes(begin)
-    with pytest.raises(MeasurementError, match=told):
+    with pytest.raises(MeasurementError, match=found):
         list_contents(path)
 
 
-def test_a_damaged_file_is_told_in_words_of_the_user(tmp_path: Path) -> None:
+def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"f": np.arange(9.0)})
     data = bytearray(path.read_bytes())

@@ -28,7 +28,7 @@ CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "csv.json").read_tex
 LEVELS = np.repeat([1.0, 3.0], 14)
 FREQUENCY = np.tile(np.concatenate([np.linspace(8, 11, 7), np.linspace(11, 8, 7)]), 2)
 OMEGA = 2 * np.pi * FREQUENCY
-# the force drifts within a level and has a phase of its own, as from a real shaker
+# the force drifts within a level and has a phase, as from a real shaker
 FORCE = LEVELS * (1 + 0.02 * np.sin(FREQUENCY)) * np.exp(0.3j)
 MASS, STIFFNESS, DAMPING = 1.5, 5920.0, 3.8
 DISPLACEMENT = FORCE / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
@@ -130,7 +130,7 @@ def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
 def _decimal_comma(path: Path) -> MeasuredTest:
     test = plain(path)
     path.write_text(
-        path.read_text().replace(",", ";").replace(".", ",").replace("f;Fr", "# kept: 1;5\nf;Fr"),
+        path.read_text().replace(",", ";").replace(".", ",").replace("f;Fr", "# a remark: 1;5\nf;Fr"),
         encoding="utf-8",
     )
     return MeasuredTest(
@@ -239,7 +239,7 @@ def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
     columns: list[int | str] = list(names) if len(names) > 1 else [1, 1]
     started = time.perf_counter()
     if entry["expected"].startswith("accept"):
-        # the corpus holds time histories, read here as frequency, x and v; the row at 0 is passed over
+        # the corpus holds time histories, read here as frequency, x and v; the row at 0 is skipped
         response = columns[2] if len(columns) > 2 else columns[1]
         test = MeasuredTest(
             path,
@@ -355,7 +355,7 @@ def test_rows_in_no_order_are_no_sweeps() -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "numbers"),
     [
         ("1,5;2,25;-3e-3", (1.5, 2.25, -3e-3)),
         ("1.000,5;2;3", None),
@@ -364,11 +364,11 @@ def test_rows_in_no_order_are_no_sweeps() -> None:
         ("1;;3", None),
     ],
 )
-def test_decimal_commas(tmp_path: Path, row: str, told: tuple[float, ...] | None) -> None:
+def test_decimal_commas(tmp_path: Path, row: str, numbers: tuple[float, ...] | None) -> None:
     path = tmp_path / "a.csv"
     path.write_text(f"a;b;c\n{row}\n", encoding="utf-8")
-    if told is None:
+    if numbers is None:
         with pytest.raises(MeasurementError, match=r"line 2: column \d"):
             read_columns(path, Layout(decimal=","), ["a", "b", "c"])
     else:
-        assert read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values.tolist() == [list(told)]
+        assert read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values.tolist() == [list(numbers)]

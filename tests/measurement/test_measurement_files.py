@@ -283,7 +283,7 @@ def test_universal_records() -> None:
     assert arrays(universal([1, 5, 7, 2, 6, 8], kind=5, even=0, count=2)) == [[1, 2], [5 + 7j, 6 + 8j]]
     # fields of fixed width that touch, and exponents of Fortran
     assert arrays(universal([0, 0], numbers=" -1.00000E-01-2.00000D+00"))[1] == [-0.1, -2]
-    # other data sets are passed over
+    # other data sets are skipped
     other = b"    -1\n   151\nanything\n    -1\n"
     assert arrays(other + universal([1.0]) + other)[1] == [1]
 
@@ -486,15 +486,16 @@ def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> Non
         cut = number % 3 == 0
         path = tmp_path / f"{number}-{name}"
         path.write_bytes(bytes(changed[: random.integers(100, len(content))] if cut else changed))
+        fault, entries = f"{path.name}: ", ()
         try:
             entries = list_binary(path, recognise_format(path)).entries
-        except MeasurementError as fault:
-            assert str(fault).startswith(f"{path.name}: ")
-            assert str(fault).isprintable()
-        else:
-            assert not cut
-            assert all(entry.fault or entry.dtype for entry in entries)
-            assert all(entry.low <= entry.high for entry in entries if entry.low is not None)
+        except MeasurementError as error:
+            fault = str(error)
+        assert fault.startswith(f"{path.name}: ")
+        assert fault.isprintable()
+        assert not (cut and entries)
+        assert all(entry.fault or entry.dtype for entry in entries)
+        assert all(entry.low <= entry.high for entry in entries if entry.low is not None)
 
 
 def test_the_reading_process_loads_no_more_than_it_needs() -> None:

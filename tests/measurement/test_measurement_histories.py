@@ -157,7 +157,7 @@ def test_histories_give_the_curves_they_were_made_with(name: str, damping: float
     stiffness = 5920 + 0.75 * 2e6 * surface.amplitude**2
     assert len(surface) > 10
     np.testing.assert_allclose(dynamic.real + 1.5 * surface.omega**2, stiffness, rtol=SINGLE)
-    # c is told near resonance; elsewhere it is the small part of a large force
+    # c is identifiable near resonance; elsewhere it is the small part of a large force
     near = np.abs(dynamic.imag) > 0.3 * np.abs(dynamic)
     np.testing.assert_allclose((dynamic.imag / surface.omega)[near], damping, rtol=5 * SINGLE)
 

@@ -69,6 +69,6 @@ def test_a_reversed_channel_or_phase_is_found(
     response = receptance(FREQUENCY) * 1j**order * (-1 if sign else 1)
     (finding,) = findings(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)
     assert finding.names["reversed"] == reversed_part
-    said = sentence(finding)
-    assert ("factor" in said) == sign
-    assert (f'phase_sense = "{"lead" if lag else "lag"}"' in said) == phase
+    text = sentence(finding)
+    assert ("factor" in text) == sign
+    assert (f'phase_sense = "{"lead" if lag else "lag"}"' in text) == phase

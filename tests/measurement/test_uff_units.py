@@ -1,4 +1,4 @@
-"""Universal files in other units than SI: axis labels, data set 164, and what is said about them."""
+"""Universal files in other units than SI: axis labels, data set 164, and what is reported about them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def function(
 
 
 def case_of(path: Path, response: str = "", quantity: str = "acceleration", level: str = '["1 N"]') -> Path:
-    """Write a case that reads frequency responses and leaves units to the file unless told otherwise."""
+    """Write a case that reads frequency responses; units are the file's unless ``response`` names one."""
     case = path.with_suffix(".toml")
     case.write_text(
         f'schema = 1\nname = "a"\ntitle = "a"\nsource = "synthetic"\n'

@@ -43,7 +43,7 @@ def group_levels(force: NDArray[np.float64], spread: float) -> NDArray[np.float6
 
 
 def level_of_file(test: MeasuredTest, number: int) -> float | None:
-    """Tell the level of a file from the plan and its name [N]; None where a file has no level of its own.
+    """Find the level of a file in the plan or its name [N]; None where its points differ in level.
 
     Raises
     ------
@@ -68,6 +68,6 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     level = float(match[1].replace(",", ".")) * test.level_factor
     if not level > 0:
         raise MeasurementError(
-            f"{file_label(test.files[number])}: its name tells a level of {level:g} N; above 0 needed"
+            f"{file_label(test.files[number])}: its name gives a level of {level:g} N; above 0 needed"
         )
     return level
