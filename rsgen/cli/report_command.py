@@ -7,10 +7,10 @@ from pathlib import Path
 from rsgen.case import find_cases
 from rsgen.cli.progress_bar import case_progress
 from rsgen.cli.run_command import check_figures, exit_code
-from rsgen.cli.terminal import print_json, print_line
+from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.report import write_index
-from rsgen.study import rewrite_report
+from rsgen.study import run_cases
 
 __all__ = ["report_command"]
 
@@ -22,18 +22,16 @@ def report_command(cases: list[Path], out: Path, data: Path | None, figures: str
         raise RsgenError("--figures: is for the reports of cases; name them")
     if not out.is_dir():
         raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
-    runs = []
-    if cases:
-        files = find_cases(cases)
-        with case_progress(len(files), quiet=json) as listener:
-            for path in files:
-                words = ("rsgen", "report", path.name)
-                runs.append(rewrite_report(path, out, data, words, figures, listener.progress))
-                listener.finished(runs[-1])
-    if not cases or any(run.folder for run in runs):
+    index = out / "index.html"
+    if not cases:
         write_index(out)
+        if json:
+            print_json({"index": str(index), "cases": []})
+        else:
+            print_line(f"Table of all results: {index}")
+        return ACCEPTED
+    with case_progress(len(find_cases(cases)), quiet=json) as seen:
+        runs = run_cases(cases, out, data=data, figures=figures, reuse_surface=True, **seen._asdict())
     if json:
-        print_json({"index": str(out / "index.html"), "cases": [run.name for run in runs]})
-    elif not cases:
-        print_line(f"Table of all results: {out / 'index.html'}")
+        print_json({"index": str(index), "cases": [run.name for run in runs]})
     return exit_code(runs)

@@ -41,12 +41,20 @@ def run_command(
 ) -> int:
     """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
     check_figures(figures)
-    files = find_cases(cases)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
-    words += ("--figures", figures) if figures else ()
-    with case_progress(len(files), quiet=json) as listener:
+    if figures:
+        words += ("--figures", figures)
+    with case_progress(len(find_cases(cases)), quiet=json) as seen:
         runs = run_cases(
-            cases, out, force, data, jobs, words, listener.finished, figures, listener.progress, cluster
+            cases,
+            out,
+            force=force,
+            data=data,
+            command=words,
+            figures=figures,
+            workers=jobs,
+            cluster=cluster,
+            **seen._asdict(),
         )
     if json:
         print_json(

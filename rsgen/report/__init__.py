@@ -196,7 +196,7 @@ def _write_files(
     )
     write_notebook(
         place / "notebook.ipynb",
-        given.loaded,
+        given.loaded.with_model(identification.model),
         known,
         mean=describe_mean(surface, identification) is not None,
         held_out=bool(prediction.held_out),

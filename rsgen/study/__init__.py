@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.progress import STAGES, Expectation, Step, expect
-from rsgen.study.run_case import CaseRun, obtain_surface, rewrite_report, run_case
+from rsgen.study.run_case import CaseRun, obtain_surface, run_case
 from rsgen.study.run_cases import run_cases
 
 __all__ = [
@@ -16,7 +16,6 @@ __all__ = [
     "expect",
     "obtain_surface",
     "read_manifest",
-    "rewrite_report",
     "run_case",
     "run_cases",
 ]

@@ -21,7 +21,7 @@ from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, wri
 from rsgen.study.progress import Progress, stage_reporter
 from rsgen.surface import ResponseSurface, load_surface
 
-__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "rewrite_report", "run_case"]
+__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "run_case"]
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -33,10 +33,8 @@ class CaseRun:
 
     Parameters
     ----------
-    path
-        The case file.
-    name
-        The case's name; the file's where it could not be read.
+    path, name
+        The case file, and the name in it; the file's where it could not be read.
     folder
         Where the result lies; None where there is none.
     passed
@@ -48,7 +46,7 @@ class CaseRun:
     faults
         Why it failed, in sentences.
     judged
-        False where nothing was asked: ``[accept]`` is empty, so ``passed`` says nothing.
+        False where ``[accept]`` is empty, so that ``passed`` says nothing.
     """
 
     path: Path
@@ -62,18 +60,16 @@ class CaseRun:
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
-    inputs: dict[str, str | None] = {"case": case.sha256}
-    if isinstance(case.test, MeasuredTest):
-        try:
-            hashes = [file_hash(path) for path in (*case.test.files, *case.test.response_files)]
-            # of several files the hash of their hashes
-            inputs["data"] = (
-                hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
-            )
-        except OSError:
-            # reading it will say what is wrong, in a sentence
-            inputs["data"] = None
-    return inputs
+    """SHA-256 of the case and of its measured files: of several, the hash of their hashes."""
+    if not isinstance(case.test, MeasuredTest):
+        return {"case": case.sha256}
+    try:
+        hashes = [file_hash(path) for path in (*case.test.files, *case.test.response_files)]
+    except OSError:
+        # reading it will say what is wrong, in a sentence
+        return {"case": case.sha256, "data": None}
+    data = hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+    return {"case": case.sha256, "data": data}
 
 
 def check_place(case: Case, out: Path) -> None:
@@ -84,10 +80,7 @@ def check_place(case: Case, out: Path) -> None:
     RsgenError
         The two are the same.
     """
-    if (
-        out.resolve() == case.path.parent.resolve()
-        or (out / case.name).resolve() == case.path.parent.resolve()
-    ):
+    if case.path.parent.resolve() in (out.resolve(), (out / case.name).resolve()):
         raise RsgenError(f"{case.path.name}: results would go where the case lies; choose another --out")
 
 
@@ -125,19 +118,27 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
     return simulate(case.oscillator, case.test, progress=progress)
 
 
+def _saved_surface(case: Case, out: Path) -> ResponseSurface:
+    manifest = read_manifest(out / case.name)
+    if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
+        raise RsgenError(
+            f"{case.path.name}: {out / case.name} holds no surface of this very case; use `rsgen run`"
+        )
+    return load_surface(out / case.name / SURFACE)
+
+
 def _execute(
     case: Case,
     out: Path,
-    obtain: Callable[[Case, Callable[[float], None]], ResponseSurface],
+    reuse_surface: bool,
     command: Sequence[str],
     figures: str | None,
-    progress: Progress | None,
+    report: Callable[[str, float], None],
 ) -> CaseRun:
     check_place(case, out)
     refused = law_faults(case)
     if refused:
         raise CaseError(refused)
-    report = stage_reporter(case, progress)
     report("surface", 0.0)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
@@ -150,7 +151,10 @@ def _execute(
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
-        surface = obtain(case, lambda share: report("surface", share))
+        if reuse_surface:
+            surface = _saved_surface(case, out)
+        else:
+            surface = obtain_surface(case, lambda share: report("surface", share))
         tested = time.perf_counter()
         report("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(surface, case.model)
@@ -180,15 +184,17 @@ def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
 def run_case(
     path: str | Path | Case,
     out: str | Path,
+    *,
     force: bool = False,
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
+    reuse_surface: bool = False,
     progress: Progress | None = None,
 ) -> CaseRun:
     """Run a case: simulate or read, identify, compare, report; the manifest is written last.
 
-    A fault of the case is a value, so that one case cannot stop others.
+    A fault of the case is a value, so that one case cannot stop others; an earlier result then stays.
 
     Parameters
     ----------
@@ -199,76 +205,29 @@ def run_case(
     force
         Run even if a verified result from the same inputs is there.
     data
-        The folder of measured files, if not the case's own or that of RSGEN_DATA.
+        The folder of measured files; default is the one of RSGEN_DATA, then the case's folder.
     command
         What was called, for the manifest.
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
+    reuse_surface
+        Identify and report anew from the surface that an earlier run of this very case left.
     progress
         Called now and then with how far the case has come.
-
-    Returns
-    -------
-    CaseRun
-        With ``faults`` where the case failed; an earlier result is then still there.
     """
-    place = Path(out)
-
-    def run(case: Case) -> CaseRun:
-        earlier = None if force else current_result(case, place, figures)
-        words = command or ("rsgen", "run", case.path.name)
-        return earlier or _execute(case, place, obtain_surface, words, figures, progress)
-
-    return _attempt(path, data, run)
-
-
-def rewrite_report(
-    path: str | Path,
-    out: str | Path,
-    data: str | Path | None = None,
-    command: Sequence[str] = (),
-    figures: str | None = None,
-    progress: Progress | None = None,
-) -> CaseRun:
-    """Identify and report anew from the surface that an earlier run of the same case left.
-
-    Parameters
-    ----------
-    path, out, data, command, figures, progress
-        As for ``run_case``.
-
-    Returns
-    -------
-    CaseRun
-        With ``faults`` where there is no verified result of this very case.
-    """
-    place = Path(out)
-
-    def saved(case: Case, progress: Callable[[float], None]) -> ResponseSurface:
-        manifest = read_manifest(place / case.name)
-        if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
-            raise RsgenError(
-                f"{case.path.name}: {place / case.name} holds no surface of this very case; use `rsgen run`"
-            )
-        return load_surface(place / case.name / SURFACE)
-
-    def rewrite(case: Case) -> CaseRun:
-        words = command or ("rsgen", "report", case.path.name)
-        return _execute(case, place, saved, words, figures, progress)
-
-    return _attempt(path, data, rewrite)
-
-
-def _attempt(path: str | Path | Case, data: str | Path | None, run: Callable[[Case], CaseRun]) -> CaseRun:
-    """Load a case if need be and run it; every fault becomes a sentence."""
     started = time.perf_counter()
+    place = Path(out)
     file = path.path if isinstance(path, Case) else Path(path)
     name = file.stem
+    words = command or ("rsgen", "report" if reuse_surface else "run", file.name)
     try:
         case = path if isinstance(path, Case) else load_case(path, data)
         name = case.name
-        done = run(case)
-        return done if done.skipped else replace(done, seconds=time.perf_counter() - started)
+        earlier = None if force or reuse_surface else current_result(case, place, figures)
+        if earlier is not None:
+            return earlier
+        run = _execute(case, place, reuse_surface, words, figures, stage_reporter(case, progress))
+        return replace(run, seconds=time.perf_counter() - started)
     except CaseError as fault:
         faults = fault.faults
     except RsgenError as fault:

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
+from typing import Any
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
@@ -70,28 +71,24 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
 def _spread(
     todo: Mapping[Path, Case],
     out: Path,
-    command: tuple[str, ...],
-    figures: str | None,
+    settings: Mapping[str, Any],
     workers: int,
     cluster: str | None,
     progress: Progress | None,
     note: Callable[[Path, CaseRun], None],
 ) -> None:
     """Have all cases worked on, wherever the executor is; note each when it is finished."""
-    listening = progress is not None and cluster is None
-    steps: SimpleQueue[Step] | None = (
-        multiprocessing.get_context("spawn").SimpleQueue() if listening else None
-    )
-    place = out.absolute()
+    steps: SimpleQueue[Step] | None = None
+    if progress is not None and cluster is None:
+        steps = multiprocessing.get_context("spawn").SimpleQueue()
     try:
         with cluster_workers(cluster) if cluster else local_workers(workers, steps) as executor:
             futures = {
-                executor.submit(work, case, place, command, figures): path for path, case in todo.items()
+                executor.submit(work, case, out.absolute(), settings): path for path, case in todo.items()
             }
             waiting = set(futures)
             while waiting:
-                pause = None if steps is None else _LISTEN_SECONDS
-                done, waiting = wait(waiting, pause, FIRST_COMPLETED)
+                done, waiting = wait(waiting, None if steps is None else _LISTEN_SECONDS, FIRST_COMPLETED)
                 while steps is not None and progress is not None and not steps.empty():
                     progress(steps.get())
                 for future in done:
@@ -106,14 +103,16 @@ def _spread(
 def run_cases(
     paths: Iterable[str | Path],
     out: str | Path,
+    *,
     force: bool = False,
     data: str | Path | None = None,
-    workers: int | None = None,
     command: Sequence[str] = (),
-    finished: Callable[[CaseRun], None] = lambda run: None,
     figures: str | None = None,
-    progress: Progress | None = None,
+    reuse_surface: bool = False,
+    workers: int | None = None,
     cluster: str | None = None,
+    finished: Callable[[CaseRun], None] = lambda run: None,
+    progress: Progress | None = None,
 ) -> tuple[CaseRun, ...]:
     """Run cases, each in a process of its own, then write the index over all results in ``out``.
 
@@ -121,24 +120,16 @@ def run_cases(
     ----------
     paths
         Case files and folders of them.
-    out
-        The folder of all results.
-    force
-        Run every case; otherwise those with a verified result from the same inputs are skipped.
-    data
-        The folder of measured files, if not each case's own or that of RSGEN_DATA.
+    out, force, data, command, figures, reuse_surface
+        As for ``run_case``.
     workers
         Processes at a time; default is the number of processors. 1 runs in this process.
-    command
-        What was called, for the manifests.
-    finished
-        Called after each case, in this process.
-    figures
-        "pdf", "svg" or "png": every figure is saved as a file, too.
-    progress
-        Called now and then, in this process, with how far each case has come; not from a cluster.
     cluster
         Address of a Dask scheduler whose workers see the same folders; ``workers`` is theirs then.
+    finished
+        Called after each case, in this process.
+    progress
+        Called now and then, in this process, with how far each case has come; not from a cluster.
 
     Returns
     -------
@@ -150,25 +141,23 @@ def run_cases(
     RsgenError
         A path does not exist or holds no case; no scheduler answers; the index cannot be written.
     """
-    files = find_cases(paths)
-    place = Path(out)
-    runs: dict[Path, CaseRun] = {}
+    files, place, runs = find_cases(paths), Path(out), dict[Path, CaseRun]()
+    settings: dict[str, Any] = {"command": tuple(command), "figures": figures, "reuse_surface": reuse_surface}
 
     def note(path: Path, run: CaseRun) -> None:
         runs[path] = replace(run, path=path, folder=run.folder and place / run.folder.name)
         finished(runs[path])
 
-    todo, done = _sort(
-        files, place, force, None if data is None else Path(data), figures, cluster is not None
-    )
+    folder = None if data is None else Path(data)
+    todo, done = _sort(files, place, force or reuse_surface, folder, figures, away=cluster is not None)
     for path, run in done.items():
         note(path, run)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
     if todo and (cluster or number > 1):
-        _spread(todo, place, tuple(command), figures, number, cluster, progress, note)
+        _spread(todo, place, settings, number, cluster, progress, note)
     else:
         for path, case in todo.items():
-            note(path, run_case(case, place, True, None, tuple(command), figures, progress))
+            note(path, run_case(case, place, force=True, progress=progress, **settings))
     changed = any(run.folder and not run.skipped for run in runs.values())
     missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
     if changed or (missing and any(run.folder for run in runs.values())):

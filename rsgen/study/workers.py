@@ -12,7 +12,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
@@ -49,12 +49,12 @@ def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
 copyreg.pickle(MappingProxyType, lambda mapping: (_frozen, (dict(mapping),)))
 
 
-def work(case: Case, out: Path, command: tuple[str, ...], figures: str | None) -> CaseRun:
-    """Run a case on a worker; it is known that it must be run."""
+def work(case: Case, out: Path, settings: Mapping[str, Any]) -> CaseRun:
+    """Run a case on a worker; ``settings`` are those of ``run_case``."""
+    progress = _steps[0].put if _steps else None
     with _one_at_a_time:
         try:
-            progress = _steps[0].put if _steps else None
-            return run_case(case, out, force=True, command=command, figures=figures, progress=progress)
+            return run_case(case, out, force=True, progress=progress, **settings)
         except KeyboardInterrupt:
             # back in the pool it would wait for a lock that another ended worker may have taken along
             os._exit(1)
@@ -87,15 +87,14 @@ def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None
 
 
 @contextmanager
-def _beginning(workers: int) -> Iterator[None]:
-    """Give each process begun meanwhile its share of the processors, and no ear for Ctrl-C.
+def _beginning(share: int) -> Iterator[None]:
+    """Give each process begun meanwhile a number of processors, and no ear for Ctrl-C.
 
     The libraries read these names when they are loaded; with a thread for each processor in each process,
     the cases would fight for all of them.
     """
-    share = str(max(1, (os.cpu_count() or 1) // workers))
     added = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, share))
+    os.environ.update(dict.fromkeys(added, str(share)))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else None
     try:
         yield
@@ -107,15 +106,15 @@ def _beginning(workers: int) -> Iterator[None]:
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes that begin, at a ``submit``, with their share of the processors."""
+    """Processes that begin, at a ``submit``, with a share of the processors."""
+
+    def __init__(self, share: int, *settings: Any, **more: Any) -> None:
+        super().__init__(*settings, **more)
+        self._share = share
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with _beginning(self.number):
+        with _beginning(self._share):
             return super().submit(fn, *args, **kwargs)
-
-    def __init__(self, number: int, **settings: Any) -> None:
-        super().__init__(number, **settings)
-        self.number = number
 
 
 @contextmanager
@@ -129,12 +128,11 @@ def local_workers(number: int, steps: SimpleQueue[Step] | None) -> Iterator[Exec
     steps
         Gets how far each case has come; None where nobody listens.
     """
-    theirs, ours = multiprocessing.get_context("spawn").Pipe(duplex=False)
+    context = multiprocessing.get_context("spawn")
+    theirs, ours = context.Pipe(duplex=False)
+    share = max(1, (os.cpu_count() or 1) // number)
     executor = _Processes(
-        number,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_prepare_worker,
-        initargs=(theirs, steps),
+        share, number, mp_context=context, initializer=_prepare_worker, initargs=(theirs, steps)
     )
     try:
         yield executor

@@ -19,7 +19,7 @@ import pytest
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.measurement import read_measurement
-from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, rewrite_report, run_case, run_cases
+from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
 from rsgen.study.run_case import current_result
@@ -270,14 +270,17 @@ def test_a_report_is_written_anew_from_its_surface(
     path, out, _ = finished
     shutil.copytree(out, tmp_path / "out")
     surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
-    run = rewrite_report(path, tmp_path / "out")
+    run = run_case(path, tmp_path / "out", reuse_surface=True)
     assert run.faults == ()
     assert run.passed
     assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
     assert read_manifest(tmp_path / "out" / "small") is not None
     # a surface of another case is not taken
     other = write_case(tmp_path, accept="3e-2")
-    assert "holds no surface of this very case" in rewrite_report(other, tmp_path / "out").faults[0]
+    assert (
+        "holds no surface of this very case"
+        in run_case(other, tmp_path / "out", reuse_surface=True).faults[0]
+    )
 
 
 def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
