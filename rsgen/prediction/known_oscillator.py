@@ -8,6 +8,7 @@ import numpy as np
 
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding
 from rsgen.identification import EquivalentCurve, Estimate, Identification
 from rsgen.oscillator import Model, Oscillator
 
@@ -49,7 +50,7 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
         levels=np.array(levels),
         amplitude_range=amplitudes,
         frequency_range=frequencies,
-        outcome="",
+        outcome=Finding("values-given", "info"),
     )
 
 
