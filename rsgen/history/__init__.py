@@ -8,7 +8,7 @@ With the samples of force and response as arrays, two lines make a surface::
 ``TimeHistory.from_times`` takes instants in place of the sampling rate. Several histories (levels, up and
 down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests;
 ``follow_decay`` gives frequency and damping of a free decay against its amplitude, and ``record_findings``
-says where a record is clipped or stands still.
+finds where a record is clipped or stands still.
 """
 
 from __future__ import annotations

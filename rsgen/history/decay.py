@@ -20,7 +20,7 @@ from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.history.envelope import PERIODS, demodulate, independent_instants, place_windows
 from rsgen.history.quasi_steady import steady_force
-from rsgen.history.record import QUIET, TimeHistory, as_histories, check_options
+from rsgen.history.record import FEWEST, QUIET, TimeHistory, as_histories, check_options
 from rsgen.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.surface import ResponseSurface
 
@@ -31,9 +31,6 @@ ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 4
 """Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
-
-_FEWEST_SAMPLES = 64
-"""Samples of a decay at least: some periods, or there is nothing to look for."""
 
 _LOOK = 8
 """Periods of the spectra that follow the frequency at first, padded to as many times finer lines."""
@@ -218,7 +215,7 @@ def follow_decay(
     rate = history.rate
     begin = _release(history)
     samples = history.response[begin:]
-    if len(samples) < _FEWEST_SAMPLES:
+    if len(samples) < FEWEST:
         raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
     first = _strongest(samples, history, band)
     time, frequency = _follow(samples, rate, first)

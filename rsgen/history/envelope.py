@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 
 from rsgen.history.record import BLOCK
 
-__all__ = ["NOISE_WIDTH", "PERIODS", "Windows", "demodulate", "independent_instants", "place_windows"]
+__all__ = [
+    "DENSE",
+    "NOISE_WIDTH",
+    "PERIODS",
+    "Windows",
+    "demodulate",
+    "independent_instants",
+    "place_windows",
+]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -30,12 +38,12 @@ _PER_PERIOD = 8
 """Finer sampling is added up to this many sums a period of the highest harmonic: four times Nyquist's."""
 
 _FEWEST = 24
-"""Sums in a window: the taper has four periods of its own in it, of six sums each."""
+"""Sums in a window: six a period of the taper."""
 
 _LENGTHS = 16
 """Lengths of windows in an octave, 4 % apart: neighbours have one length and share their sums."""
 
-_DENSE = 20_001
+DENSE = 20_001
 """Instants by which lengths of windows are added up: at least ten a window in a history of 2000 windows."""
 
 
@@ -114,7 +122,7 @@ def independent_instants(
 
     With ``most``, at most that many, evenly thinned and ``end`` among them.
     """
-    dense = np.linspace(begin, end, _DENSE)
+    dense = np.linspace(begin, end, DENSE)
     count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * NOISE_WIDTH / length(dense)[1:])])
     if most is None:
         return np.asarray(np.interp(np.arange(int(count[-1]) + 1), count, dense))

@@ -1,4 +1,4 @@
-"""Which nominal level a sweep or step belongs to, where nobody says."""
+"""Which nominal level a sweep or step belongs to, where it is not given."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""How far a sweep is from a sequence of steady states, and what is left when the rest is taken out.
+"""How far a sweep is from a sequence of steady states, and the force that is left when the rest is taken out.
 
-A sweep drags the response behind: with the motion's own complex rate s (growth and frequency) the fundamental
-of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (Krylov and Bogoliubov),
+The response lags behind the sweep: with the complex rate s of the motion (growth and frequency) the
+fundamental of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (Krylov and
+Bogoliubov),
 
     F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
 
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.history.record import FAINT
 from rsgen.history.sensor import Kinematics
 
 __all__ = ["Inertia", "estimate_mass", "steady_force"]
@@ -40,9 +42,6 @@ _ROUNDS = 4
 
 _OUTLIER = 3.0
 """A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
-
-_FAINT = 1e-3
-"""A force below this fraction of the median weighs as if it were as large as this: it is noise."""
 
 _INDEPENDENT = 1e-10
 """Columns whose singular values are below this fraction of the largest do not determine the mass."""
@@ -85,7 +84,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
         ],
         axis=1,
     )
-    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * _FAINT)
+    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * FAINT)
     if len(force) < 2 * columns.shape[1]:
         return None
     weight = scale.copy()

@@ -16,6 +16,8 @@ from rsgen.finding import Finding
 __all__ = [
     "BLOCK",
     "DERIVATIVES",
+    "FAINT",
+    "FEWEST",
     "QUIET",
     "TimeHistory",
     "as_histories",
@@ -33,7 +35,10 @@ QUIET = 0.02
 BLOCK = 2**18
 """Samples worked on at once, 2 MB that fit into a cache: long histories are never copied whole."""
 
-_FEWEST = 16
+FAINT = 1e-3
+"""Where the force is below this fraction of its median, nothing drives the structure."""
+
+FEWEST = 16
 """Samples below which nothing is a vibration: two periods of eight."""
 
 _LARGEST = 1e30
@@ -201,9 +206,9 @@ class TimeHistory:
                     f"{self.label}: {len(self.force)} samples of force, {len(self.response)} of response; "
                     "one of each an instant is needed"
                 )
-        if len(self.response) < _FEWEST:
+        if len(self.response) < FEWEST:
             raise MeasurementError(
-                f"{self.label}: {len(self.response)} samples; at least {_FEWEST} are needed"
+                f"{self.label}: {len(self.response)} samples; at least {FEWEST} are needed"
             )
 
     def __len__(self) -> int:

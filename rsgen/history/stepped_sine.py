@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _SIDE = 8
-"""Periods on either side of an instant that are compared to see whether a step begins there."""
+"""Periods compared on either side of an instant, and that a step must last: each half then has four."""
 
 _SIGMAS = 6.0
 """A step is a change of period by more than six standard errors of it, which noise alone never is ..."""
@@ -46,9 +46,6 @@ _DOUBT = 3.0
 
 _PARTS = (0.9, 0.75, 0.6, 0.45, 0.3)
 """Last parts of a step; the longest that is settled is used."""
-
-_SHORTEST = 4.0
-"""Periods that a half must last for its harmonics to be apart."""
 
 _ON_FORCE = 2
 """Harmonics of the force that are fitted with its fundamental."""
@@ -184,7 +181,7 @@ def _stretches(history: TimeHistory) -> list[tuple[int, int, float]]:
     for left, right in pairwise([*sorted(edges), len(place) - 1]):
         # the change lies within a period or so of the edge
         left, right = left + 1, right - 1
-        if right - left < 2 * _SHORTEST or np.median(rms[left:right]) < QUIET * np.max(rms):
+        if right - left < _SIDE or np.median(rms[left:right]) < QUIET * np.max(rms):
             continue
         mean = float(np.polyfit(np.arange(right + 1 - left), place[left : right + 1], 1)[0])
         stretches.append((int(np.ceil(place[left])), int(place[right]), 2 * pi / mean))
@@ -197,7 +194,7 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
     for part in _PARTS:
         first = end - int(part * (end - begin))
         middle = (first + end) // 2
-        if middle - first < _SHORTEST * 2 * pi / omega:
+        if middle - first < _SIDE * pi / omega:
             break
         refined = refine_frequency(history.reference[first:end], omega, min(orders, _ON_FORCE))
         one = fit_sine(history.response[first:middle], refined, orders)

@@ -20,7 +20,7 @@ from rsgen.history.envelope import (
 )
 from rsgen.history.levels import name_levels
 from rsgen.history.quasi_steady import estimate_mass, steady_force
-from rsgen.history.record import TimeHistory, as_histories, check_options
+from rsgen.history.record import FAINT, TimeHistory, as_histories, check_options
 from rsgen.history.sensor import HARMONICS, Kinematics, differentiate, displacement_harmonics, highest_order
 from rsgen.history.sweep_checks import SweptPoints, distorted_forces, fast_sweeps, other_modes
 from rsgen.history.sweep_law import SweepLaw
@@ -46,13 +46,10 @@ _FLATTENED = 0.02
 """Largest relative difference of the acceleration between the two windows of a point that is used."""
 
 _DOUBT = 0.1
-"""A force or mass that is uncertain by more than this fraction is not used: it would not tell laws apart."""
+"""A force or mass that is uncertain by more than this fraction is not used: it would not separate laws."""
 
 _FREE = 1.0
 """A force whose correction exceeds this fraction of it is not used: the motion is mainly a free one."""
-
-_FAINT = 1e-3
-"""Points whose force is below this fraction of the median are not used: nothing drives them."""
 
 _ENOUGH = 16
 """Points at resonances from which a mass is looked for: two knots of k(X) and c(X) need them."""
@@ -226,7 +223,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     force, flattened = column("force"), column("flattened").real
     motion = Kinematics.joined([part.motion for part in parts])
     omega = motion.omega
-    loud = np.abs(force) > _FAINT * np.median(np.abs(force))
+    loud = np.abs(force) > FAINT * np.median(np.abs(force))
     usable = loud & np.isfinite(flattened) & (omega > 0) & np.isfinite(motion.displacement)
     good = usable & (flattened < _FLATTENED)
     moving = mass if mass is not None else _moving_mass(parts, force, motion, good)

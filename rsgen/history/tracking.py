@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from rsgen.errors import MeasurementError
-from rsgen.history.envelope import NOISE_WIDTH, Windows, demodulate, place_windows
+from rsgen.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.history.record import TimeHistory, blocks
 from rsgen.history.sweep_law import LAWS, SweepLaw
 from rsgen.surface.directions import monotone_runs
@@ -24,7 +24,7 @@ _LOOKS = 128
 """Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
 
 _FEWEST = 10
-"""Spectra that a sweep must last; shorter ones are a start, a stop or an accident."""
+"""Spectra, and windows of the refinement, that a sweep must last; shorter ones are a start or a stop."""
 
 _LINES = 0.5
 """Lines of a spectrum over which the frequency must go to be a sweep."""
@@ -43,9 +43,6 @@ _PERIODS = 16.0
 
 _PLACES = 500
 """Windows of the refinement, once the law is nearly right: their phases fix three numbers."""
-
-_FEWEST_PLACES = 8
-"""Windows of the refinement at least, for its three numbers."""
 
 _ROUNDS = 4
 """Refinements at most; each leaves the square of the error."""
@@ -186,7 +183,7 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
             time = time[np.linspace(0, len(time) - 1, min(len(time), _PLACES)).astype(np.intp)]
         period = rate / law.frequency_at(time)
         windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
-        if len(windows) < _FEWEST_PLACES:
+        if len(windows) < _FEWEST:
             break
         law, moved = _shifted(law, force, rate, windows, end - begin)
         if moved < _STILL:
@@ -197,7 +194,7 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
 def _shifted(
     law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
 ) -> tuple[SweepLaw, float]:
-    """Fit phase, frequency and rate of a law to the phase of the force against it; say how far they moved."""
+    """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
 
     def phase(i: Array) -> Array:
         return law.phase_at(i / rate)
@@ -230,6 +227,6 @@ def _shifted(
 
 def _instants(law: SweepLaw, begin: float, end: float, periods: float) -> Array:
     """Lay instants as far apart as windows of n ``periods`` are independent."""
-    dense = np.linspace(begin, end, 20_001)
+    dense = np.linspace(begin, end, DENSE)
     passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * periods / NOISE_WIDTH)
     return np.asarray(np.interp(np.arange(int(passed[-1]) + 1), passed, dense))

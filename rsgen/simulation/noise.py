@@ -30,13 +30,13 @@ def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseS
     """
     if relative == 0:
         return surface
-    # streams of their own: another number of harmonics does not change the noise of the force
+    # separate streams: another number of harmonics does not change the noise of the force
     of_force, of_harmonics, of_peak = (np.random.default_rng([seed, stream]) for stream in range(3))
     deviation = relative / np.sqrt(2)
     F, X = np.abs(surface.force), surface.amplitude
 
     def complex_noise(generator: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
-        # point by point: more points keep the noise of the first ones
+        # point by point: more points do not change the noise of the first ones
         parts = generator.standard_normal((*shape, 2))
         noise: NDArray[np.complex128] = parts[..., 0] + 1j * parts[..., 1]
         return noise

@@ -115,7 +115,7 @@ def solve_response_control(
     harmonics: int = 7,
     accuracy: float = 1e-4,
 ) -> ControlledStates:
-    """Find the force that keeps the fundamental of the displacement at an amplitude.
+    """Find the force that holds the fundamental of the displacement at an amplitude.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def solve_response_control(
         F, mean = first_order_force(oscillator, X[batch], shooting.omega)
         F = F / shooting.unit(np.arange(len(F)))
         w = np.column_stack([X[batch] + mean, np.zeros_like(mean), F.real, F.imag])
-        # a motion that overflows on the way has no answer, and its outcome says so
+        # a motion that overflows on the way has no answer; its outcome is not settled
         with np.errstate(over="ignore", invalid="ignore"):
             return _refine(shooting, w, harmonics, accuracy)
 

@@ -1,4 +1,4 @@
-"""Batches of points: they bound the memory, and each core works on its own."""
+"""Batches of points: they bound the memory, and the cores work side by side."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TypeVar
 __all__ = ["map_batches"]
 
 _MOST = 16384  # points worked on at once; the larger, the less threads wait for one another
-_FEWEST = 256  # below, a thread of its own costs more than it saves
+_FEWEST = 256  # below, another thread costs more than it saves
 
 Answer = TypeVar("Answer")
 
@@ -21,7 +21,7 @@ Answer = TypeVar("Answer")
 def map_batches(work: Callable[[slice], Answer], count: int) -> list[Answer]:
     """Call ``work`` for slices that cover ``count`` points, on all cores; answers in the order of the points.
 
-    ``RSGEN_THREADS`` says how many cores; where it is not set, all of this process.
+    ``RSGEN_THREADS`` is the number of cores; where it is not set, all of this process.
     """
     cores = _threads()
     batches = max(-(-count // _MOST), min(cores, count // _FEWEST), 1)

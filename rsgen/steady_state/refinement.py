@@ -1,7 +1,8 @@
 """From the coarse fixed point to the asked accuracy: finer steps where the error estimate wants them.
 
 The Jacobian of the coarse map serves the fine ones, so that a refinement costs two or three periods. The
-difference between two step sizes is the error estimate (Richardson), and tells how many steps are needed.
+difference between two step sizes is the error estimate (Richardson), from which follows how many steps are
+needed.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from rsgen.steady_state.settling import SETTLED, UNSETTLED, Settling
 __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
-_SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
+_SAFETY = 0.5  # of the asked accuracy is what steps are kept for
 _FIRST = 24  # steps of the first of two answers that are compared
 _GRID = np.array([24 * 2**k for k in range(10)] + [32 * 2**k for k in range(10)])
 _GRID.sort()
-_COMPARED = 5  # harmonics whose change tells the error
+_COMPARED = 5  # harmonics from whose change the error follows
 _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 
 
@@ -45,7 +46,7 @@ class Refined:
 
 
 def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: float) -> Refined:
-    """Bring every settled point to ``accuracy``, or as near as the finest steps come; the error says."""
+    """Bring every settled point to ``accuracy``, or as near as the finest steps come; see the error."""
     n = settling.y.shape[1]
     result = Refined(
         y=settling.y.copy(),
@@ -80,7 +81,7 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
 
 
 def _grid_above(wanted: float | Floats) -> NDArray[np.int64]:
-    """The next number of steps on offer: few different ones keep the lanes full."""
+    """The next number of steps on offer: few different ones fill the batches."""
     offered: NDArray[np.int64] = _GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)]
     return offered
 
@@ -88,7 +89,7 @@ def _grid_above(wanted: float | Floats) -> NDArray[np.int64]:
 def _estimate(result: Refined, points: Indices, last: NDArray[np.complex128], ratio: Floats) -> Floats:
     """Relative error of the fundamental, from what the finer steps changed."""
     change = np.abs(result.harmonics[points, : last.shape[1]] - last)
-    # a fundamental that hardly moved by chance does not hide what the other harmonics say
+    # a fundamental that hardly moved by chance does not hide the change of the other harmonics
     largest = np.maximum(change[:, 1], 0.25 * change.max(axis=1))
     amplitude = np.abs(result.harmonics[points, 1])
     relative = np.divide(largest, amplitude, out=np.zeros_like(largest), where=amplitude > 0)

@@ -18,16 +18,16 @@ from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
 
 SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
-COARSE = 24  # steps a period: enough to tell branches apart; accuracy comes afterwards
-_LONG, _CLOSER = 128, 4  # periods from which on the steps are so many times finer
+COARSE = 24  # steps a period: enough to separate branches; accuracy comes afterwards
+_LONG, _CLOSER = 128, 4  # periods from which on the steps are four times finer
 _STIFF = 8  # times as many steps before a motion is called unbounded
 _FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _TOLERANCE = 1e-3  # last Newton correction, of the amplitude: what is left is its square
 _LINEAR = 0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
-_CLOSE = 1e-5  # of the amplitude: nearer than this the departure says nothing
+_CLOSE = 1e-5  # of the amplitude: nearer than this the departure is rounding
 _CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
-_STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian says
+_STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
 _TWICE = 1e-6
 _FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7  # of the attraction
 
@@ -144,7 +144,7 @@ def _is_linear_around(
     away: Floats,
     steps: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
-    """Tell where the map is linear on the whole circle around a fixed point that the motion will spiral on.
+    """Find where the map is linear on the whole circle around a fixed point that the motion will spiral on.
 
     The last periods only show one direction; in another one a stop or a gap may still be met.
     """

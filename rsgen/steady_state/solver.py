@@ -43,7 +43,7 @@ def solve_steady_states(
     frequency
         (n,) [Hz], positive.
     harmonics
-        H, how many harmonics of the displacement are returned besides the mean.
+        H, how many harmonics of the displacement are returned, in addition to the mean.
     accuracy
         Largest relative error of the fundamental, 1e-9 to 1e-2.
     start
@@ -94,7 +94,7 @@ def _solve_batch(
 ) -> SteadyStates:
     omega = period_map.omega
     y = np.zeros((2, len(omega))) if start is None else np.array([start[:, 0], start[:, 1] / omega])
-    # far unstable motions overflow on their way; the outcome says so
+    # far unstable motions overflow on their way; their outcome is not settled
     with np.errstate(over="ignore", invalid="ignore"):
         settling = settle(period_map, y, from_rest=start is None)
         refined = refine(period_map, settling, harmonics, accuracy)

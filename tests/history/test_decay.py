@@ -15,7 +15,7 @@ from tests.oracles.swept import sweep
 MASS, STIFFNESS = 1.5, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0
 LAWS = {
-    # force besides the linear spring; describing functions of stiffness and damping (METHOD.md, section 2)
+    # force added to the linear spring; describing functions of stiffness and damping (docs/method.md, 3)
     "linear": (lambda x, v: 1.9 * v, lambda X, w: 0 * X, lambda X, w: 1.9 + 0 * X),
     "cubic": (lambda x, v: -2e6 * x**3 + 1.9 * v, lambda X, w: -1.5e6 * X**2, lambda X, w: 1.9 + 0 * X),
     "drag": (

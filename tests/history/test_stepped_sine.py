@@ -42,7 +42,7 @@ def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -
     assert np.max(np.abs(dynamic / exact - 1)) < HELD + 5e-3 / 2
 
 
-def test_steps_of_level_at_one_frequency_are_told_apart() -> None:
+def test_steps_of_level_at_one_frequency_are_separated() -> None:
     levels = np.array([1.0, 2.0, 4.0, 2.0])
     force, x = stepped(np.full(4, 10.0), levels, 30)
     surface = from_stepped_sine(TimeHistory(RATE, force, x))

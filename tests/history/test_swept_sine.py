@@ -1,4 +1,4 @@
-"""Swept sines: the law found from the force, envelopes, the sweep's own dynamics, files of real tests."""
+"""Swept sines: the law found from the force, envelopes, the transient of the sweep."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_the_law_is_found_from_the_force(
     assert found.law.rate == pytest.approx(law.rate, rel=1e-6)
 
 
-def test_a_law_is_its_own_integral_and_derivative() -> None:
+def test_phase_frequency_and_slope_of_a_law_are_derivatives() -> None:
     t = np.linspace(0, 30, 4001)
     for law in (SweepLaw("linear", 15, -0.4), SweepLaw("logarithmic", 3, 0.1, 1.0)):
         f = np.gradient(law.phase_at(t), t, edge_order=2) / (2 * np.pi)
@@ -71,7 +71,7 @@ def test_a_law_is_its_own_integral_and_derivative() -> None:
         assert law.time_of(float(law.frequency_at(np.array(7.0)))) == pytest.approx(7.0)
 
 
-def test_up_and_down_in_one_history_are_told_apart() -> None:
+def test_up_and_down_in_one_history_are_separated() -> None:
     law = SweepLaw("linear", 5.0, 0.2, 0.3)
     there = forced(law, 400, 100).force
     quiet = np.zeros(4000)
@@ -165,13 +165,13 @@ def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray
     )
     states = solve_steady_states(o, swept.force, swept.frequency, harmonics=5, accuracy=1e-6, start=start)
     stepped = swept.force / states.harmonics[:, 1]
-    own = swept.force / swept.harmonics[:, 1]
-    same = (states.outcome == 0) & (np.abs(stepped / own - 1) < 0.03)
+    found = swept.force / swept.harmonics[:, 1]
+    same = (states.outcome == 0) & (np.abs(stepped / found - 1) < 0.03)
     assert np.mean(same) > 0.99
     near = np.abs(stepped.real) < 5 * np.abs(stepped.imag)
     inertia = o.mass * swept.omega**2
-    k = (own.real + inertia) / (stepped.real + inertia) - 1
-    return np.abs(k[same]), np.abs(own.imag / stepped.imag - 1)[same & near]
+    k = (found.real + inertia) / (stepped.real + inertia) - 1
+    return np.abs(k[same]), np.abs(found.imag / stepped.imag - 1)[same & near]
 
 
 @pytest.mark.parametrize(
@@ -296,10 +296,10 @@ def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
     # process time, for other tests run beside this one
     assert time.process_time() - begin < 10
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    assert grown < 300_000  # kB besides the samples
+    assert grown < 300_000  # kB, the samples not counted
     dynamic = surface.force / surface.harmonics[:, 1]
     near = np.abs(surface.frequency - resonance) < 5
-    # quasi-steady by construction: no correction may be larger than its own size
+    # quasi-steady by construction: the correction may only be small
     assert np.median(np.abs(dynamic.imag / surface.omega / c - 1)[near]) < 0.02
 
 

@@ -1,4 +1,4 @@
-"""An independent answer to compare with: DOP853 from event to event, with a stick mode of its own.
+"""An independent answer to compare with: DOP853 from event to event, with a separate stick mode.
 
 Nothing of the kernel or of the normal form is used: a law is given as a plain Python function of
 x, v and the modes, with its switching functions beside it.

@@ -1,4 +1,4 @@
-"""Swept-sine tests of an oscillator by a Runge-Kutta integration of its own, without the kernel."""
+"""Swept-sine tests of an oscillator by a separate Runge-Kutta integration, without the kernel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def compiled(oscillator: Oscillator) -> Callable[[float, float], float]:
 
 @lru_cache(maxsize=64)
 def _compiled(force: sympy.Expr, values: tuple[tuple[str, float], ...]) -> Callable[[float, float], float]:
-    # kept for good: compiled functions that are dropped while others are compiled have crashed numba
+    # never dropped: compiled functions that are dropped while others are compiled have crashed numba
     x, v = sympy.symbols("x v", real=True)
     known = dict(values)
     named = {free: {"x": x, "v": v}.get(free.name) or known[free.name] for free in force.free_symbols}

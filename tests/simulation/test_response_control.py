@@ -116,7 +116,12 @@ def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None
     # at resonance the force overcomes the damper: F = c omega X
     needed = 3.8 * 2 * np.pi * 10 * test.level
     assert found.levels == pytest.approx(needed, rel=0.02)
-    for drawing in (draw_surface(surface), draw_map(surface), draw_responses(surface, predict(found))):
-        labels = [axes.get_ylabel() + axes.get_xlabel() for axes in drawing.figure.axes]
-        assert any("Level X [mm]" in label for label in labels) or drawing.name == "responses"
-        assert drawing.figure.axes[0].lines or drawing.name == "surface"
+    in_space = draw_surface(surface).figure.axes[0]
+    assert (in_space.get_ylabel(), in_space.get_zlabel()) == ("Level X [mm]", "Force F [N]")
+    plane, colours = draw_map(surface).figure.axes
+    assert (plane.get_ylabel(), colours.get_ylabel()) == ("Level X [mm]", "Force F [N]")
+    curves = draw_responses(surface, predict(found)).figure.axes[0]
+    assert curves.get_ylabel() == "Amplitude X [mm]"
+    levels = [text.get_text() for text in curves.get_legend().get_texts()]
+    assert levels
+    assert all(level.endswith("N") for level in levels)

@@ -67,7 +67,7 @@ def test_a_softening_spring_jumps_the_other_way() -> None:
 @pytest.mark.parametrize(
     ("name", "harmonics", "agrees"),
     [
-        # what the truncation at so many harmonics leaves
+        # what the truncation at that number of harmonics leaves
         ("cubic", 9, 2e-6),
         ("quintic", 9, 2e-6),
         ("combined", 11, 2e-5),
