@@ -84,7 +84,7 @@ class Rule:
         return f"a number {' and '.join(texts)}" if texts else "a finite number"
 
     def accepts(self, value: object) -> bool:
-        """Tell whether a number is in range, or a text as long as it may be and of the pattern."""
+        """Whether a number is in range, or a text as long as it may be and of the pattern."""
         if isinstance(value, bool):
             return True
         if isinstance(value, int | float):

@@ -1,7 +1,7 @@
 """Make the example files of this folder: one synthetic structure, tested in every way, in every format.
 
 Nothing here was measured. The structure is m = 1.5 kg, k = 5920 N/m, kn = 2e6 N/m^3 (hardening) and
-c = 7.5 N s/m; for the free decay c = 1.2 N s/m, so that it lasts. Tables of amplitudes come from rsgen's own
+c = 7.5 N s/m; for the free decay c = 1.2 N s/m, so that it lasts. Tables of amplitudes come from rsgen's
 simulator, time histories from an integrator of scipy, which shares nothing with it. Run
 ``python cases/formats/make.py`` to make them anew; the same program gives the same numbers.
 """
@@ -116,7 +116,7 @@ def write_text(tables: list[Table]) -> None:
 
 
 def _save_matlab(path: Path, tree: dict[str, Any]) -> None:
-    """Write version 5 with a head that tells no time, so that the same numbers give the same bytes."""
+    """Write version 5 with a head without a time, so that the same numbers give the same bytes."""
     scipy.io.savemat(path, tree, do_compression=True)
     with path.open("r+b") as file:
         file.write(b"MATLAB 5.0 MAT-file, synthetic example of rsgen".ljust(116))

@@ -63,16 +63,17 @@ class _Builder:
         self.units_fit = True
         self.simulated = document.test.kind == "simulated"
 
+    def fault(self, place: str, text: str) -> None:
+        self.faults.append(f"{place}: {text}")
+
     def texts(self) -> None:
         document = self.document
-        fault = name_fault(document.name)
-        if fault:
-            self.faults.append(f"name: {fault}")
+        if fault := name_fault(document.name):
+            self.fault("name", fault)
         for key in ("title", "source"):
             text = getattr(document, key)
-            fault = text_fault(text) if text or key == "title" else None
-            if fault:
-                self.faults.append(f"{key}: {fault}")
+            if (text or key == "title") and (fault := text_fault(text)):
+                self.fault(key, fault)
 
     @property
     def tables(self) -> list[ElementTable]:
@@ -86,31 +87,27 @@ class _Builder:
 
     def elements(self) -> tuple[Element, ...]:
         if not self.tables:
-            self.faults.append(
-                'element: is missing; every case needs it, but a measured one with model = "rank"'
-            )
+            self.fault("element", 'is missing; every case needs it, but a measured one with model = "rank"')
         built = []
         taken: set[str] = set()
         for number, table in enumerate(self.tables, start=1):
-            fault = name_fault(table.name)
-            if fault:
-                self.faults.append(f"element.{number}.name: {fault}")
+            place = f"element.{number}"
+            if fault := name_fault(table.name):
+                self.fault(f"{place}.name", fault)
             elif table.name.casefold() in taken:
-                self.faults.append(
-                    f"element.{number}.name: {quote(table.name)} is used twice; names must be unique"
-                )
+                self.fault(f"{place}.name", f"{quote(table.name)} is used twice; names must be unique")
             taken.add(table.name.casefold())
             key = "force" if table.law is None else "law"
             if table.law is not None and table.force is not None:
-                self.faults.append(f"element.{number}: has 'force' and 'law'; one of them says the law")
+                self.fault(place, "has 'force' and 'law'; one of them says the law")
                 continue
             try:
                 element = _make(table)
             except RsgenError as error:
-                self.faults.append(f"element.{number}.{key}: {reason(error)}")
+                self.fault(f"{place}.{key}", reason(error))
                 continue
             if MASS in element.parameters:
-                self.faults.append(f"element.{number}.{key}: 'm' is the mass; name the parameter otherwise")
+                self.fault(f"{place}.{key}", "'m' is the mass; name the parameter otherwise")
             built.append(element)
         return tuple(built)
 
@@ -120,7 +117,7 @@ class _Builder:
         try:
             units = dict(parameter_units(force))
         except RsgenError as fault:
-            self.faults.append(f"element: {reason(fault)}")
+            self.fault("element", reason(fault))
             self.units_fit = False
             units = {}
         names = sorted({name for element in elements for name in element.parameters})
@@ -138,23 +135,21 @@ class _Builder:
         values: dict[str, float] = {}
         for name, value in table.items():
             if name not in units:
-                self.faults.append(f"truth.{_key(name)}: {_unknown(name, units)}")
+                self.fault(f"truth.{_key(name)}", _unknown(name, units))
                 continue
             try:
                 values[name] = quantity(value, units[name] or None)
             except RsgenError as fault:
                 term = next((part for part in sympy.Add.make_args(force) if part.has(symbol(name))), force)
                 why = f"; {write(term)} must be a force" if units[name] and "needed" in str(fault) else ""
-                self.faults.append(f"truth.{name}: {reason(fault)}{why}")
+                self.fault(f"truth.{name}", f"{reason(fault)}{why}")
         for number, element in enumerate(elements, start=1):
             for name in element.parameters:
                 if name not in table and name != MASS:
                     known = f"known: {', '.join(sorted(k for k in table if k in units)) or 'none'}"
-                    self.faults.append(
-                        f"element.{number}.force: {quote(name)} has no value in [truth]; {known}"
-                    )
+                    self.fault(f"element.{number}.force", f"{quote(name)} has no value in [truth]; {known}")
         if len(self.faults) == before and self.units_fit:
-            # where the law alone does not tell the units, those of the values must at least fit together
+            # where the law alone does not determine the units, those of the values must at least fit together
             given = {name: unit_of(value) for name, value in table.items()}
             contradictions = unit_faults(force, {name: unit for name, unit in given.items() if unit})
             self.faults += [f"truth: {sentence}" for sentence in contradictions]
@@ -165,7 +160,7 @@ class _Builder:
         if value is not None:
             return self.maker.number("system.mass", value, KNOWN_MASS)
         if self.simulated:
-            self.faults.append('system.mass: is missing; a simulated case needs a mass such as "1.5 kg"')
+            self.fault("system.mass", 'is missing; a simulated case needs a mass such as "1.5 kg"')
         return None
 
     def printed(self, units: dict[str, str]) -> dict[str, sympy.Expr]:
@@ -178,24 +173,24 @@ class _Builder:
             try:
                 formulas[key] = parse(text, names={*units, "X", "X0", "omega"})
             except ExpressionError as fault:
-                self.faults.append(f"printed.{key}: {reason(fault)}")
+                self.fault(f"printed.{key}", reason(fault))
         return formulas
 
     def accept(self, units: dict[str, str]) -> dict[str, float]:
         table = self.document.accept
         if table and self.document.model == "rank":
-            self.faults.append(
-                'accept: the law is not known before a ranking; leave [accept] out or model = "rank"'
+            self.fault(
+                "accept", 'the law is not known before a ranking; leave [accept] out or model = "rank"'
             )
             return {}
         if table and not self.simulated:
-            self.faults.append("accept: a measured case has no truth to be compared with; leave [accept] out")
+            self.fault("accept", "a measured case has no truth to be compared with; leave [accept] out")
             return {}
         known = [*units, MASS, *FORCES]
         for name in table:
             if name not in known:
                 hint = f"{suggest(name, known)}known: {', '.join(known)}"
-                self.faults.append(f"accept.{_key(name)}: is no parameter; {hint}")
+                self.fault(f"accept.{_key(name)}", f"is no parameter; {hint}")
         return {name: value for name, value in table.items() if name in known}
 
     def truth_given(
@@ -205,9 +200,9 @@ class _Builder:
         given = self.document.truth is not None
         if self.simulated and not given and any(e.parameters for e in elements):
             names = ", ".join(units)
-            self.faults.append(f"truth: is missing; a simulated case needs a value for each of {names}")
+            self.fault("truth", f"is missing; a simulated case needs a value for each of {names}")
         elif not self.simulated and given:
-            self.faults.append("truth: a measured case knows no truth; leave [truth] out")
+            self.fault("truth", "a measured case knows no truth; leave [truth] out")
         elif self.simulated and complete:
             return self.truth(elements, units)
         return {}
@@ -230,10 +225,10 @@ class _Builder:
         )
         observation = make_observation(document.identify, test, self.maker)
         if mass is not None and not calibrated:
-            self.faults.append("system.mass: a test that is not calibrated determines no mass; leave one out")
+            self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
         if self.faults:
             raise CaseError(self.faults)
-        known = self.simulated and mass is not None
+        oscillator = Oscillator(mass, elements, values) if self.simulated and mass is not None else None
         return Case(
             path=path,
             name=document.name,
@@ -241,10 +236,10 @@ class _Builder:
             source=document.source,
             text=text,
             sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
-            oscillator=Oscillator(mass, elements, values) if known and mass is not None else None,
+            oscillator=oscillator,
             model=Model(elements, None if self.simulated else mass, observation),
             test=test,
-            truth={**values, MASS: mass} if mass is not None and known else None,
+            truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
             accept=accept,
             printed=printed,
             # "1" is how units calls a plain number; downstream that is no unit

@@ -34,25 +34,17 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _keys(location: Iterable[int | str]) -> list[str]:
-    """List the keys that the table at a location may have, sorted as declared."""
-    model: type[BaseModel] = CaseDocument
+    """List the keys that the table at a location may have, in the order of their declaration."""
+    models: list[type[BaseModel]] = [CaseDocument]
     for part in location:
-        if isinstance(part, int):
-            continue
-        fields = {field.alias or name: field for name, field in model.model_fields.items()}
-        if part in _KINDS and part not in fields:
-            continue
-        if part not in fields:
+        if part in _KINDS and len(models) > 1:
+            models = [models[_KINDS.index(str(part))]]
+        elif isinstance(part, str):
+            inner = {field.alias or name: field for name, field in models[0].model_fields.items()}.get(part)
+            models = list(_models(inner.annotation)) if inner else []
+        if not models:
             return []
-        inner = list(_models(fields[part].annotation))
-        if not inner:
-            return []
-        model = inner[0]
-        if len(inner) > 1:
-            position = list(location).index(part)
-            tag = list(location)[position + 1 : position + 2]
-            model = inner[1] if tag == ["measured"] else inner[0]
-    return [field.alias or name for name, field in model.model_fields.items()]
+    return [field.alias or name for name, field in models[0].model_fields.items()]
 
 
 def _path(location: Iterable[int | str]) -> str:

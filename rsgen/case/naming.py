@@ -17,7 +17,7 @@ _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt"
 
 
 def is_device(name: str) -> bool:
-    """Tell whether Windows takes a file name for a device, whatever its ending."""
+    """Whether Windows takes a file name for a device, whatever its ending."""
     return name.casefold().split(".")[0] in _DEVICES
 
 

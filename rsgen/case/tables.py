@@ -107,7 +107,8 @@ def _annotation(base: Any, rule: Rule) -> Any:
         lengths = _bounds(rule) if Ellipsis in items else {"min_length": len(items), "max_length": len(items)}
         entries: Any = Annotated[list[_annotation(inner, inner_rule)], Field(**lengths)]  # type: ignore[misc]
         # one text may stand for a list of one
-        return Annotated[entries, BeforeValidator(_listed)] if inner in (str, Path) else entries
+        schema = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})
+        return Annotated[entries, BeforeValidator(_listed), schema] if inner in (str, Path) else entries
     if rule.unit is not None:
         return _quantity(exclusiveMinimum=rule.above, minimum=rule.at_least)
     if rule.what is not None:

@@ -6,9 +6,11 @@ import json
 import pickle
 import re
 import time
+import tomllib
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,6 +26,7 @@ from tests.case.faults import FAULTS, HISTORY, SIMULATED, TABLE, Fault, changed
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"), key=lambda path: path.stem)
+FORMATS = sorted((ROOT / "cases" / "formats").glob("*.toml"), key=lambda path: path.stem)
 # of the corpus: 2 s for a file; a case file is far smaller
 SECONDS = 2.0
 
@@ -181,7 +184,7 @@ def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("element", "told"),
+    ("element", "message"),
     [
         ('law = "cubic"', "cubic-spring"),
         ('law = "cubic-spring"\nforce = "k*x"', "one of them"),
@@ -190,9 +193,9 @@ def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
         ("", "is missing"),
     ],
 )
-def test_faults_of_laws_by_name(element: str, told: str, tmp_path: Path) -> None:
+def test_faults_of_laws_by_name(element: str, message: str, tmp_path: Path) -> None:
     faults = refused(write(tmp_path, good().replace('force = "k*x"', element)))
-    assert any("element.1" in fault and told in fault for fault in faults), faults
+    assert any("element.1" in fault and message in fault for fault in faults), faults
 
 
 def test_names_that_differ_by_case_only_are_noted(tmp_path: Path) -> None:
@@ -256,8 +259,8 @@ def test_hostile_parameter_tables(tmp_path: Path, entry: dict[str, Any]) -> None
         assert set(names) < set(load_case(path).truth or ())
     elif entry["id"] == "param-023":
         assert "lambda" in "".join(refused(path))
-        kept = "\n".join(line for line in text.split("\n") if not line.startswith("lambda"))
-        assert load_case(write(tmp_path, good("E*x + I*v", kept))).truth
+        rest = "\n".join(line for line in text.split("\n") if not line.startswith("lambda"))
+        assert load_case(write(tmp_path, good("E*x + I*v", rest))).truth
     else:
         refused(path)
 
@@ -383,6 +386,15 @@ def test_a_case_is_sent_to_a_process(name: str) -> None:
     assert twin.model == case.model
     assert twin.data_files == case.data_files
     assert all(file.is_file() for file in twin.data_files)
+
+
+@pytest.mark.parametrize("path", [*CASES, *FORMATS], ids=lambda path: path.stem)
+def test_the_schema_takes_what_is_loaded(path: Path) -> None:
+    document = tomllib.loads(path.read_text(encoding="utf-8"))
+    jsonschema.validate(document, case_schema())
+    document["test"]["titel"] = "?"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, case_schema())
 
 
 def test_a_range_is_the_same_for_object_schema_and_case(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every case of the paper keeps what its `[accept]` promises, and reports/table1.md says what comes out."""
+"""Every case of the paper stays within its `[accept]`, and reports/table1.md says what comes out."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def test_every_system_of_the_paper_has_a_case() -> None:
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_a_case_keeps_its_tolerances(path: Path) -> None:
+def test_a_case_is_within_its_tolerances(path: Path) -> None:
     comparison, _ = outcome(path)
     judged = [row for row in comparison.rows if row.tolerance is not None]
     assert comparison.passed
     assert judged
-    # the promise itself, beside the verdict: nobody widens a case unseen
+    # the tolerances themselves: nobody widens a case unseen
     assert max(row.tolerance for row in judged) <= (5e-4 if path.stem == "joint" else 1e-6)
 
 
@@ -72,9 +72,9 @@ def test_table_1_is_current(tmp_path: Path) -> None:
         folder.mkdir()
         (folder / "result.json").write_text(result_text(outcome(path)[1]), encoding="utf-8")
     made = cells(table_of_results(read_results(tmp_path)))
-    kept = cells((ROOT / "reports" / "table1.md").read_text(encoding="utf-8"))
-    assert [row[:3] + row[6:] for row in made] == [row[:3] + row[6:] for row in kept], (
+    saved = cells((ROOT / "reports" / "table1.md").read_text(encoding="utf-8"))
+    assert [row[:3] + row[6:] for row in made] == [row[:3] + row[6:] for row in saved], (
         "make reports renews it"
     )
-    for new, old in zip(made, kept, strict=True):
+    for new, old in zip(made, saved, strict=True):
         assert all(agrees(a, b) for a, b in zip(new[3:6], old[3:6], strict=True)), (new, old)
