@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
-from rsgen.identification.amplitude_balance import AmplitudeBalance
 from rsgen.identification.data import held_out_mask
 from rsgen.oscillator import Oscillator
+from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.known_oscillator import as_identification
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface

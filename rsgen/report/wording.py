@@ -185,6 +185,11 @@ def _(found: Finding) -> str:
     )
 
 
+@_says("values-given")
+def _(_: Finding) -> str:
+    return "all parameters are given, none was identified"
+
+
 @_says("confounded")
 def _(found: Finding) -> str:
     return (

@@ -11,10 +11,10 @@ import pytest
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
-from rsgen.identification.amplitude_balance import AmplitudeBalance
 from rsgen.measurement import read_measurement
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
+from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.surface import ResponseSurface
 from tests.oracles.virtual_test import changed, model, noisy, surface, truth
 
