@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite, nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
 from rsgen.law.numeric import compile_law
+from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 
 __all__ = ["FORCE_KEYS", "Comparison", "Row", "compare"]
 
@@ -45,7 +47,7 @@ class Row:
     tolerance
         From ``accept``; None where nothing is asked.
     passed
-        True where the tolerance is kept or nothing is asked.
+        True where the error is within tolerance, or no tolerance is given.
     """
 
     name: str
@@ -61,12 +63,60 @@ class Row:
     passed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """The verdict: one row a parameter (and a judged force); passed where every tolerance is kept."""
+@dataclass(frozen=True, slots=True, repr=False)
+class Comparison(Printed):
+    """One row a parameter (and a judged force); passed where every error is within its tolerance.
+
+    ``comparison["k3"]`` is the row of a parameter, "m" that of the mass.
+    """
 
     rows: tuple[Row, ...]
     passed: bool
+
+    def __getitem__(self, name: str) -> Row:
+        """Row of a parameter or of a force.
+
+        Raises
+        ------
+        RsgenError
+            There is none; it is a ``KeyError``, too.
+        """
+        return lookup(name, {row.name: row for row in self.rows}, "row")
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def to_frame(self) -> Any:
+        """Give the rows as a ``pandas.DataFrame``.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        columns: dict[str, Any] = {"refined": [row.refined.value for row in self]}
+        for name in ("name", "unit", "true", "relative_error", "tolerance", "passed"):
+            columns[name] = [getattr(row, name) for row in self]
+        return data_frame(columns, "name")
+
+    def _table(self) -> TextTable:
+        rows = tuple(
+            (
+                row.name,
+                short(row.true),
+                short(row.refined.value, with_error(row.refined.value, row.refined.standard_error)),
+                row.unit,
+                short(row.relative_error, 2),
+                "" if row.tolerance is None else short(row.tolerance, 2),
+                "" if row.tolerance is None else "within" if row.passed else "outside",
+            )
+            for row in self
+        )
+        heads = ("parameter", "true", "identified", "unit", "relative error", "tolerance", "verdict")
+        return TextTable(heads, rows)
 
 
 def compare(
@@ -124,7 +174,7 @@ def compare(
     return Comparison(tuple(rows), all(row.passed for row in rows))
 
 
-def _kept(error: float, tolerance: float | None) -> bool:
+def _within(error: float, tolerance: float | None) -> bool:
     return tolerance is None or (isfinite(error) and error <= tolerance)
 
 
@@ -133,7 +183,13 @@ def _parameter_row(
 ) -> Row:
     # a true zero leaves only the absolute error to judge
     scale = abs(true) or 1.0
-    errors = [abs(estimate.value - true) / scale for estimate in (refined, paper, first)]
+    found = [refined, paper, first]
+    return _row(found, [abs(estimate.value - true) / scale for estimate in found], true, tolerance)
+
+
+def _row(found: list[Estimate], errors: list[float], true: float, tolerance: float | None) -> Row:
+    """Make a row of the refined, the paper's and the first-order estimate with their errors."""
+    refined, paper, first = found
     return Row(
         name=refined.name,
         unit=refined.unit,
@@ -145,7 +201,7 @@ def _parameter_row(
         paper_error=errors[1],
         first_order_error=errors[2],
         tolerance=tolerance,
-        passed=_kept(errors[0], tolerance),
+        passed=_within(errors[0], tolerance),
     )
 
 
@@ -162,19 +218,7 @@ def _force_row(
         force = _force(identification, key, {estimate.name: estimate.value for estimate in estimates})
         found.append(Estimate(key, float(np.max(np.abs(force))), nan, (nan, nan), "N"))
         errors.append(float(np.max(np.abs(force - true))) / (largest or 1.0))
-    return Row(
-        name=key,
-        unit="N",
-        true=largest,
-        paper=found[1],
-        first_order=found[2],
-        refined=found[0],
-        relative_error=errors[0],
-        paper_error=errors[1],
-        first_order_error=errors[2],
-        tolerance=tolerance,
-        passed=_kept(errors[0], tolerance),
-    )
+    return _row(found, errors, largest, tolerance)
 
 
 def _force(identification: Identification, key: str, values: Mapping[str, float]) -> Array:

@@ -6,6 +6,7 @@ import pytest
 from rsgen.comparison import compare
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
+from tests.oracles.first_order import cubic_comparison, cubic_identification, cubic_surface
 from tests.oracles.virtual_test import model, surface, truth
 
 
@@ -36,7 +37,7 @@ def test_a_missed_tolerance_fails_the_whole(combined: Identification) -> None:
 
 
 def test_forces_are_judged_over_the_tested_range(combined: Identification) -> None:
-    # 10 % on the cubic term, whose share of the force at the largest X tells the deviation
+    # 10 % on the cubic term, whose share of the force at the largest X is the deviation
     wrong = truth("combined") | {"kn": 3.3e5}
     row = next(
         r for r in compare(combined, wrong, {"stiffness_force": 1e-3}).rows if r.name == "stiffness_force"
@@ -69,3 +70,18 @@ def test_unknown_and_blind_names_are_refused(combined: Identification) -> None:
         compare(combined, {"k": 5920.0}, {"kn": 1e-3})
     with pytest.raises(RsgenError, match="no truth for"):
         compare(combined, {"k": 5920.0}, {"stiffness_force": 1e-3})
+
+
+def test_rows_come_by_name_as_a_table_and_as_a_frame():
+    pytest.importorskip("pandas")
+    surface = cubic_surface()
+    comparison = cubic_comparison(cubic_identification(surface), tolerance=1e-9)
+    assert comparison["k1"] is comparison.rows[1]
+    assert list(comparison) == list(comparison.rows)
+    with pytest.raises(KeyError, match="there are c1, k1, kn1"):
+        comparison["k2"]
+    lines = str(comparison).splitlines()
+    assert [line.split()[0] for line in lines[1:]] == [row.name for row in comparison]
+    assert [line.split()[-1] for line in lines[1:]] == ["outside"] * 3
+    frame = comparison.to_frame()
+    assert frame.loc["k1", "relative_error"] == comparison["k1"].relative_error

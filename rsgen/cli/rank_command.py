@@ -88,7 +88,7 @@ def _values(ranking: Ranking) -> str:
     except RsgenError:
         # a law whose terms do not agree in units can be ranked all the same
         units = {}
-    units = {**units, "m": "kg"}
+    units = {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
     return ", ".join(
         f"{name} = {number(value)} {units.get(name, '')}".rstrip()
         for name, value in ranking.candidates[0].values.items()

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
-import sympy
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from rsgen.expression import symbol
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
 from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
+from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model
 
 __all__ = ["draw_forces", "force_function"]
@@ -34,16 +32,12 @@ def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Float
     values
         Every parameter of the laws, SI; others are ignored.
     """
-    names = ("x", "v", *model.parameters)
-    # dummies: names of the generated code are never names of a file
-    function: Callable[..., Any] = sympy.lambdify(
-        [symbol(name) for name in names], model.force, modules="numpy", dummify=True
-    )
-    numbers = [float(values[name]) for name in model.parameters]
+    law = compile_law(model.force)
+    point = np.array([float(values[name]) for name in law.parameters])
 
     def force(x: Floats, v: Floats) -> Floats:
         with np.errstate(all="ignore"):
-            result = np.asarray(function(x, v, *numbers), dtype=np.float64)
+            result = law.force(x, v, point)
         return np.broadcast_to(result, np.broadcast_shapes(np.shape(x), np.shape(v)))
 
     return force
@@ -107,9 +101,9 @@ def _panel(
     y = choose_scale(force, "N")
     if inverted is not None:
         at, drawn, band = inverted
-        # where the band is wider than the force itself nothing was told: near rest, and at rare amplitudes
-        told = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
-        at, drawn, band = at[told], drawn[told], band[told]
+        # a band wider than the force itself determines nothing: near rest, and at rare amplitudes
+        narrow = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
+        at, drawn, band = at[narrow], drawn[narrow], band[narrow]
         low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
         axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))

@@ -52,7 +52,7 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
     Parameters
     ----------
     most
-        How many at most: more curves in one figure cannot be told apart.
+        How many at most: more curves in one figure look alike.
 
     Examples
     --------

@@ -41,7 +41,7 @@ class Scale:
 
     def label(self, what: str) -> str:
         """Give an axis label, such as ``Amplitude X [mm]``."""
-        return f"{what} [{self.unit}]"
+        return f"{what} [{self.unit}]" if self.unit else what
 
 
 def unit_text(unit: str) -> str:
@@ -49,9 +49,11 @@ def unit_text(unit: str) -> str:
 
     Examples
     --------
-    >>> unit_text("N*s^2/m^2"), unit_text("N/m**3")
-    ('N·s²/m²', 'N/m³')
+    >>> unit_text("N*s^2/m^2"), unit_text("N/m**3"), unit_text("1")
+    ('N·s²/m²', 'N/m³', '')
     """
+    if unit == "1":
+        return ""
     text = unit.replace("**", "^").replace("*", "·")
     return re.sub(r"\^\(?(-?[0-9.]+)\)?", lambda power: power[1].translate(_POWERS), text)
 

@@ -27,7 +27,7 @@ __all__ = [
 _SAME = 1e-12
 """Relative change below which two values are the same: the last digits differ between machines."""
 
-_VERDICTS: dict[object, str] = {True: "kept", False: "missed", None: "–"}
+_VERDICTS: dict[object, str] = {True: "within", False: "outside", None: "–"}
 _STATES: dict[object, str] = {True: "accepted", False: "not accepted", None: "not judged"}
 
 

@@ -28,13 +28,13 @@ _LEAST_FORCE = 1e-3
 """Share of the largest force below which a force at rest or a departure from a straight line is none."""
 
 _TURN = 0.05
-"""Share of the whole course by which it must turn back to be told as two courses."""
+"""Share of the whole course by which it must turn back to count as two courses."""
 
 _FACTOR = 2.0
-"""From this ratio on a change is told as a factor: "falls by 99.7 %" says little."""
+"""From this ratio on a change is given as a factor: "falls by 99.7 %" says little."""
 
 _BEYOND_NOISE = 4.0
-"""A mean of so many times the noise is no accident of one point."""
+"""A mean of this many times the noise is no accident of one point."""
 
 _NORMAL_95 = 1.959964
 
@@ -301,7 +301,7 @@ def describe_mean(surface: ResponseSurface, identification: Identification | Non
     identification
         The peaks tell the stiffness of the two sides only where its law has no force at rest and a spring
         that is not linear: a constant force moves the mean of a linear spring as well.
-        Without it only the swing is told.
+        Without it only the swing is described.
 
     With light damping the energy at the two turning points is the same: for a bilinear spring
     k6 Xp^2 = k7 Xn^2 (METHOD.md 2, from Liu et al., Sec. 2.5).

@@ -76,7 +76,7 @@ def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str
         return f"Identified: {counted}, {why}"
     missed = [row.name for row in judged if not row.passed]
     if missed:
-        return f"Not accepted: {', '.join(missed)} outside the tolerance"
+        return f"Not accepted: {', '.join(missed)} outside tolerance"
     worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
     counted = {1: "the one judged value", 2: "both judged values"}.get(
         len(judged), f"all {len(judged)} values"
@@ -94,7 +94,7 @@ def _surface_sentence(surface: ResponseSurface) -> str:
         f"{count_text(len(surface), 'test point')} {was} {made}: {count_text(len(surface.levels), 'level')} "
         f"{forces}, {number_text(surface.frequency.min(), 5)} to "
         f"{number_text(surface.frequency.max(), 5)} Hz, "
-        f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')} kept. "
+        f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')}. "
     )
     if settled == len(surface):
         return text + "All of them settled."

@@ -194,7 +194,7 @@ def build_result(
 
 
 def _background(identification: Identification) -> dict[str, Any] | None:
-    """What was found besides the mode; null where nothing was asked for."""
+    """The fitted background; null where none was asked for."""
     background = identification.background
     if background is None:
         return None

@@ -226,7 +226,7 @@ def held_out_table(prediction: Prediction) -> Table | None:
 
 
 def background_table(identification: Identification) -> Table | None:
-    """List what was found besides the mode; None where nothing was asked for."""
+    """List the fitted background; None where none was asked for."""
     background = identification.background
     if background is None:
         return None

@@ -196,7 +196,7 @@ def test_a_missing_value_is_an_error() -> None:
 def test_missed_tolerance_is_said_first(blanks: list[Drawing]) -> None:
     missed = cubic_comparison(IDENTIFICATION, tolerance=1e-9)
     text = page(blanks, comparison=missed)
-    assert "Not accepted: c1, k1, kn1 outside the tolerance" in text
+    assert "Not accepted: c1, k1, kn1 outside tolerance" in text
     assert text.index("Not accepted") < text.index("<table")
 
 
@@ -392,7 +392,7 @@ def test_the_verdict_says_what_was_judged_and_whether_the_law_fits() -> None:
     one = Comparison((judged[0], *(replace(row, tolerance=None) for row in judged[1:])), True)
     assert "the one judged value within tolerance" in verdict_sentence(one)
     missed = Comparison((replace(judged[0], passed=False), *judged[1:]), False)
-    assert verdict_sentence(missed) == f"Not accepted: {judged[0].name} outside the tolerance"
+    assert verdict_sentence(missed) == f"Not accepted: {judged[0].name} outside tolerance"
     open_rows = tuple(replace(row, tolerance=None, true=float("nan")) for row in rows)
     measured = Comparison(open_rows, True)
     assert verdict_sentence(measured).startswith("Identified: ")
