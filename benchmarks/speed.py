@@ -136,7 +136,7 @@ def arithmetic() -> tuple[float, float]:
     os.environ["RSGEN_THREADS"] = "1"
 
     def work() -> None:
-        kernel.march(
+        kernel.integrate(
             np.arange(n), np.zeros((2, n)), np.tile([1.0, 0.0], (n, 1)), omega, o.mass, values,
             steps=steps, periods=periods,
         )  # fmt: skip

@@ -203,7 +203,7 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
 
 
 def _is_centred(trial: Trial) -> bool:
-    """Tell whether the mean force is zero at zero mean, on all random cycles."""
+    """Decide whether the mean force is zero at zero mean, on all random cycles."""
     mean, size = trial.reference[2], trial.size[2]
     return bool(len(mean)) and bool(np.all(np.abs(mean) <= ZERO_MEAN * np.maximum(size, 1e-300)))
 
@@ -310,7 +310,7 @@ def _about_mean(law: _Law, solved: sympy.Expr | None, balance: sympy.Expr) -> It
 
 
 def _is_homogeneous(law: _Law) -> bool:
-    """Tell whether n(t x) = t n(x) for a law of x alone: a constant ratio X0/X solves its balance."""
+    """Decide whether n(t x) = t n(x) for a law of x alone: a constant ratio X0/X solves its balance."""
     if law.force.has(STATE_V):
         return False
     return all(not (s.threshold is None or not s.threshold.is_zero) for s in law.form.switches) and all(

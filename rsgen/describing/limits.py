@@ -99,7 +99,7 @@ def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
 
 
 def grows_slowly(law: sympy.Expr, state: sympy.Symbol) -> bool:
-    """Tell whether a law is seen to grow slower than its state, so that it adds nothing for X -> oo."""
+    """Decide whether a law is seen to grow slower than its state, so that it adds nothing for X -> oo."""
     alone = _terms_alone(law, state)
     if alone is None:
         return False

@@ -46,10 +46,10 @@ def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
         slope, constant = coefficients
         return sympy.factor_terms(sympy.expand(-constant / slope))
     if len(coefficients) == 3:
-        bend, slope, constant = coefficients
+        curvature, slope, constant = coefficients
         if slope.is_zero:
             return None
-        return (-slope + sympy.sqrt(slope**2 - 4 * bend * constant)) / (2 * bend)
+        return (-slope + sympy.sqrt(slope**2 - 4 * curvature * constant)) / (2 * curvature)
     return None
 
 
@@ -75,40 +75,40 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
     """
     n = len(X)
     everyone = np.arange(n)
-    floor = 1e-14 * np.abs(stiffness) * X
+    tiny = 1e-14 * np.abs(stiffness) * X
     at_rest = balance(np.zeros(n), everyone)
-    result = np.where(np.abs(at_rest) <= floor, 0.0, np.nan)
+    result = np.where(np.abs(at_rest) <= tiny, 0.0, np.nan)
     wanted = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
     if len(wanted) > 2 * COARSE:
         # the mean changes smoothly with X: some are searched for, the others start from their neighbours
         ordered = wanted[np.argsort(X[wanted], kind="stable")]
         some = ordered[np.unique(np.linspace(0, len(ordered) - 1, COARSE).astype(np.intp))]
-        _search(balance, some, X, floor, flat, result)
+        _search(balance, some, X, tiny, flat, result)
         others = np.setdiff1d(wanted, some)
-        _slide(balance, others, some, X, floor, result)
+        _slide(balance, others, some, X, tiny, result)
         others = others[np.isnan(result[others])]
-        _follow(balance, others, np.interp(X[others], X[some], result[some]), X, floor, result)
+        _follow(balance, others, np.interp(X[others], X[some], result[some]), X, tiny, result)
         wanted = others[np.isnan(result[others])]
-    _search(balance, wanted, X, floor, flat, result)
+    _search(balance, wanted, X, tiny, flat, result)
     return result
 
 
 def _search(
-    balance: Balance, rows: NDArray[np.intp], X: Array, floor: Array, flat: bool, result: Array
+    balance: Balance, rows: NDArray[np.intp], X: Array, tiny: Array, flat: bool, result: Array
 ) -> None:
     """Scan a wide range of means for the nearest rise through zero; enter what is found."""
     if not len(rows):
         return
     trials = SCAN * X[rows, None]
     forces = balance(trials.ravel(), np.repeat(rows, len(SCAN))).reshape(trials.shape)
-    zeroed = np.where(np.abs(forces) <= floor[rows, None], 0.0, forces)
+    zeroed = np.where(np.abs(forces) <= tiny[rows, None], 0.0, forces)
     low, high, found = _nearest_rise(trials, zeroed, flat)
     found_rows = rows[found]
-    result[found_rows] = _refine(balance, found_rows, low[found], high[found], floor[found_rows])
+    result[found_rows] = _refine(balance, found_rows, low[found], high[found], tiny[found_rows])
 
 
 def _slide(
-    balance: Balance, rows: NDArray[np.intp], some: NDArray[np.intp], X: Array, floor: Array, result: Array
+    balance: Balance, rows: NDArray[np.intp], some: NDArray[np.intp], X: Array, tiny: Array, result: Array
 ) -> None:
     """Improve what lies between known means by Newton steps, with slopes that lie between known slopes.
 
@@ -129,14 +129,14 @@ def _slide(
         mean = mean - step
         # steps shrink by a constant factor: the next one would be this small
         still = step**2 <= 1e-16 * X[rows] * before
-        done = (still | (np.abs(force) <= floor[rows])) & (np.abs(step) < X[rows] / 8)
+        done = (still | (np.abs(force) <= tiny[rows])) & (np.abs(step) < X[rows] / 8)
         result[rows[done]] = mean[done]
         on = ~done & (np.abs(step) < before / 8)
         rows, mean, slope, before = rows[on], mean[on], slope[on], np.abs(step[on])
 
 
 def _follow(
-    balance: Balance, rows: NDArray[np.intp], guess: Array, X: Array, floor: Array, result: Array
+    balance: Balance, rows: NDArray[np.intp], guess: Array, X: Array, tiny: Array, result: Array
 ) -> None:
     """Refine good guesses of the mean; guesses that are not good stay open."""
     for reach in (1e-4, 1e-2):
@@ -146,9 +146,9 @@ def _follow(
             return
         width = reach * np.maximum(np.abs(guess[near]), X[some])
         low, high = guess[near] - width, guess[near] + width
-        rising = (balance(low, some) < -floor[some]) & (balance(high, some) > floor[some])
+        rising = (balance(low, some) < -tiny[some]) & (balance(high, some) > tiny[some])
         caught = some[rising]
-        result[caught] = _refine(balance, caught, low[rising], high[rising], floor[caught])
+        result[caught] = _refine(balance, caught, low[rising], high[rising], tiny[caught])
 
 
 def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -164,17 +164,17 @@ def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Arra
     return trials[rows, place], trials[rows, place + 1], rising[rows, place]
 
 
-def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, floor: Array) -> Array:
+def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, tiny: Array) -> Array:
     """Narrow brackets by Ridders' method; where the force is zero on one side, halve to its edge."""
     below, above = balance(low, rows), balance(high, rows)
-    best = np.where(above <= floor, high, low)
-    active = np.flatnonzero((np.abs(below) > floor) & (above > floor))
+    best = np.where(above <= tiny, high, low)
+    active = np.flatnonzero((np.abs(below) > tiny) & (above > tiny))
     for still, pushed, ends in (
-        (low, high, (np.abs(below) <= floor) & (above > floor)),
-        (high, low, (below < -floor) & (np.abs(above) <= floor)),
+        (low, high, (np.abs(below) <= tiny) & (above > tiny)),
+        (high, low, (below < -tiny) & (np.abs(above) <= tiny)),
     ):
         edges = np.flatnonzero(ends)
-        best[edges] = _edge(balance, rows[edges], still[edges], pushed[edges], floor[edges])
+        best[edges] = _edge(balance, rows[edges], still[edges], pushed[edges], tiny[edges])
     for _ in range(STEPS):
         if not len(active):
             break
@@ -195,17 +195,17 @@ def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, f
         best[active] = point
         width = high[active] - low[active]
         scale = np.maximum(np.abs(low[active]), np.abs(high[active]))
-        done = (width <= 4e-16 * scale) | (np.abs(fp) <= 0.01 * floor[active]) | ~np.isfinite(fp)
+        done = (width <= 4e-16 * scale) | (np.abs(fp) <= 0.01 * tiny[active]) | ~np.isfinite(fp)
         active = active[~done]
     return best
 
 
-def _edge(balance: Balance, rows: NDArray[np.intp], still: Array, pushed: Array, floor: Array) -> Array:
+def _edge(balance: Balance, rows: NDArray[np.intp], still: Array, pushed: Array, tiny: Array) -> Array:
     """Find the end of a range of means without force between a mean in it and one outside."""
     if not len(rows):
         return still
     for _ in range(54):
         middle = (still + pushed) / 2
-        out = np.abs(balance(middle, rows)) > floor
+        out = np.abs(balance(middle, rows)) > tiny
         still, pushed = np.where(out, still, middle), np.where(out, middle, pushed)
     return still

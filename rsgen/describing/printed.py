@@ -108,7 +108,7 @@ def compare_printed(
 
 
 def _same(own: sympy.Expr, formula: sympy.Expr, positive: tuple[str, ...]) -> bool:
-    """Tell whether both are the same after multiplying out; no is no proof of difference."""
+    """Decide whether both are the same after multiplying out; no is no proof of difference."""
     names = {symbol(name): sympy.Symbol(name, positive=True) for name in positive}
     difference = own.xreplace(names) - formula.xreplace(names)
     if difference.has(sympy.Piecewise, sympy.Integral):

@@ -224,7 +224,7 @@ def _some(cycle: Cycle, rows: slice | NDArray[np.intp]) -> Cycle:
 
 
 def _rough(force: sympy.Expr) -> bool:
-    """Tell whether the law has real powers, whose ends need crowded nodes."""
+    """Decide whether the law has real powers, whose ends need crowded nodes."""
     return any(not power.exp.is_Integer for power in force.atoms(sympy.Pow) if power.base is not sympy.E)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rsgen.kernel.compiled import Kernel, March, compile_kernel
+from rsgen.kernel.compiled import Integrated, Kernel, compile_kernel
 from rsgen.kernel.generation import generate, parameter_order
 from rsgen.kernel.store import cache_folder
 
-__all__ = ["Kernel", "March", "cache_folder", "compile_kernel", "generate", "parameter_order"]
+__all__ = ["Integrated", "Kernel", "cache_folder", "compile_kernel", "generate", "parameter_order"]

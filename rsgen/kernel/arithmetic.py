@@ -31,7 +31,7 @@ _LARGEST_CHAIN = 64  # beyond this integer powers are left to the power function
 
 
 class Body:
-    """Statements of a function and the expressions that use them; every name in it is rsgen's own.
+    """Statements of a function and the expressions that use them; every name in it is made by rsgen.
 
     Parameters
     ----------

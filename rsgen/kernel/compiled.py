@@ -1,4 +1,4 @@
-"""A compiled force law: carries many test points over periods of the force."""
+"""A compiled force law that integrates many test points over periods of the force."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from rsgen.errors import RsgenError
 from rsgen.kernel.generation import generate, parameter_order
 from rsgen.kernel.store import load_kernel
 
-__all__ = ["Kernel", "March", "compile_kernel"]
+__all__ = ["Integrated", "Kernel", "compile_kernel"]
 
-_ROOM = 1024 * 64  # numbers: more rows of lanes than any law that can be read needs
-_room = threading.local()
+_WORK = 1024 * 64
+"""Numbers of work space: more rows of 64 points than any law that can be read needs."""
+
+_space = threading.local()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class March:
-    """Where k lanes are after some periods of the force.
+class Integrated:
+    """Where k points are after some periods of the force.
 
     Parameters
     ----------
     state
         (2, k) y = (x, v/omega) [m], so that both parts weigh the same.
-    trail
+    history
         (2, 2, k) the states two periods and one period before.
     harmonics
         (k, H+1) complex displacement of the last period [m]; (k, 0) where none was recorded.
@@ -39,7 +41,7 @@ class March:
     """
 
     state: NDArray[np.float64]
-    trail: NDArray[np.float64]
+    history: NDArray[np.float64]
     harmonics: NDArray[np.complex128]
     peak: NDArray[np.float64]
 
@@ -56,11 +58,11 @@ def _address(array: NDArray[Any]) -> int:
 
 
 def _work() -> NDArray[np.float64]:
-    """Room for the lanes of one thread."""
-    if not hasattr(_room, "lanes"):
-        _room.lanes = np.zeros(_ROOM)
-    lanes: NDArray[np.float64] = _room.lanes
-    return lanes
+    """Work space of one thread."""
+    if not hasattr(_space, "rows"):
+        _space.rows = np.zeros(_WORK)
+    rows: NDArray[np.float64] = _space.rows
+    return rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,13 +72,13 @@ class Kernel:
     Parameters
     ----------
     parameters
-        Names in the order in which ``march`` takes their values.
+        Names in the order in which ``integrate`` takes their values.
     """
 
     parameters: tuple[str, ...]
     _enter: Callable[..., Any]
 
-    def march(
+    def integrate(
         self,
         points: NDArray[np.intp],
         state: NDArray[np.float64],
@@ -89,13 +91,13 @@ class Kernel:
         periods: int,
         harmonics: int | None = None,
         peaks: bool = True,
-    ) -> March:
-        """Carry lanes over some periods of f(t) = Re F exp(i omega t), from t = 0.
+    ) -> Integrated:
+        """Integrate points over some periods of f(t) = Re F exp(i omega t), from t = 0.
 
         Parameters
         ----------
         points
-            (k,) the test point of each lane, a row of ``force`` and ``omega``.
+            (k,) rows of ``force`` and ``omega``; a row may occur more than once.
         state
             (2, k) y = (x, v/omega) [m] at the start; left as it is.
         force, omega
@@ -111,7 +113,7 @@ class Kernel:
         harmonics
             Record the mean and harmonics 1 to this in the last period; None: record nothing.
         peaks
-            Record the peaks besides.
+            Record the peaks, too.
 
         Raises
         ------
@@ -120,28 +122,29 @@ class Kernel:
         """
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
         after = np.array(state, dtype=np.float64, order="C")
-        trail = np.empty((2, 2, k))
+        history = np.empty((2, 2, k))
         waves = np.empty((k, columns), dtype=np.complex128)
         peak = np.empty((k if peaks and columns else 0, 2))
-        lanes = np.ascontiguousarray(points, dtype=np.int64)
+        rows = np.ascontiguousarray(points, dtype=np.int64)
         F, w = np.ascontiguousarray(force), np.ascontiguousarray(omega)
         p = np.ascontiguousarray(values)
-        # machine code checks nothing: what it is told here must be so
+        # machine code checks nothing: shapes and types must be right here
         if (
             after.shape != (2, k) or F.shape != (len(w), 2) or p.shape != (len(self.parameters),)
             or not all(a.dtype == np.float64 for a in (F, w, p))
-            or (k and not (lanes.min() >= 0 and lanes.max() < len(w)))
+            or (k and not (rows.min() >= 0 and rows.max() < len(w)))
         ):  # fmt: skip
             raise RsgenError(
-                f"march: {k} lanes, states {after.shape}, forces {F.shape}, {len(w)} frequencies, {len(p)} "
-                "values do not belong together; (k,), (2, k), (n, 2), (n,) and (P,) of float64 are needed"
+                f"integrate: {k} points, states {after.shape}, forces {F.shape}, {len(w)} frequencies, "
+                f"{len(p)} values do not belong together; (k,), (2, k), (n, 2), (n,) and (P,) of float64 are "
+                "needed"
             )
         self._enter(
-            _address(lanes), k, _address(after), _address(trail), _address(F), _address(w), len(w),
+            _address(rows), k, _address(after), _address(history), _address(F), _address(w), len(w),
             mass, _address(p), len(p), _address(_phases(steps)), steps, periods,
             _address(waves), 2 * columns, _address(peak), len(peak), _address(_work()),
         )  # fmt: skip
-        return March(after, trail, waves, peak)
+        return Integrated(after, history, waves, peak)
 
 
 def compile_kernel(
@@ -161,7 +164,7 @@ def compile_kernel(
     ExpressionError
         The law holds a function that no law may use.
     RsgenError
-        The compiled law can be kept nowhere.
+        The compiled law can be stored nowhere.
     """
     source = generate(force, values=values, locate_all=locate_all)
     return Kernel(parameter_order(force), load_kernel(source))

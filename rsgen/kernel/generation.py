@@ -43,7 +43,7 @@ def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
 
 
 def _onsets(form: NormalForm, switch: Switch) -> tuple[bool, bool]:
-    """Tell whether the law may jump at a switch, and whether it may have a corner there."""
+    """Decide whether the law may jump at a switch, and whether it may have a corner there."""
     jumps, corners = zip(
         *(onset(piece, switch) for piece in form.pieces if switch in piece.switches), strict=True
     )

@@ -1,8 +1,8 @@
 """Compiled kernels on disk: found by content, published whole, rebuilt when damaged.
 
-A kernel lives in a folder of its own, named by the hash of everything that it depends on. It is compiled in a
+Each kernel has a folder, named by the hash of everything that it depends on. It is compiled in a
 temporary folder that is then renamed, so that parallel processes never see half a kernel; a list of checksums
-inside tells damage from health before machine code is loaded.
+inside shows damage before machine code is loaded.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _lock = Lock()
 
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept: ``RSGEN_CACHE`` where it is set, else the user's cache folder."""
+    """Where compiled kernels are stored: ``RSGEN_CACHE`` where it is set, else the user's cache folder."""
     chosen = os.environ.get("RSGEN_CACHE")
     if chosen:
         return Path(chosen)
@@ -49,38 +49,38 @@ def _key(source: str) -> str:
 def _read(folder: Path, source: str) -> tuple[bytes, str] | None:
     """Object code and symbol of a folder where all is as it was written, else None."""
     try:
-        told = json.loads((folder / _LIST).read_text(encoding="utf-8"))
+        entry = json.loads((folder / _LIST).read_text(encoding="utf-8"))
         code = (folder / _OBJECT).read_bytes()
         healthy = (
-            isinstance(told, dict)
-            and told.get("sha256") == hashlib.sha256(code).hexdigest()
-            and isinstance(told.get("symbol"), str)
+            isinstance(entry, dict)
+            and entry.get("sha256") == hashlib.sha256(code).hexdigest()
+            and isinstance(entry.get("symbol"), str)
             and (folder / _SOURCE).read_text(encoding="utf-8") == source
         )
-        return (code, told["symbol"]) if healthy else None
+        return (code, entry["symbol"]) if healthy else None
     except (OSError, ValueError):
         return None
 
 
 def _build(home: Path, target: Path, source: str) -> tuple[bytes, str]:
-    """Compile in a folder of our own and publish it; the code is good even if publishing fails."""
-    workshop = Path(tempfile.mkdtemp(dir=home, prefix=".building-"))
+    """Compile in a temporary folder and publish it; the code is good even if publishing fails."""
+    folder = Path(tempfile.mkdtemp(dir=home, prefix=".building-"))
     try:
-        (workshop / _SOURCE).write_text(source, encoding="utf-8")
-        code, symbol = compile_source(workshop / _SOURCE, f"rsgen_kernel_{target.name}")
-        (workshop / _OBJECT).write_bytes(code)
-        told = {"symbol": symbol, "sha256": hashlib.sha256(code).hexdigest()}
-        (workshop / _LIST).write_text(json.dumps(told), encoding="utf-8")
+        (folder / _SOURCE).write_text(source, encoding="utf-8")
+        code, symbol = compile_source(folder / _SOURCE, f"rsgen_kernel_{target.name}")
+        (folder / _OBJECT).write_bytes(code)
+        entry = {"symbol": symbol, "sha256": hashlib.sha256(code).hexdigest()}
+        (folder / _LIST).write_text(json.dumps(entry), encoding="utf-8")
         if target.exists():
             shutil.rmtree(target, ignore_errors=True)
         try:
-            workshop.rename(target)
+            folder.rename(target)
         except OSError:
             # another process was first; its kernel is as good
-            shutil.rmtree(workshop, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
         return code, symbol
     except BaseException:
-        shutil.rmtree(workshop, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
@@ -110,6 +110,6 @@ def _compiled(key: str, source: str) -> tuple[bytes, str]:
                 return _build(Path(spare), Path(spare) / key, source)
         except OSError:
             raise RsgenError(
-                f"{home}: compiled kernels cannot be kept here ({fault.strerror}); "
+                f"{home}: compiled kernels cannot be stored here ({fault.strerror}); "
                 "set RSGEN_CACHE to a folder that can be written"
             ) from fault

@@ -112,7 +112,7 @@ def character(force: sympy.Expr) -> Character:
 
 
 def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
-    """Tell whether a piece sets in at a switch with a jump, and whether with a corner.
+    """Decide whether a piece sets in at a switch with a jump, and whether with a corner.
 
     None stands for what an unknown exponent decides, as that of ``abs(v)**p`` does at zero.
     """
@@ -160,7 +160,7 @@ def _jointly_linear(
 
 
 def _vanishes(expression: sympy.Expr) -> bool:
-    """Tell whether an expression is zero, from its value at random places: to simplify one may not end."""
+    """Decide whether an expression is zero, from its value at random places: to simplify one may not end."""
     if expression == 0:
         return True
     if expression.has(sympy.DiracDelta):
@@ -215,7 +215,7 @@ def _scaled_groups(
 def _is_scaled(
     piece: Piece, parameters: Sequence[sympy.Symbol], chosen: tuple[int, ...], linear: Sequence[int]
 ) -> bool | None:
-    """Tell whether a factor of the chosen acts on a piece; None where the piece is not affine in it.
+    """Decide whether a factor of the chosen acts on a piece; None where the piece is not affine in it.
 
     Switches may change by a positive factor only.
     """
@@ -252,7 +252,7 @@ def _is_scaled(
 
 
 def _same_sign(signs: Sequence[Sequence[Array]]) -> bool:
-    """Tell whether switches change by one positive factor at all states."""
+    """Decide whether switches change by one positive factor at all states."""
     for before, after in zip(signs[0], signs[1], strict=True):
         size = np.max(np.abs(before), initial=0.0)
         with np.errstate(all="ignore"):

@@ -64,7 +64,7 @@ Form = dict[Key, sympy.Expr]
 
 
 def moves(expression: sympy.Basic) -> bool:
-    """Tell whether an expression depends on x or v."""
+    """Decide whether an expression depends on x or v."""
     return bool(expression.free_symbols & STATES)
 
 

@@ -123,8 +123,8 @@ def _order(key: Key) -> tuple[object, ...]:
 def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> NormalForm:
     """Reduce a law to smooth pieces behind switches (abs, sign, Heaviside, Piecewise, Min, Max disappear).
 
-    The value on a switch itself (sign(0), Heaviside(0)) is not kept: it has measure zero. A switch function
-    whose zero is not known as a value of x or of v alone, as in ``sign(x + v)``, gives a switch of its own
+    The value on a switch itself (sign(0), Heaviside(0)) is lost: it has measure zero. A switch function
+    whose zero is not known as a value of x or of v alone, as in ``sign(x + v)``, gives a switch
     with ``variable`` None. Factors of switch functions that depend on parameters only are taken as not zero.
 
     Parameters

@@ -317,7 +317,7 @@ def _within(expression: sympy.Expr) -> sympy.Expr:
 
 
 def _plain(expression: sympy.Expr) -> bool:
-    """Tell whether this is the distance from one switch, Abs(x - b) or Abs(v - w)."""
+    """Decide whether this is the distance from one switch, Abs(x - b) or Abs(v - w)."""
     if not isinstance(expression, sympy.Abs):
         return False
     inner = expression.args[0]

@@ -82,7 +82,7 @@ class _Shooting:
         self, points: NDArray[np.intp], w: Floats, steps: int, harmonics: int
     ) -> tuple[Floats, NDArray[np.complex128], Floats]:
         force = w[:, 2:] * self.unit(points)[:, None]
-        orbit = self.kernel.march(
+        orbit = self.kernel.integrate(
             np.arange(len(points)), w[:, :2].T, force, self.omega[points], self.mass, self.values,
             steps=steps, periods=1, harmonics=harmonics,
         )  # fmt: skip

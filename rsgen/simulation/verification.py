@@ -87,17 +87,17 @@ def verify(
     while look < _LOOKS and len(active):
         look += 1
         with np.errstate(over="ignore", invalid="ignore"):
-            march = kernel.march(
+            moved = kernel.integrate(
                 active, state[:, active], force, omega, oscillator.mass, values,
                 steps=_STEPS, periods=_PERIODS, harmonics=1,
             )  # fmt: skip
-            change = np.abs(march.state - march.trail[1]).max(axis=0)
-            size = np.abs(march.state).max(axis=0)
-        state[:, active] = march.state
+            change = np.abs(moved.state - moved.history[1]).max(axis=0)
+            size = np.abs(moved.state).max(axis=0)
+        state[:, active] = moved.state
         # a mass that friction holds does not move at all: nothing changes, and the size is none
         done = change <= _REPEATS * size
         repeats[active[done]] = True
-        found[active[done]] = march.harmonics[done, 1]
+        found[active[done]] = moved.harmonics[done, 1]
         active = active[~done & np.isfinite(size)]
     X = surface.harmonics[points, 1]
     both = repeats & surface.settled[points]

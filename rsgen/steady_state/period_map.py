@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.kernel import Kernel, March
+from rsgen.kernel import Integrated, Kernel
 
 __all__ = ["PeriodMap"]
 
@@ -47,7 +47,7 @@ class PeriodMap:
         harmonics: int | None = None,
         *,
         peaks: bool = False,
-    ) -> March:
+    ) -> Integrated:
         """Carry states over periods.
 
         ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (2, k), or (2, r k) with the
@@ -57,11 +57,11 @@ class PeriodMap:
         if several > 1:
             points = np.concatenate([points] * several)
         if len(steps) and (steps == steps[0]).all():
-            return self._march(points, y, int(steps[0]), periods, harmonics, peaks)
+            return self._integrate(points, y, int(steps[0]), periods, harmonics, peaks)
         if several > 1:
             steps = np.concatenate([steps] * several)
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
-        whole = March(
+        whole = Integrated(
             np.empty((2, k)),
             np.empty((2, 2, k)),
             np.empty((k, columns), np.complex128),
@@ -69,17 +69,17 @@ class PeriodMap:
         )
         for kind in np.unique(steps):
             mine = np.flatnonzero(steps == kind)
-            part = self._march(points[mine], y[:, mine], int(kind), periods, harmonics, peaks)
-            whole.state[:, mine], whole.trail[:, :, mine] = part.state, part.trail
+            part = self._integrate(points[mine], y[:, mine], int(kind), periods, harmonics, peaks)
+            whole.state[:, mine], whole.history[:, :, mine] = part.state, part.history
             whole.harmonics[mine] = part.harmonics
             if peaks:
                 whole.peak[mine] = part.peak
         return whole
 
-    def _march(
+    def _integrate(
         self, points: Indices, y: Floats, steps: int, periods: int, harmonics: int | None, peaks: bool
-    ) -> March:
-        return self.kernel.march(
+    ) -> Integrated:
+        return self.kernel.integrate(
             points, y, self.force, self.omega, self.mass, self.values,
             steps=steps, periods=periods, harmonics=harmonics, peaks=peaks,
         )  # fmt: skip

@@ -124,8 +124,8 @@ def _solve(
             here, slope = fixed.y, fixed.jacobian
             jacobian[:, :, active] = slope
         record = harmonics if turn >= first_record else None
-        march = period_map.carry(active, here, mine, 1, record, peaks=peaks and record is not None)
-        residual = march.state - here
+        moved = period_map.carry(active, here, mine, 1, record, peaks=peaks and record is not None)
+        residual = moved.state - here
         move = correction(slope, residual)
         length = norm(move)
         finite = np.isfinite(length)
@@ -136,10 +136,10 @@ def _solve(
             kept = slice(None) if done.all() else done
             at = active[kept]
             result.y[:, at] = there[:, kept]
-            result.harmonics[at, : harmonics + 1] = march.harmonics[kept]
+            result.harmonics[at, : harmonics + 1] = moved.harmonics[kept]
             result.residual[at] = (norm(residual) / size)[kept]
             if peaks:
-                result.peak[at] = march.peak[kept]
+                result.peak[at] = moved.peak[kept]
             if done.all():
                 return
             left = ~done

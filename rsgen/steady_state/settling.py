@@ -67,8 +67,8 @@ def _one_round(
     period_map: PeriodMap, result: Settling, active: Indices, periods: int, floor: Floats
 ) -> Indices:
     before, steps = result.y[:, active], result.steps[active]
-    march = period_map.carry(active, before, steps, periods)
-    y, trail = march.state, march.trail
+    moved = period_map.carry(active, before, steps, periods)
+    y, history = moved.state, moved.history
     bounded = np.isfinite(norm(y))
     if not bounded.all():
         for _ in range(2):
@@ -78,31 +78,31 @@ def _one_round(
             # too few steps make a stiff law explode: that is no answer yet
             steps[lost] *= _STIFF
             again = period_map.carry(active[lost], before[:, lost], steps[lost], periods)
-            y[:, lost], trail[:, :, lost] = again.state, again.trail
+            y[:, lost], history[:, :, lost] = again.state, again.history
             bounded = np.isfinite(norm(y))
         result.steps[active] = steps
         result.y[:, active] = y
         result.outcome[active[~bounded]] = DIVERGED
-        active, y, trail = active[bounded], y[:, bounded], trail[:, :, bounded]
+        active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
     else:
         result.y[:, active] = y
-    settled = _accept(period_map, result, active, y, trail, floor[active])
+    settled = _accept(period_map, result, active, y, history, floor[active])
     left = np.flatnonzero(~settled)
     size = np.maximum(norm(y[:, left]), floor[active[left]])
-    two_ago, one_ago = norm(y[:, left] - trail[0][:, left]), norm(y[:, left] - trail[1][:, left])
+    two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
     twice = (two_ago < _TWICE * size) & (one_ago > 1e3 * _TWICE * size)
     result.outcome[active[left[twice]]] = PERIOD_TWO
     return active[left[~twice]]
 
 
 def _accept(
-    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, trail: Floats, floor: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, history: Floats, floor: Floats
 ) -> NDArray[np.bool_]:
     """Record the points whose fixed point is certain; True for these."""
     steps = result.steps[active]
     fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, floor)
     size = np.maximum(norm(fixed.y), floor)
-    earlier, away = trail[0] - fixed.y, y - fixed.y
+    earlier, away = history[0] - fixed.y, y - fixed.y
     departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
     distance, inside = norm(earlier), attraction(fixed.jacobian)
     linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
@@ -125,7 +125,7 @@ def _accept(
             away[:, wide],
             steps[wide],
         )
-    still = ~sure & (norm(y - trail[1]) <= _STILL * size) & (norm(y - trail[0]) <= _STILL * size)
+    still = ~sure & (norm(y - history[1]) <= _STILL * size) & (norm(y - history[0]) <= _STILL * size)
     settled: NDArray[np.bool_] = sure | still
     if sure.all():
         result.y[:, active], result.jacobian[:, :, active] = fixed.y, fixed.jacobian

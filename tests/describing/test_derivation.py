@@ -102,7 +102,7 @@ def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "said"),
     [
         (("--assume", "q>0"), "with a parameter of the law: k"),
         (("--assume", "k<0"), "name > 0"),
@@ -118,13 +118,13 @@ def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> N
     ],
 )
 def test_faults_of_options_are_told_in_one_sentence(
-    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str],
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     assert call("derive", "k*x", *words) == 2
     shown = capsys.readouterr()
-    assert told in shown.err
+    assert said in shown.err
     assert shown.err.count("\n") == 1
     assert shown.out == ""
     assert not list(tmp_path.iterdir())

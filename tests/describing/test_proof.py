@@ -1,4 +1,4 @@
-"""A closed form is used only where quadrature agrees; a wrong one is found, told and replaced."""
+"""A closed form is used only where quadrature agrees; a wrong one is found, reported and replaced."""
 
 import numpy as np
 import pytest

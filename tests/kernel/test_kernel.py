@@ -117,7 +117,7 @@ def _one_step_further(source: str) -> np.ndarray:
     # as a new process would: from the cache, if there is one
     store._loaded.clear()
     values = np.array([0.3, 40.0])
-    return kernel.march(
+    return kernel.integrate(
         np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
         steps=32, periods=1,
     ).state  # fmt: skip
@@ -188,11 +188,11 @@ def test_machine_code_is_never_told_what_is_not_so() -> None:
         "omega": [np.ones(2)],
         "values": [np.ones(3), np.ones(2, np.int64)],
     }
-    assert kernel.march(**good, steps=16, periods=1).state.shape == (2, 3)
+    assert kernel.integrate(**good, steps=16, periods=1).state.shape == (2, 3)
     for name, faults in bad.items():
         for fault in faults:
-            with pytest.raises(RsgenError, match="march"):
-                kernel.march(**(good | {name: fault}), steps=16, periods=1)
+            with pytest.raises(RsgenError, match="integrate"):
+                kernel.integrate(**(good | {name: fault}), steps=16, periods=1)
 
 
 @pytest.mark.slow
@@ -213,11 +213,11 @@ def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
         " + acos(x/9) + atan(x) + atan2(x, v) + abs(x)**1.3 + sqrt(abs(x)) + Max(x, v)*Min(x, 2) + sign(x)"
     )
     kernel = compile_kernel(parse(law))
-    march = kernel.march(
+    moved = kernel.integrate(
         np.arange(2), np.full((2, 2), 0.1), np.ones((2, 2)), np.array([3.0, 4.0]), 1.0, np.array([0.5]),
         steps=64, periods=2,
     )  # fmt: skip
-    assert np.isfinite(march.state).all()
+    assert np.isfinite(moved.state).all()
 
 
 def test_without_a_place_for_the_cache_kernels_still_work(
@@ -250,9 +250,11 @@ def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
     omega = np.linspace(4, 9, 150)
     force = np.tile([2.0, 0.5], (150, 1))
     points = np.arange(150)
-    together = kernel.march(points, np.zeros((2, 150)), force, omega, 1.0, values, steps=48, periods=9).state
+    together = kernel.integrate(
+        points, np.zeros((2, 150)), force, omega, 1.0, values, steps=48, periods=9
+    ).state
     for i in (0, 71, 149):
-        alone = kernel.march(
+        alone = kernel.integrate(
             points[i : i + 1], np.zeros((2, 1)), force, omega, 1.0, values, steps=48, periods=9
         )
         assert np.array_equal(alone.state[:, 0], together[:, i])

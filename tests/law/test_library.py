@@ -49,16 +49,16 @@ def test_one_law_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "said"),
     [
         (("cubic",), "cubic-spring"),
         (("--plot", "a.svg"), "give its name"),
         (("coulomb", "--set", "Ff=1"), "add --plot FILE"),
     ],
 )
-def test_faults_are_told(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faults_are_named(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(*words) == 2
-    assert told in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_picture_takes_example_values(tmp_path: Path) -> None:

@@ -188,8 +188,8 @@ def _one_period_error(law: str, values: dict[str, float], state: list[float], st
     y = np.array([[state[0]], [state[1] / omega[0]]])
 
     def end(count: int) -> np.ndarray:
-        march = kernel.march(np.array([0]), y, F, omega, 1.5, order, steps=count, periods=1)
-        return march.state[:, 0]
+        moved = kernel.integrate(np.array([0]), y, F, omega, 1.5, order, steps=count, periods=1)
+        return moved.state[:, 0]
 
     best = end(16384)
     return np.array([np.hypot(*(end(count) - best)) for count in steps])
@@ -243,7 +243,7 @@ def test_from_rest_ends_where_brute_force_ends() -> None:
     fast = solve_steady_states(o, force, frequency)
     kernel = compile_kernel(o.force)
     values = np.array([o.values[name] for name in kernel.parameters])
-    slow = kernel.march(
+    slow = kernel.integrate(
         np.arange(480), np.zeros((2, 480)), np.column_stack([force.real, force.imag]),
         2 * np.pi * frequency, 1.5, values, steps=96, periods=1200, harmonics=1,
     )  # fmt: skip
@@ -294,13 +294,13 @@ def test_period_two_is_recognised() -> None:
     kernel = compile_kernel(o.force)
     values = np.array([o.values[name] for name in kernel.parameters])
     omega = 2 * np.pi * np.linspace(5, 16, 60)[two]
-    march = kernel.march(
+    moved = kernel.integrate(
         np.arange(len(two)), np.zeros((2, len(two))), np.tile([5.0, 0.0], (len(two), 1)),
         omega, 1.5, values, steps=256, periods=3000,
     )  # fmt: skip
-    size = np.hypot(*march.state)
-    twice = np.hypot(*(march.state - march.trail[0])) / size
-    once = np.hypot(*(march.state - march.trail[1])) / size
+    size = np.hypot(*moved.state)
+    twice = np.hypot(*(moved.state - moved.history[0])) / size
+    once = np.hypot(*(moved.state - moved.history[1])) / size
     assert np.median(twice) < 1e-4
     assert np.median(once) > 1e-2
 
