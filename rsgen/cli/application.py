@@ -211,8 +211,8 @@ def rank(
 ) -> None:
     """Compare the laws of the library, alone and summed up to three, on the test of a case or on a surface.
 
-    The verdict names the best law, those that the test does not tell from it, or says that none of them fits
-    and what is left unexplained. A case's own law is one more candidate.
+    The verdict names the best law and those that fit equally well, or says that none fits and what is left
+    unexplained. The law of the case is one more candidate.
 
     \b
     Examples:
@@ -298,7 +298,7 @@ def show(
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
     json: Json = False,
 ) -> None:
-    """Write a page on which the response surface turns and tells its values (needs rsgen[show]).
+    """Write a page on which the response surface turns and shows its values (needs rsgen[show]).
 
     \b
     Examples:

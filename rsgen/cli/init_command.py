@@ -5,8 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import jinja2
 import sympy
 
+import rsgen
 from rsgen.case import DATA_VARIABLE
 from rsgen.case.data_paths import path_fault
 from rsgen.case.naming import name_fault
@@ -20,54 +22,6 @@ from rsgen.units import parameter_units
 __all__ = ["case_text", "init_command"]
 
 _LAW = "k1*x + kn1*x**3 + c1*v"
-
-_SIMULATED = """\
-[test]
-kind      = "simulated"
-method    = "time"                   # time integration; "harmonic-balance" is an independent check
-control   = "force"                  # constant force; "response": constant amplitude, the force follows
-sweep     = "rest"                   # every point from rest; or "up", "down"
-level     = {{ start = 1, stop = 12, count = 12 }}     # force amplitudes [N]
-frequency = {{ start = 7, stop = 13, count = 121 }}    # [Hz]
-harmonics = 15
-accuracy  = 1e-6                     # of the amplitude
-noise     = {{ relative = 0.0, seed = 1 }}
-
-[accept]                             # largest relative error of each identified parameter
-{accept}
-"""
-
-_MEASURED = """\
-[test]
-kind   = "measured"
-file   = "{file}"                    # in this folder, or in the folder that {variable} names
-format = "csv"                       # numbers in columns; lines with #, %, // are comments
-
-[test.frequency]
-column = 1                           # a number from 1, or a name from the header
-unit   = "Hz"                        # or "rad/s", "rpm"
-
-[test.force]                         # amplitude (with phase), or real and imaginary
-amplitude = 2
-unit      = "N"
-scale     = "peak"                   # or "rms"
-
-[test.response]
-quantity    = "acceleration"         # or "velocity", "displacement"
-amplitude   = 3
-phase       = 4
-phase_unit  = "deg"                  # or "rad"
-phase_sense = "lag"                  # a positive phase means later ("lag") or earlier ("lead")
-unit        = "m/s^2"                # or "g", "mm/s", "um" ...
-scale       = "peak"
-
-[test.sweep]
-direction = "recognise"              # from the order of the frequencies; or "up", "down", "rest"
-
-[test.level]
-spread = 0.05                        # forces closer than 5 % are one level; or column = ..., or value = "1 N"
-"""
-
 
 # a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped
 _VALUES = {
@@ -120,39 +74,28 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     fault = name_fault(name)
     if fault:
         raise RsgenError(f"name: {fault}")
+    fault = measured and path_fault(measured)
+    if fault:
+        raise RsgenError(f"--measured: {fault}")
     elements, units = _elements(law)
     names = sorted({symbol.name for _, part in elements for symbol in part.free_symbols} - {"x", "v"})
-    lines = [
-        "# A case of rsgen: change what you need, then `rsgen check` this file.",
-        "schema = 1",
-        f'name   = "{name}"                 # also the folder of the report',
-        f'title  = "{name}"',
-        'source = ""                         # where laws or data come from',
-        "",
-        "[system]",
-    ]
-    if measured is None:
-        lines.append(
-            'mass = "1.5 kg"                    # a number with its unit; the truth, identified as m'
-        )
-    else:
-        lines.append('# mass = "1.5 kg"                  # if it is known; otherwise it is identified')
-    for element, part in elements:
-        lines += ["", "[[element]]", f'name  = "{element}"']
-        lines.append(f'force = "{write(part)}"      # in x [m] and v [m/s]; other names are parameters')
-    lines.append("")
-    if measured is None:
-        lines.append("[truth]                            # what identification must find")
-        width = max(map(len, names), default=0)
-        lines += [f"{key:<{width}} = {_value(units.get(key, ''))}" for key in names]
-        accept = "\n".join(f"{key} = 1e-4" for key in ("m", *names))
-        lines += ["", _SIMULATED.format(accept=accept)]
-    else:
-        fault = path_fault(measured)
-        if fault:
-            raise RsgenError(f"--measured: {fault}")
-        lines.append(test or _MEASURED.format(file=measured, variable=DATA_VARIABLE))
-    return "\n".join(lines)
+    width = max(map(len, names), default=0)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(rsgen.__file__).parent / "templates"),
+        autoescape=False,  # noqa: S701 - no HTML; name, law and path are checked
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("init/case.toml").render(
+        name=name,
+        elements=[(element, write(part)) for element, part in elements],
+        truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
+        measured=measured,
+        tables=test,
+        variable=DATA_VARIABLE,
+    )
 
 
 def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str | None]:

@@ -12,7 +12,7 @@ from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
 __all__ = ["inspect_command", "proposal_text"]
 
 MOST = 60
-"""Arrays shown in a table; all are told with --all or --json."""
+"""Arrays shown in a table; --all and --json list all."""
 _UNITS_OF_DOUBT = 60
 
 
@@ -59,17 +59,17 @@ def _row(entry: Entry) -> tuple[str, ...]:
     if entry.fault:
         return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
-    told = ", ".join(entry.first) + more
+    values = ", ".join(entry.first) + more
     if entry.remark:
-        told += f"  ({entry.remark[:_UNITS_OF_DOUBT]})"
-    return entry.path, _shape(entry), entry.dtype, _unit(entry), told
+        values += f"  ({entry.remark[:_UNITS_OF_DOUBT]})"
+    return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 
 def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> None:
     usable = [entry for entry in contents.entries if entry.dtype and not entry.fault]
     shown = list(contents.entries)
     if len(shown) > MOST and not everything:
-        # rows of numbers tell more than the settings of an instrument
+        # rows of numbers say more than the settings of an instrument
         shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MOST]
     print_line(f"{contents.file.name}: {contents.format}, {len(usable)} arrays of numbers")
     header = ("path", "shape", "kind", "unit", "values")
@@ -78,7 +78,7 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     for row in (header, *rows):
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         print_line("  ".join([*cells, row[4]]).rstrip())
-    # a fault of many arrays is told once, and in full
+    # a fault of many arrays is printed once, and in full
     long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
     for fault, path in reversed(long.items()):
         print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")

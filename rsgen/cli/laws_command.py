@@ -76,5 +76,5 @@ def _print_law(law: Law) -> None:
     for entry in law.table:
         unit = f" [{entry.unit}]" if entry.unit else ""
         print_line(f"{'':<9}  {entry.name}: {entry.meaning}{unit}")
-    own = "; the describing function is an own derivation" if law.own else ""
-    print_line(f"{'source':<9}  {law.source}{own}")
+    derived = "; the describing function is an own derivation" if law.own else ""
+    print_line(f"{'source':<9}  {law.source}{derived}")

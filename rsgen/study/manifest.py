@@ -113,7 +113,7 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
 
 
 def inputs_unchanged(manifest: dict[str, Any], inputs: dict[str, str | None]) -> bool:
-    """Tell whether a manifest was written from the same inputs, by the same program and packages."""
+    """Whether a manifest was written from the same inputs, by the same program and packages."""
     return (
         manifest.get("inputs") == inputs
         and manifest.get("program") == program_hash()

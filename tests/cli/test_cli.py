@@ -46,9 +46,9 @@ def shell(*words: str | Path, **environment: str) -> subprocess.CompletedProcess
 
 @pytest.fixture(autouse=True)
 def _keep_signals() -> object:
-    kept = signal.getsignal(signal.SIGTERM)
+    before = signal.getsignal(signal.SIGTERM)
     yield
-    signal.signal(signal.SIGTERM, kept)
+    signal.signal(signal.SIGTERM, before)
 
 
 def test_help_is_quick_and_teaches() -> None:
