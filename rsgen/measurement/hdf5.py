@@ -71,7 +71,7 @@ class _Walk:
             if not path and name in _HIDDEN:
                 continue
             if not path and not is_wanted(name, self.heads):
-                yield Node.unread(name)
+                yield Node(name, dtype="unread")
                 continue
             yield from self.member(group, name, f"{path}/{name}" if path else name, (*above, here))
 
@@ -151,7 +151,7 @@ class _Walk:
 
         units = (_text(_attribute(data, name)) for name in _UNITS)
         unit = next(filter(None, units), "")
-        return Node(path, shape[::-1] if matlab else shape, dtype.name, load, unit=unit)
+        return Node(path, shape[::-1] if matlab else shape, dtype.name, load=load, unit=unit)
 
 
 def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:

@@ -56,7 +56,7 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
         first = str(value.ravel()[0]) if value.size else ""
         yield Node.refused(path, "is a text; numbers are needed", value.shape, first[:60])
     elif value.dtype.kind in "fiubc":
-        yield Node(path, value.shape, value.dtype.name, lambda: value)
+        yield Node(path, value.shape, value.dtype.name, load=lambda: value)
     else:
         yield Node.refused(path, _NOT_READ, value.shape)
 
@@ -108,4 +108,4 @@ def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterato
     for name in names:
         yield from _walk(loaded.pop(name, None), name, 0)
     for name, shape in others:
-        yield Node.unread(name, shape)
+        yield Node(name, shape, "unread")

@@ -67,9 +67,9 @@ def _nodes(
         return values if field is None else values[field]
 
     if dtype.names is None:
-        yield Node(path, shape, dtype.name, load)
+        yield Node(path, shape, dtype.name, load=load)
     for name in dtype.names or ():
-        yield Node(f"{path}/{name}", shape, dtype[name].name, partial(load, name))
+        yield Node(f"{path}/{name}", shape, dtype[name].name, load=partial(load, name))
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,23 @@ EVEN = 0.1
 MANY = 100_000
 
 
+@dataclass(frozen=True, slots=True)
+class _Array:
+    path: str
+    shape: tuple[int, ...] = ()
+    dtype: str = ""
+    unit: str = ""
+    unit_source: str = ""
+    remark: str = ""
+    fault: str = ""
+
+
+def _unread() -> NDArray[Any]:
+    raise MeasurementError("was not asked for")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Node:
+class Node(_Array):
     """An array in a file that is open, seen by the process that reads it; read when it is asked for.
 
     Parameters
@@ -43,42 +59,26 @@ class Node:
         Names from the root, with / between.
     shape, dtype
         As the file declares them; ``dtype`` is "" where it is no array of numbers.
-    load
-        Reads the numbers, once sizes are checked.
     unit, remark
         What the file says about it.
     unit_source
         Where the unit comes from, or why it is not known; "" where the format has one place for it.
     fault
         Why it cannot be read; "" where it can.
+    load
+        Reads the numbers, once sizes are checked.
     """
 
-    path: str
-    shape: tuple[int, ...]
-    dtype: str
-    load: Callable[[], NDArray[Any]]
-    unit: str = ""
-    remark: str = ""
-    fault: str = ""
-    unit_source: str = ""
+    load: Callable[[], NDArray[Any]] = _unread
 
     @classmethod
     def refused(cls, path: str, reason: str, shape: tuple[int, ...] = (), remark: str = "") -> Node:
         """Make a node that cannot be read."""
-
-        def load() -> NDArray[Any]:
-            raise MeasurementError(reason)
-
-        return cls(path, shape, "", load, remark=remark, fault=reason)
-
-    @classmethod
-    def unread(cls, path: str, shape: tuple[int, ...] = ()) -> Node:
-        """Make a node that is not asked for, but known when a name that is asked for is not there."""
-        return cls(path, shape, "unread", lambda: np.empty(0))
+        return cls(path=path, shape=shape, remark=remark, fault=reason)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(_Array):
     """An array in a file, described: path, shape, kind of number, unit, first values.
 
     Parameters
@@ -97,27 +97,17 @@ class Entry:
         How many different values there are; 0 where unknown.
     """
 
-    path: str
-    shape: tuple[int, ...] = ()
-    dtype: str = ""
-    unit: str = ""
-    remark: str = ""
-    fault: str = ""
     first: tuple[str, ...] = ()
     low: float | None = None
     high: float | None = None
     order: str = ""
     step: float | None = None
     distinct: int = 0
-    unit_source: str = ""
 
     @property
     def size(self) -> int:
         """How many numbers there are."""
-        count = 1
-        for length in self.shape:
-            count *= length
-        return count
+        return prod(self.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,16 +177,12 @@ def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> i
     """
     if dtype.kind not in _KINDS or dtype.itemsize > 16:
         raise MeasurementError("holds no numbers of a kind that is read; real and complex numbers are")
-    count = 1
-    for length in shape:
-        if length < 0:
-            raise MeasurementError(f"declares a length of {length}; 0 or more is allowed")
-        count *= length
-    if count * dtype.itemsize > largest:
-        raise MeasurementError(
-            f"declares {count * dtype.itemsize} bytes; at most {largest} are read from a file of this size"
-        )
-    return count * dtype.itemsize
+    if any(length < 0 for length in shape):
+        raise MeasurementError(f"declares a length of {min(shape)}; 0 or more is allowed")
+    size = prod(shape) * dtype.itemsize
+    if size > largest:
+        raise MeasurementError(f"declares {size} bytes; at most {largest} are read from a file of this size")
+    return size
 
 
 def facts(values: NDArray[Any]) -> dict[str, Any]:
@@ -232,10 +218,10 @@ def _distinct(flat: NDArray[Any]) -> int:
 
 def describe(node: Node) -> Entry:
     """Describe an array; what cannot be read is described by its fault."""
-    known: dict[str, Any] = {"remark": node.remark, "fault": node.fault}
+    known: dict[str, Any] = {field.name: getattr(node, field.name) for field in fields(_Array)}
     if node.dtype and not node.fault:
         try:
             known |= facts(node.load())
         except MeasurementError as fault:
             known["fault"] = str(fault)
-    return Entry(node.path, node.shape, node.dtype, node.unit, unit_source=node.unit_source, **known)
+    return Entry(**known)

@@ -354,13 +354,13 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
             )
         kind = f"{'complex' if head.paired else 'float'}{flat.itemsize * (16 if head.paired else 8)}"
         yield Node(
-            f"{number}/abscissa", (head.count,), "float64", partial(_abscissa, head, flat),
+            f"{number}/abscissa", (head.count,), "float64", load=partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
         ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
         unit, source = axis_unit(ordinate, over, sets.system)
         yield Node(
-            f"{number}/ordinate", (head.count,), kind, partial(_ordinate, head, flat),
+            f"{number}/ordinate", (head.count,), kind, load=partial(_ordinate, head, flat),
             unit=unit, unit_source=source, remark=_remark(head), fault=fault,
         )  # fmt: skip
     if not number:
