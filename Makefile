@@ -41,7 +41,9 @@ bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accu
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.background
 	$(BIN)/python -m benchmarks.ranking
+	$(BIN)/python -m benchmarks.wordings
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

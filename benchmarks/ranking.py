@@ -22,9 +22,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import rsgen
+from benchmarks.sections import write_section
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model, Oscillator
-from rsgen.output import write_atomic
 from rsgen.ranking import rank
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
@@ -32,7 +32,6 @@ from rsgen.surface import ResponseSurface
 
 ROOT = Path(__file__).parent.parent
 CASES = ROOT / "cases"
-REPORT = ROOT / "reports" / "accuracy.md"
 RUNS = 100
 NOISE = 0.01
 LEVELS, FREQUENCIES = 8, 40
@@ -60,7 +59,7 @@ OTHERS: dict[str, tuple[str, dict[str, float], float, tuple[float, float], tuple
         "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 5920.0, "k3": 3e5, "c": 3.0, "Ff": 0.6}, 1.5,
         (1.5, 12.0), (8.0, 13.0),
     ),
-    "quadratic spring (uneven)": (
+    "quadratic spring (asymmetric)": (
         "k*x + k2*x**2 + c*v", {"k": 9000.0, "k2": 4e4, "c": 5.0}, 3.0, (1.0, 12.0), (7.0, 10.0),
     ),
     "linear": (BASE, {"k": 5920.0, "c": 4.0}, 1.5, (1.0, 12.0), (8.0, 12.0)),
@@ -168,15 +167,8 @@ def rows(runs: int, noises: Sequence[float], wanted: Sequence[str] = ()) -> Iter
             yield row(tally(name, *make(name), noise, runs if noise else 1), noise)
 
 
-def write_section(lines: Sequence[str]) -> None:
-    """Replace the section of reports/accuracy.md, or append it."""
-    before, _, _ = REPORT.read_text(encoding="utf-8").partition(HEAD.splitlines()[0])
-    section = HEAD.format(levels=LEVELS, frequencies=FREQUENCIES)
-    write_atomic(REPORT, "\n".join([before.rstrip() + "\n", section, *lines, ""]))
-
-
 def main() -> None:
-    """Print rows as they come; keep those of a whole run."""
+    """Print rows as they come; a whole run is written."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     noises = [float(text) for text in sys.argv[2].split(",")] if len(sys.argv) > 2 else [0.0, NOISE]
     lines = []
@@ -184,7 +176,7 @@ def main() -> None:
         print(line, flush=True)
         lines.append(line)
     if len(sys.argv) == 1:
-        write_section(lines)
+        write_section("\n".join([HEAD.format(levels=LEVELS, frequencies=FREQUENCIES), *lines]))
 
 
 if __name__ == "__main__":
