@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import time
 from collections import Counter
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 import rsgen
 from benchmarks.cramer_rao import cramer_rao
 from rsgen.case import Case
+from rsgen.finding import Finding
 from rsgen.identification.data import held_out_mask
 from rsgen.output import write_atomic
 from rsgen.simulation.noise import add_noise
@@ -34,7 +34,7 @@ RUNS = 500
 NOISE = (0.001, 0.01, 0.05)
 STUDIED = 0.01
 FEWER = 10
-"""So many times fewer runs at the noise that is only compared, not judged."""
+"""Factor by which there are fewer runs at a noise that is compared, not judged."""
 
 FREQUENCIES = 31
 """In a noisy run; the levels are those of the case, so that a run has a few hundred points."""
@@ -56,11 +56,11 @@ class Runs:
     names: tuple[str, ...]
     errors: NDArray[np.float64]  # (runs, 3, rows), relative to the truth
     intervals: NDArray[np.float64]  # (runs, parameters, 2), of the refined estimate, relative to the truth
-    said: NDArray[np.float64]  # (runs, parameters) its standard errors, relative to the truth
-    told: NDArray[np.bool_]  # (runs, parameters)
+    stated: NDArray[np.float64]  # (runs, parameters) its standard errors, relative to the truth
+    identifiable: NDArray[np.bool_]  # (runs, parameters)
     points: NDArray[np.float64]  # (runs,) that took part
     seconds: NDArray[np.float64]  # (runs,)
-    warned: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 @cache
@@ -80,7 +80,7 @@ def surface_of(name: str, frequencies: int | None) -> ResponseSurface:
 
 
 def identify_once(job: tuple[str, float, int]) -> tuple[tuple[str, ...], tuple[object, ...]]:
-    """One run: names of the rows; errors, intervals, standard errors, told, points, seconds, warnings."""
+    """One run: names of the rows, and the columns of ``Runs``."""
     name, noise, seed = job
     case = load(name)
     table = add_noise(surface_of(name, FREQUENCIES if noise else None), noise, seed)
@@ -100,10 +100,11 @@ def identify_once(job: tuple[str, float, int]) -> tuple[tuple[str, ...], tuple[o
     ]
     intervals = np.array([estimate.interval for estimate in found.refined]) / true[:, None]
     intervals.sort(axis=1)
-    said = np.array([estimate.standard_error for estimate in found.refined]) / np.abs(true)
-    told = np.array([estimate.identifiable for estimate in found.refined])
+    stated = np.array([estimate.standard_error for estimate in found.refined]) / np.abs(true)
+    identifiable = np.array([estimate.identifiable for estimate in found.refined])
     return tuple(row.name for row in rows), (
-        np.array([*first, signed]), intervals - 1, said, told, found.curve.used.sum(), took, found.findings,
+        np.array([*first, signed]), intervals - 1, stated, identifiable, found.curve.used.sum(), took,
+        found.findings,
     )  # fmt: skip
 
 
@@ -115,16 +116,16 @@ def study(pool: object, name: str, noise: float, runs: int) -> Runs:
     names = done[0][0]
     columns = list(zip(*(values for _, values in done), strict=True))
     return Runs(
-        names, *(np.array(column) for column in columns[:6]), tuple(w for run in columns[6] for w in run)
+        names, *(np.array(column) for column in columns[:6]), tuple(f for run in columns[6] for f in run)
     )
 
 
 def root_mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Over the runs in which there is a value."""
-    told = np.isfinite(values)
+    known = np.isfinite(values)
     return np.sqrt(
-        np.sum(np.where(told, values, 0.0) ** 2, axis=0)
-        / np.where(told.any(axis=0), told.sum(axis=0), np.nan)
+        np.sum(np.where(known, values, 0.0) ** 2, axis=0)
+        / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
     )
 
 
@@ -148,8 +149,8 @@ def errors_table(studied: dict[str, dict[float, Runs]]) -> list[str]:
     return lines
 
 
-def mark(text: str, kept: bool) -> str:
-    return text if kept else f"**{text}**"
+def mark(text: str, good: bool) -> str:
+    return text if good else f"**{text}**"
 
 
 def words_table(
@@ -157,8 +158,8 @@ def words_table(
 ) -> tuple[list[str], list[int]]:
     """What the intervals at 1 % are worth, and how many rows miss each of the three aims."""
     lines = [
-        "| case | parameter | told | in the interval | mean error / its standard error | spread / said | "
-        "spread / Cramer-Rao |",
+        "| case | parameter | identifiable | in the interval | mean error / its standard error | "
+        "spread / stated | spread / Cramer-Rao |",
         "|---|---|---|---|---|---|---|",
     ]
     missed = [0, 0, 0]
@@ -170,14 +171,14 @@ def words_table(
             inside = float(np.mean((runs.intervals[:, i, 0] <= 0) & (runs.intervals[:, i, 1] >= 0)))
             spread = float(np.std(error, ddof=1))
             score = float(np.mean(error) / (spread / np.sqrt(count)))
-            said = float(np.sqrt(np.mean(runs.said[:, i] ** 2)))
+            stated = float(np.sqrt(np.mean(runs.stated[:, i] ** 2)))
             ratio = spread / bounds[name][runs.names[i]]
-            kept = (COVERED[0] <= inside <= COVERED[1], abs(score) <= SCORE, abs(ratio - 1) <= SPREAD)
-            missed = [m + (not k) for m, k in zip(missed, kept, strict=True)]
+            good = (COVERED[0] <= inside <= COVERED[1], abs(score) <= SCORE, abs(ratio - 1) <= SPREAD)
+            missed = [m + (not g) for m, g in zip(missed, good, strict=True)]
             lines.append(
-                f"| {name} | {runs.names[i]} | {100 * runs.told[:, i].mean():.0f} % | "
-                f"{mark(f'{100 * inside:.1f} %', kept[0])} | {mark(f'{score:+.1f}', kept[1])} | "
-                f"{spread / said:.2f} | {mark(f'{ratio:.2f}', kept[2])} |"
+                f"| {name} | {runs.names[i]} | {100 * runs.identifiable[:, i].mean():.0f} % | "
+                f"{mark(f'{100 * inside:.1f} %', good[0])} | {mark(f'{score:+.1f}', good[1])} | "
+                f"{spread / stated:.2f} | {mark(f'{ratio:.2f}', good[2])} |"
             )
     return lines, missed
 
@@ -190,10 +191,10 @@ def exact_table(studied: dict[str, dict[float, Runs]]) -> list[str]:
     ]
     for name, at in studied.items():
         runs = at[0.0]
-        parameters = runs.said.shape[1]
+        parameters = runs.stated.shape[1]
         error = np.abs(runs.errors[0, 2])
         worst = int(np.argmax(error[:parameters]))
-        share = float(np.max(error[:parameters] / runs.said[0]))
+        share = float(np.max(error[:parameters] / runs.stated[0]))
         lines.append(
             f"| {name} | {runs.points[0]:.0f} | {error[worst]:.1e} | {runs.names[worst]} | {share:.1f} | "
             f"{runs.seconds[0]:.1f} |"
@@ -222,7 +223,7 @@ Gaussian noise on the force and on every harmonic, relative to |F| and |X1|. `ma
 Median time of a run {np.median(took):.2f} s on a loaded machine (load {os.getloadavg()[1]:.0f}).
 Asked: the 95 % interval covers the truth in {low:.0f} to {high:.0f} % of the runs; the mean error lies within
 {SCORE:g} of its standard errors, which chance alone lets one parameter in twenty miss; the spread is within
-{100 * SPREAD:.0f} % of the Cramer-Rao bound. "Said" is the standard error that the result states.
+{100 * SPREAD:.0f} % of the Cramer-Rao bound. "Stated" is the standard error of the result.
 What misses is bold: of {count} parameters {missed[0]} miss the coverage, {missed[1]} the mean, {missed[2]}
 the spread.
 
@@ -270,11 +271,9 @@ def main() -> None:
             }
             print(f"{name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
             print("\n".join(words_table({name: studied[name]}, bounds)[0][2:]), file=sys.stderr, flush=True)
-            kinds = Counter(
-                re.sub(r"[0-9][0-9.e+-]*", "#", warning) for warning in studied[name][STUDIED].warned
-            )
-            for sentence, count in kinds.items():
-                print(f"  {count / runs:.0%} {sentence}", file=sys.stderr)
+            kinds = Counter(finding.code for finding in studied[name][STUDIED].findings)
+            for code, count in kinds.items():
+                print(f"  {count / runs:.0%} {code}", file=sys.stderr)
     text = report(studied, bounds, runs)
     if asked.runs is None:
         write_atomic(ROOT / "reports" / "accuracy.md", text)

@@ -73,7 +73,7 @@ NO_LAW = (HYSTERETIC, TWO_MODES)
 HEAD = """## Which law?
 
 Noisy virtual tests ({levels} levels x {frequencies} frequencies, all harmonics noisy): in how many of the
-runs the true law came first, or tied for first (BIC within 6), and in how many some law was said to fit. The
+runs the true law came first, or tied for first (BIC within 6), and in how many some law fits. The
 true law is a candidate under names of its own. Of structures that no law describes none should fit.
 
 | truth | noise | runs | first | tied | some law fits | seconds a ranking | first instead |
