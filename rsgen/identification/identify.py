@@ -32,7 +32,7 @@ from rsgen.identification.result import (
 )
 from rsgen.identification.spline_force import invert_motion
 from rsgen.identification.start import QUICK, is_asymmetric, start_fit, with_phase
-from rsgen.law.element import Element, make_element
+from rsgen.law import LawLike
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
@@ -53,7 +53,7 @@ _CENTRED = 0.01
 
 def identify(
     surface: ResponseSurface,
-    law: Model | Element | str | Sequence[Element],
+    law: Model | LawLike | Sequence[LawLike],
     observation: Observation | None = None,
     *,
     mass: float | None = None,
@@ -65,7 +65,7 @@ def identify(
     surface
         Settled points of any test; unsettled and held-out ones are left aside.
     law
-        Without values: a formula, an element, a sequence of elements, or a model.
+        Without values: a formula, an element, a law, a sequence of these, or a model.
     observation
         How the structure was observed; None: as the model says.
     mass
@@ -86,14 +86,10 @@ def identify(
 
 
 def _model_of(
-    law: Model | Element | str | Sequence[Element], observation: Observation | None, mass: float | None
+    law: Model | LawLike | Sequence[LawLike], observation: Observation | None, mass: float | None
 ) -> Model:
     """Join law, mass and observation; what is given explicitly wins over the model's."""
-    if isinstance(law, str):
-        law = make_element("law", law)
-    if isinstance(law, Element):
-        law = (law,)
-    model = law if isinstance(law, Model) else Model(tuple(law))
+    model = law if isinstance(law, Model) else Model(law)
     return replace(
         model,
         mass=model.mass if mass is None else mass,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 
+import numpy as np
 import pytest
 
 import rsgen
@@ -94,3 +95,26 @@ def test_laws_show_themselves():
     assert repr(Law("k*x")) == "Law('k*x')"
     assert Law("k*x")._repr_latex_() == make_element("spring", "k*x")._repr_latex_() == "$n(x, v) = k x$"
     assert repr(laws).splitlines()[0].split() == ["linear-spring", "k*x"]
+
+
+FORCES = np.repeat([4.0, 8.0], 15)
+FREQUENCIES = np.tile(np.linspace(9.0, 11.5, 15), 2)
+WAYS = (
+    "k*x + k3*x**3 + c*v",
+    Law("k*x + k3*x**3 + c*v"),
+    laws["cubic-spring"] + "c*v",
+    laws["cubic-spring"].element() + laws["linear-damper"],
+    [laws["cubic-spring"], "c*v"],
+    make_element("joint", "k*x + k3*x**3 + c*v"),
+)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
+def test_a_law_is_identified_however_it_is_given(way):
+    true = {"k": 5921.8, "k3": 2e5, "c": 7.54}
+    found = rsgen.solve_steady_states(rsgen.Oscillator(1.5, way, true), FORCES, FREQUENCIES)
+    surface = rsgen.ResponseSurface(FORCES, FREQUENCIES, FORCES, found.harmonics)
+    identified = rsgen.identify(surface, way)
+    for name, value in true.items():
+        # an error of 1e-6 in the response is 5e-6 in a stiffness near resonance
+        assert identified[name].value == pytest.approx(value, rel=1e-4)
