@@ -27,7 +27,6 @@ __all__ = [
     "declare",
     "declared",
     "documented",
-    "faults_of",
     "given",
     "read_hint",
 ]
@@ -185,10 +184,16 @@ def choices(base: Any) -> str:
     return f"{', '.join(most)} or {last}" if most else last
 
 
-def faults_of(made: Any) -> list[tuple[str, str]]:
-    """Say what is wrong with the values of an object: pairs of a field's name and what is wrong with it.
+def check(made: Any, error: type[RsgenError] = RsgenError) -> None:
+    """Refuse an object with faults; to be called when it is made.
 
-    Where every value alone is right, its method ``faults`` is asked what does not fit together.
+    Where every value alone is right, its method ``faults`` is asked what does not fit together: pairs of a
+    field's name and what is wrong with it.
+
+    Raises
+    ------
+    RsgenError
+        Of the kind ``error``, with all faults.
     """
     found: list[tuple[str, str]] = []
     for one in declared(type(made)):
@@ -197,20 +202,8 @@ def faults_of(made: Any) -> list[tuple[str, str]]:
             found += _value_faults(one.name, one.type, one.rule, value)
     if not found and hasattr(made, "faults"):
         found += made.faults()
-    return found
-
-
-def check(made: Any, error: type[RsgenError] = RsgenError) -> None:
-    """Refuse an object with faults; to be called when it is made.
-
-    Raises
-    ------
-    RsgenError
-        Of the kind ``error``, with all faults.
-    """
-    faults = [f"{name}: {fault}" for name, fault in faults_of(made)]
-    if faults:
-        raise error("; ".join(faults))
+    if found:
+        raise error("; ".join(f"{name}: {fault}" if name else fault for name, fault in found))
 
 
 def documented(cls: type[T]) -> type[T]:

@@ -50,5 +50,5 @@ class Observation:
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
-        if self.band is not None and not self.band[0] < self.band[1]:
+        if self.band is not None and self.band[0] >= self.band[1]:
             yield "band", f"{self.band[0]:g} to {self.band[1]:g} Hz; must be ascending"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import prod
+from math import isnan, prod
 from typing import Any
 
 from rsgen.case.grid import MAX_POINTS
@@ -100,6 +100,8 @@ def make_observation(table: Any, test: SimulatedTest | MeasuredTest, maker: Make
     unit = maker.units.get("N", "N")
     levels: list[float] = []
     for number, level in enumerate(observation.hold_out, start=1):
+        if isnan(level):
+            continue
         place = f"identify.hold_out.{number}"
         if isinstance(test, SimulatedTest) and test.level is not None:
             near = test.level[abs(test.level - level) <= 1e-9 * abs(level)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, is_dataclass
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -27,7 +27,7 @@ from pydantic_core import PydanticCustomError
 
 from rsgen.case.data_paths import resolve_files
 from rsgen.case.grid import expand
-from rsgen.declaration import Declared, Rule, declared, faults_of, read_hint
+from rsgen.declaration import Declared, Rule, declared, read_hint
 from rsgen.errors import RsgenError
 from rsgen.units import quantity
 
@@ -270,19 +270,20 @@ class Maker:
         values: dict[str, Any] = {one.name: None for one in fields if one.default is MISSING} | known
         for one in fields:
             raw = None if one.name in known or one.rule.outside else _find(table, one.key)
-            if raw is None:
-                continue
-            value = self._convert(one.type, one.rule, raw, f"{place}.{one.key}")
-            if value is not None:
-                values[one.name] = value
+            if raw is not None:
+                values[one.name] = self._convert(one.type, one.rule, raw, f"{place}.{one.key}")
         keys = {one.name: one.key for one in fields}
-        sound = len(self.faults) == before
-        for name, fault in faults_of(_unchecked(fields, cls, values)):
+        made = _unchecked(fields, cls, values)
+        for name, fault in made.faults() if hasattr(made, "faults") else ():
             head, *rest = name.split(".")
             where = ".".join(part for part in (place, keys.get(head, head), *rest) if part)
             self.faults.append(f"{where}: {fault}")
-            sound = False
-        return cls(**values) if sound else _unchecked(fields, cls, values)
+        if len(self.faults) == before:
+            try:
+                return cls(**values)
+            except RsgenError as fault:
+                self.faults.append(f"{place}: {reason(fault)}")
+        return made
 
     def _convert(self, base: Any, rule: Rule, raw: Any, place: str) -> Any:
         if is_dataclass(base):
@@ -296,12 +297,15 @@ class Maker:
             inner, inner_rule, _ = read_hint(get_args(base)[0])
             if inner is Path:
                 return resolve_files(raw, self.folders, place, self.faults)
-            entries = [
+            return tuple(
                 self._convert(inner, inner_rule, entry, f"{place}.{number}")
                 for number, entry in enumerate(raw, start=1)
-            ]
-            return None if None in entries else tuple(entries)
-        return self.number(place, raw, rule) if base is float and rule.unit is not None else raw
+            )
+        if base is float and rule.unit is not None:
+            found = self.number(place, raw, rule)
+            # given, but wrong: no rule may take it for missing
+            return nan if found is None else found
+        return raw
 
 
 def _unchecked(fields: tuple[Declared, ...], cls: type[T], values: Mapping[str, Any]) -> T:

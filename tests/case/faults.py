@@ -79,6 +79,21 @@ OF_SIMULATED: list[Row] = [
             "titel: is not a key here",
         ],
     ),
+    ({"test.noise": {"relative": -0.1}}, ["test.noise.relative: is -0.1; a number of at least 0 is needed"]),
+    ({"test.noise": {"seed": 3}}, ["test.noise.relative: is missing"]),
+    ({"identify.band": ["9 Hz", "8 Hz"]}, ["identify.band: 9 to 8 Hz; must be ascending"]),
+    (
+        {"identify.band": ["9 Hz", "8 m"], "system.mass": "0 kg"},
+        ["identify.band.2: '8 m' is a length, but Hz", "system.mass: is 0 kg; a number above 0 is needed"],
+    ),
+    ({"identify.background": 1}, ["identify.background: is 1; 'none'"]),
+    (
+        {"test.harmonics": 65, "test.accuracy": 1.0},
+        [
+            "test.harmonics: is 65; a number of at most 64 is needed",
+            "test.accuracy: is 1.0; a number of at most 0.01 is needed",
+        ],
+    ),
     (
         {"accept": {"kn1": 1e-4}, "model": "rank"},
         ['accept: the law is not known before a ranking; leave [accept] out or model = "rank"'],
@@ -271,6 +286,30 @@ OF_HISTORY: list[Row] = [
     ),
     ({"test.time": GONE}, ["test.time.column: one of column, rate and rate_column is needed"]),
     ({"test.response.scale": "rms"}, ["test.response.scale: is 'rms', but samples are instants"]),
+    (
+        # a wrong value is not a missing one, and hides no other fault
+        {
+            "test.time.rate": "-4 Hz",
+            "test.demodulation": {"band": ["3 Hz", "2 m"], "bandwidth": 0},
+            "test.file": ["a.csv", "../b"],
+            "test.force": {"samples": 1, "scale": "rms", "unit": "mm"},
+            "test.response": {"quantity": "velocity", "amplitude": 2, "factor": 0},
+            "test.level": {"value": -3},
+            "identify": {"hold_out": ["4 mm"]},
+        },
+        [
+            "test.time.rate: is -4 Hz; a number above 0 is needed",
+            "test.demodulation.band.2: '2 m' is a length, but Hz",
+            "test.demodulation.bandwidth: is 0 Hz; a number above 0 is needed",
+            "test.file.2: '../b' leaves its folder",
+            "test.force.scale: is 'rms', but samples are instants",
+            "test.force: '1 mm' is a length, but N (a force) is needed",
+            "test.response.factor: is 0; a number other than 0 is needed",
+            "test.response: a time history needs 'samples', its column, and nothing else",
+            "test.level.value: is -3 N; a number above 0 is needed",
+            "identify.hold_out.1: '4 mm' is a length, but N (a force) is needed",
+        ],
+    ),
 ]
 OF_TEXT: list[tuple[str, bytes, str]] = [
     ("not UTF-8", b'schema = 1\nname = "M\xfcller"\n', "line 2: not UTF-8"),
