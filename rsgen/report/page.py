@@ -32,8 +32,7 @@ from rsgen.report.tables import (
     resonance_table,
     verdict_table,
 )
-from rsgen.report.typesetting import set_sentence
-from rsgen.report.wording import sentence
+from rsgen.report.wording import full_sentence
 from rsgen.surface import ResponseSurface
 
 __all__ = ["render_page", "verdict_sentence"]
@@ -164,11 +163,9 @@ def render_page(
         The templates are not found.
     """
     meaning = describe_elements(subject.elements, identification)
-    names = identification.model.parameters
     fits = not any(finding.code == "law-does-not-fit" for finding in identification.findings)
     # what comes from the case stays as it is written there
-    said = map(sentence, identification.findings)
-    warnings = [*subject.warnings, *(set_sentence(text, names) for text in said)]
+    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
     context = {
         "title": subject.title,
         "name": subject.name,
@@ -176,7 +173,7 @@ def render_page(
         "contents": _CONTENTS,
         "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
         "verdict": verdict_sentence(comparison, None if fits else identification.noise),
-        "outcome": set_sentence(sentence(identification.outcome), names),
+        "outcome": full_sentence(identification.outcome),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
         "mean_sentence": describe_mean(surface, identification),
@@ -184,7 +181,7 @@ def render_page(
         "warnings": warnings,
         "surface_sentence": _surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
-        "prediction_remarks": [set_sentence(sentence(found), names) for found in prediction.findings],
+        "prediction_remarks": [full_sentence(found) for found in prediction.findings],
         "held_out_table": held_out_table(prediction),
         "elements": [_element(element) for element in subject.elements],
         "printed": [

@@ -1,0 +1,20 @@
+"""Every sentence that rsgen says about a result, one function a finding, a file a layer.
+
+The numerical layers make findings (``rsgen.finding``); pages, notebooks, ``result.json`` and the command line
+take their sentences from here. Nothing reads a sentence back.
+"""
+
+from __future__ import annotations
+
+# importing registers the sentences
+from rsgen.report.wording import identification_sentences, prediction_sentences, surface_sentences
+from rsgen.report.wording.sentences import CODES, full_sentence, sentence
+
+__all__ = [
+    "CODES",
+    "full_sentence",
+    "identification_sentences",
+    "prediction_sentences",
+    "sentence",
+    "surface_sentences",
+]
