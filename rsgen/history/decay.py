@@ -31,19 +31,14 @@ ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 4
 """Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
-
 _LOOK = 8
 """Periods of the spectra that follow the frequency at first, padded to as many times finer lines."""
-
 _NEAR = (0.5, 1.6)
 """The frequency is followed within these multiples of the strongest line, short of its octaves."""
-
 _CLEAR = 20.0
 """A point is used where the amplitude is this many times its scatter: 5 % of noise in c(X)."""
-
 _GROUP = 7
 """Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
-
 _HALF_WIDTHS = 3.0
 """Forced points this near to resonance are compared; farther off, k(X) is lost in m omega^2."""
 

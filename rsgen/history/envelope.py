@@ -33,16 +33,12 @@ ComplexArray = NDArray[np.complex128]
 
 PERIODS = 10.0
 """Window in periods: the shortest whose taper separates the harmonics by 100 dB."""
-
 _PER_PERIOD = 8
 """Finer sampling is added up to this many sums a period of the highest harmonic: four times Nyquist's."""
-
 _FEWEST = 24
 """Sums in a window: six a period of the taper."""
-
 _LENGTHS = 16
 """Lengths of windows in an octave, 4 % apart: neighbours have one length and share their sums."""
-
 DENSE = 20_001
 """Instants by which lengths of windows are added up: at least ten a window in a history of 2000 windows."""
 

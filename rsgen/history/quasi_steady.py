@@ -18,7 +18,7 @@ group delay 1/(2 pi zeta f) times the rate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,22 +33,17 @@ ComplexArray = NDArray[np.complex128]
 
 _KNOTS = 12
 """Most knots of the free functions k(X) and c(X): straight lines between them follow any curve to 1 %."""
-
 _ROWS_A_KNOT = 8
-"""Points that each knot needs; of their 16 numbers it takes two."""
-
+"""Points that each knot needs, of whose 16 numbers it takes two; two knots are the fewest."""
 _ROUNDS = 4
 """Fits in which outliers lose weight; more change the mass by less than its error."""
-
 _OUTLIER = 3.0
 """A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
-
 _INDEPENDENT = 1e-10
 """Columns whose singular values are below this fraction of the largest do not determine the mass."""
 
 
-@dataclass(frozen=True, slots=True)
-class Inertia:
+class Inertia(NamedTuple):
     """The mass that sweeps determine [kg], its standard error, the misfit relative to the force."""
 
     mass: float
@@ -75,6 +70,8 @@ def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
     motion
         Of the fundamental, n points of one or several levels.
     """
+    if len(force) < 2 * _ROWS_A_KNOT:
+        return None
     hats = _hats(np.abs(motion.displacement))
     columns = np.concatenate(
         [
@@ -85,8 +82,6 @@ def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
         axis=1,
     )
     scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * FAINT)
-    if len(force) < 2 * columns.shape[1]:
-        return None
     weight = scale.copy()
     for _ in range(_ROUNDS):
         matrix = columns * weight[:, None]

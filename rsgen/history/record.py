@@ -28,22 +28,16 @@ __all__ = [
 
 DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What a response may be, and which time derivative of the displacement that is."""
-
 QUIET = 0.02
 """A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
-
 BLOCK = 2**18
 """Samples worked on at once, 2 MB that fit into a cache: long histories are never copied whole."""
-
 FAINT = 1e-3
 """Where the force is below this fraction of its median, nothing drives the structure."""
-
 FEWEST = 16
 """Samples below which nothing is a vibration: two periods of eight."""
-
 _LARGEST = 1e30
 """Samples beyond this are no measurement; their squares would overflow."""
-
 _UNEVEN = 0.1
 """An instant may be off by this fraction of a step, as rounded times in a text are."""
 

@@ -22,7 +22,6 @@ ComplexArray = NDArray[np.complex128]
 
 HARMONICS = 5
 """Harmonics of the displacement unless asked otherwise; those of smooth laws are in the noise beyond."""
-
 _NYQUIST = 0.45
 """Harmonics up to this fraction of the sampling rate are taken: recorders filter off what is near 0.5."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -11,34 +10,14 @@ from numpy.typing import NDArray
 
 from rsgen.history.record import BLOCK, blocks
 
-__all__ = ["Sine", "fit_sine", "refine_frequency"]
+__all__ = ["fit_sine", "refine_frequency"]
 
 ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 12
 """Corrections of the frequency at most; three are usual, each squares the error."""
-
 _EXACT = 1e-13
 """Relative correction of the frequency that rounding leaves."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sine:
-    """Mean and harmonics of a signal at one frequency, and the rms of what is left.
-
-    Parameters
-    ----------
-    harmonics
-        (H+1,) complex; the signal is Re sum_h Y_h exp(i h omega (t - t0)), t0 the first sample.
-    residual
-        rms of the rest, in the signal's unit.
-    samples
-        Number of samples fitted.
-    """
-
-    harmonics: ComplexArray
-    residual: float
-    samples: int
 
 
 def _columns(
@@ -74,8 +53,11 @@ def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tupl
     return solution * scale, max(square - float(solution @ right), 0.0)
 
 
-def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> Sine:
+def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> tuple[ComplexArray, float]:
     """Fit mean, fundamental and harmonics at a known frequency.
+
+    Returns (orders + 1,) harmonics Y of Re sum_h Y_h exp(i h omega t), t = 0 at the first sample, and the
+    root mean square of the rest, both in the unit of the signal.
 
     Parameters
     ----------
@@ -88,7 +70,7 @@ def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> Sine:
     """
     p, left = _solve(signal, omega, orders, False)
     harmonics = np.concatenate([[p[0]], p[1::2] + 1j * p[2::2]])
-    return Sine(harmonics, float(np.sqrt(left / len(signal))), len(signal))
+    return harmonics, float(np.sqrt(left / len(signal)))
 
 
 def refine_frequency(signal: NDArray[Any], omega: float, orders: int) -> float:

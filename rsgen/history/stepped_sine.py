@@ -25,31 +25,22 @@ ComplexArray = NDArray[np.complex128]
 
 _SIDE = 8
 """Periods compared on either side of an instant, and that a step must last: each half then has four."""
-
 _SIGMAS = 6.0
 """A step is a change of period by more than six standard errors of it, which noise alone never is ..."""
-
 _LEAST = 2e-5
 """... and by more than this fraction of it, which generators drift."""
-
 _LOUDER = 0.1
 """A step is also where the force changes by more than this fraction, at the same frequency."""
-
 _GUARD = 0.3
 """A crossing counts after the force was below zero by this fraction of what is quiet: noise crosses often."""
-
 _SETTLED = 5e-3
 """Largest relative difference of the two halves of a part that counts as settled."""
-
 _DOUBT = 3.0
 """Standard errors by which two settled halves may differ by noise."""
-
 _PARTS = (0.9, 0.75, 0.6, 0.45, 0.3)
 """Last parts of a step; the longest that is settled is used."""
-
 _ON_FORCE = 2
 """Harmonics of the force that are fitted with its fundamental."""
-
 _TINY = np.finfo(float).tiny
 """Stands for an amplitude of zero in a quotient."""
 
@@ -197,13 +188,14 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
         if middle - first < _SIDE * pi / omega:
             break
         refined = refine_frequency(history.reference[first:end], omega, min(orders, _ON_FORCE))
-        one = fit_sine(history.response[first:middle], refined, orders)
-        two = fit_sine(history.response[middle:end], refined, orders)
-        size = max(abs(two.harmonics[1]), _TINY)
-        turned = one.harmonics[1] * np.exp(1j * refined * (middle - first))
-        found = abs(turned - two.harmonics[1]) / size
+        (one, noise_one), (two, noise_two) = (
+            fit_sine(part, refined, orders)
+            for part in (history.response[first:middle], history.response[middle:end])
+        )
+        size = max(abs(two[1]), _TINY)
+        found = abs(one[1] * np.exp(1j * refined * (middle - first)) - two[1]) / size
         # of two halves that differ by noise alone, the difference has twice the variance of one
-        doubt = _DOUBT * np.hypot(one.residual, two.residual) * np.sqrt(2 / (middle - first)) / size
+        doubt = _DOUBT * np.hypot(noise_one, noise_two) * np.sqrt(2 / (middle - first)) / size
         if found < max(_SETTLED, doubt):
             return float(min(found, _SETTLED)), first
         if found < change:
@@ -219,9 +211,9 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
         return None
     force = history.reference[start:end]
     omega = refine_frequency(force, omega, min(orders, _ON_FORCE))
-    pushed = fit_sine(force, omega, min(orders, _ON_FORCE))
-    moved = fit_sine(history.response[start:end], omega, orders)
+    pushed, _ = fit_sine(force, omega, min(orders, _ON_FORCE))
+    moved, noise = fit_sine(history.response[start:end], omega, orders)
     rate = omega * history.rate
-    table = displacement_harmonics(moved.harmonics[None], np.array([rate]), history.quantity, harmonics)
-    error = moved.residual * np.sqrt(2 / moved.samples) / max(abs(moved.harmonics[1]), _TINY)
-    return _Step(history.level, rate / (2 * pi), complex(pushed.harmonics[1]), table[0], change, float(error))
+    table = displacement_harmonics(moved[None], np.array([rate]), history.quantity, harmonics)
+    error = noise * np.sqrt(2 / len(force)) / max(abs(moved[1]), _TINY)
+    return _Step(history.level, rate / (2 * pi), complex(pushed[1]), table[0], change, float(error))

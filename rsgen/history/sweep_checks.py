@@ -19,22 +19,16 @@ ComplexArray = NDArray[np.complex128]
 
 _OTHER = 0.3
 """Another maximum this high, relative to the highest, is reported ..."""
-
 _VALLEY = 0.5
 """... where the receptance falls to this fraction of it between the two."""
-
 _APART = 0.04
 """Nearer to the highest maximum than this, relatively, another one is of the same mode."""
-
 _HALF_POWER = 0.7
 """Points down to this fraction of the highest receptance are the resonance; a single point may be noise."""
-
 _SLOW = 0.1
 """rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
-
 _FAST = 10.0
 """rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
-
 _DISTORTED = 0.05
 """Harmonics of the force, relative to its fundamental, from which on they are reported."""
 

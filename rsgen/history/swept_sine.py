@@ -35,28 +35,18 @@ ComplexArray = NDArray[np.complex128]
 
 POINTS = 400
 """Points of a sweep; more repeat what their neighbours say and make every later stage slower."""
-
 _MIXED = 8
 """Periods that a window must last at least: in fewer, harmonics leak into one another."""
-
 _WIDER = 1.5
 """A second window, wider by this factor, shows what the first one flattens."""
-
 _FLATTENED = 0.02
 """Largest relative difference of the acceleration between the two windows of a point that is used."""
-
 _DOUBT = 0.1
 """A force or mass that is uncertain by more than this fraction is not used: it would not separate laws."""
-
 _FREE = 1.0
 """A force whose correction exceeds this fraction of it is not used: the motion is mainly a free one."""
-
-_ENOUGH = 16
-"""Points at resonances from which a mass is looked for: two knots of k(X) and c(X) need them."""
-
 _FLANK = 0.2
 """Points belong to a resonance down to this fraction of its receptance: five half widths of it."""
-
 _ONE_MODE = 0.15
 """Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
 
@@ -260,8 +250,6 @@ def _moving_mass(
 ) -> float | None:
     """Find the moving mass [kg] from the points at resonances; None where they do not determine one."""
     picked = np.flatnonzero(_resonances(parts, good))
-    if len(picked) < _ENOUGH:
-        return None
     found = estimate_mass(force[picked], motion.select(picked))
     if found is None or found.misfit > _ONE_MODE or not 0 < found.standard_error < _DOUBT * abs(found.mass):
         return None

@@ -22,31 +22,22 @@ Array = NDArray[np.float64]
 
 _LOOKS = 128
 """Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
-
 _FEWEST = 10
 """Spectra, and windows of the refinement, that a sweep must last; shorter ones are a start or a stop."""
-
 _LINES = 0.5
 """Lines of a spectrum over which the frequency must go to be a sweep."""
-
 _NEAR = 2
 """Lines on either side of the strongest that belong to it: the width of a Hann window's main lobe."""
-
 _FAINT = 0.1
 """Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
-
 _TURN = 0.05
 """A sweep has turned when the frequency moves back by this fraction of its range; spectra jitter by less."""
-
 _PERIODS = 16.0
 """Window of the refinement, in periods: a first law may be off by a sixteenth of the frequency."""
-
 _PLACES = 500
 """Windows of the refinement, once the law is nearly right: their phases fix three numbers."""
-
 _ROUNDS = 4
 """Refinements at most; each leaves the square of the error."""
-
 _STILL = 1e-6
 """A refinement by less [rad at the ends of the sweep] is the last."""
 

@@ -27,25 +27,18 @@ Floats = NDArray[np.float64]
 
 _ITERATIONS = 40
 """Newton steps at most; ten are usual, a step that jumps over a corner needs more."""
-
 _CONVERGED = 1e-12
 """Last Newton correction, of the amplitude: rounding."""
-
 _SAMPLES_A_HARMONIC = 16
 """Samples of the waveform a harmonic: polynomials to the power 15 are projected without aliasing."""
-
 _FEWEST_SAMPLES = 256
 """Samples of the waveform at least: few harmonics see the corners of a law as well."""
-
 _CHUNK = 512
 """Points solved at once: bounds the memory of the Jacobians."""
-
 _HALVINGS = 6
 """Halvings of a Newton step that does not bring the balance down."""
-
 _FAINT = 1e-9
 """Of |F|/(m omega^2): an amplitude below it is none."""
-
 _DAMPED = 0.02
 """Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
 

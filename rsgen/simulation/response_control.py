@@ -30,19 +30,14 @@ Floats = NDArray[np.float64]
 
 _OFFSET = 1e-6
 """Of X and of the typical force: neighbouring orbits; truncation and rounding are both small there."""
-
 _ITERATIONS = 25
 """Newton steps at most; six are usual, a step over a corner of the law needs more."""
-
 _HALVINGS = 5
 """Halvings of a Newton step that does not come nearer."""
-
 _SINGULAR = 1e-14
 """Determinant of the scaled Jacobian below which a Newton step has no direction: rounding."""
-
 _LEAST_STEPS, _MOST_STEPS = 64, 8192
 """Steps a period, doubled until two answers agree; the most reach 1e-9 with the law's jumps located."""
-
 _RICHARDSON = 2**3 - 1
 """What halved steps change, over the error that is left, at order three."""
 

@@ -16,10 +16,8 @@ __all__ = ["Verification", "verify"]
 
 _STEPS = 256
 """Steps a period: errors of fourth order below 1e-8."""
-
 _PERIODS, _LOOKS = 512, 40
 """Periods between two looks, and looks: 20 000 periods settle a damping ratio of 1e-4."""
-
 _REPEATS = 1e-9
 """Change of the state in a period, of the amplitude, below which a motion repeats."""
 
