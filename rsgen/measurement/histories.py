@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +56,8 @@ def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
 def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     path = test.files[number]
     label = file_label(path)
-    force = test.force.samples if test.force is not None else None
-    response = test.response.samples
-    if response is None or (test.force is not None and force is None):
-        raise MeasurementError("signal: a time history needs samples, its column")
+    force = None if test.force is None else test.force.samples
+    response = cast("int | str", test.response.samples)
     apart = bool(test.response_files)
     if force == response and not apart:
         raise MeasurementError(f"{label}: {show(response)} is force and response; they must differ")
@@ -95,7 +93,7 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     part = slice(begin, end)
     return TimeHistory(
         rate=rate,
-        force=None if force is None or test.force is None else scaled(rows[force][part], test.force_factor),
+        force=None if force is None else scaled(rows[force][part], test.force_factor),
         response=scaled(other[response][part], test.response_factor),
         quantity=test.quantity,
         level=level_of_file(test, number),
@@ -106,13 +104,12 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
 
 
 def read_histories(test: MeasuredTest) -> list[TimeHistory]:
-    """Read the time histories of a test, one a file.
+    """Read the time histories of a test whose plan has a ``history``, one a file.
 
     Raises
     ------
     MeasurementError
         A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
     """
-    if test.history is None:
-        raise MeasurementError("history: no plan for time histories; excitation and time are needed")
-    return [_history(test, test.history, number) for number in range(len(test.files))]
+    rule = cast("HistoryRule", test.history)
+    return [_history(test, rule, number) for number in range(len(test.files))]

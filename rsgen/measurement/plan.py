@@ -146,11 +146,6 @@ class Signal(_Checked):
         """Whether a positive phase or imaginary part means later."""
         return self.phase_sense == "lag"
 
-    @property
-    def phase_factor(self) -> float:
-        """The phase column times this is the lead in rad."""
-        return (-1.0 if self.lags else 1.0) * (pi / 180 if self.phase_unit == "deg" else 1.0)
-
 
 @documented
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from rsgen.surface import ResponseSurface, recognise_directions
 
 __all__ = ["read_measurement"]
 
-_INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+_DERIVATIVES = ("displacement", "velocity", "acceleration")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,21 +36,18 @@ class _Part:
 
 def _signal(table: Table, signal: Signal, factor: float, what: str) -> NDArray[np.complex128]:
     """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
-    sense = -1 if signal.lags else 1
+    first, *second = signal.columns
+    value: NDArray[Any]
     if signal.complex is not None:
-        value = np.asarray(table.columns[signal.complex], dtype=np.complex128)
-        value = value.conj() if signal.lags else value
-    elif signal.real is not None and signal.imaginary is not None:
-        value = table.real(signal.real) + sense * 1j * table.real(signal.imaginary)
-    elif signal.amplitude is not None:
-        magnitude = table.real(signal.amplitude)
-        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
-        turn = np.zeros_like(magnitude) if signal.phase is None else table.real(signal.phase)
-        value = magnitude * np.exp(1j * signal.phase_factor * turn)
+        value = np.asarray(table.columns[first], dtype=np.complex128)
+    elif signal.real is not None:
+        value = table.real(first) + 1j * table.real(second[0])
     else:
-        raise MeasurementError(
-            f"{what}: no column given; amplitude, real and imaginary, or complex is needed"
-        )
+        magnitude = table.real(first)
+        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
+        radian = np.pi / 180 if signal.phase_unit == "deg" else 1.0
+        value = magnitude * np.exp(1j * radian * (table.real(second[0]) if second else 0.0))
+    value = np.conj(value) if signal.lags else value
     value = np.asarray(value * factor, dtype=np.complex128)
     table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
     table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
@@ -77,20 +75,29 @@ def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
     return table, other
 
 
-def _level_of_entries(values: tuple[float, ...], table: Table) -> NDArray[np.float64]:
-    entries = int(table.block.max()) + 1
-    if entries != len(values):
-        raise MeasurementError(
-            f"{table.label}: {entries} entries and {len(values)} levels; a level for each entry is needed"
-        )
-    return np.array(values)[table.block]
+def _level(test: MeasuredTest, number: int, table: Table) -> NDArray[np.float64] | None:
+    """Give the level of each row [N]; None where it is to be found from the forces of all files."""
+    alone = level_of_file(test, number)
+    if alone is not None:
+        return np.full(len(table.number), alone)
+    if test.level.values:
+        entries = int(table.block.max()) + 1
+        if entries != len(test.level.values):
+            raise MeasurementError(
+                f"{table.label}: {entries} entries and {len(test.level.values)} levels; a level for each "
+                "entry is needed"
+            )
+        return np.array(test.level.values)[table.block]
+    if test.level.column is None:
+        return None
+    level = table.real(test.level.column) * test.level_factor
+    table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    return level
 
 
 def _part(test: MeasuredTest, number: int) -> _Part:
-    if test.frequency is None:
-        raise MeasurementError("frequency: is missing; where it is must be given")
     table, other = _tables(test, number)
-    raw = table.real(test.frequency)
+    raw = table.real(cast("int | str", test.frequency))
     table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
     # exported receptances often begin at 0 Hz, where there is no harmonic test
     keep = raw > 0
@@ -100,25 +107,16 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     table = table.keep(keep)
     other = table if same else other.keep(keep)
     frequency = raw[keep] * test.frequency_factor
-    level: NDArray[np.float64] | None = None
-    alone = level_of_file(test, number)
-    if alone is not None:
-        level = np.full(len(frequency), alone)
-    elif test.level.values:
-        level = _level_of_entries(test.level.values, table)
-    elif test.level.column is not None:
-        level = table.real(test.level.column) * test.level_factor
-        table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    level = _level(test, number, table)
     if test.force is not None:
         force = _signal(table, test.force, test.force_factor, "force")
-    elif level is not None:
-        force = level.astype(np.complex128)
     else:
-        raise MeasurementError(f"{table.label}: no force recorded and no level given; one of them is needed")
+        # without a force the plan asks for a level
+        force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
     response = _signal(other, test.response, test.response_factor, "response")
     if test.per_force:
         response = response * force
-    displacement = response / (2j * np.pi * frequency) ** _INTEGRATIONS[test.quantity]
+    displacement = response / (2j * np.pi * frequency) ** _DERIVATIVES.index(test.quantity)
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
