@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
 from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.motion import Motion
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface
 
@@ -281,10 +282,9 @@ def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Draw
         return Drawing("time-history", figure, "No test point settled.", "No test point settled.", ax is None)
     i = int(settled[np.argmax(surface.amplitude[settled])])
     turn = np.linspace(0, 2 * np.pi, 721)
-    harmonics = surface.harmonics[i] * np.exp(
-        -1j * np.arange(surface.harmonics.shape[1]) * np.angle(surface.harmonics[i, 1])
-    )
-    motion = np.real(harmonics @ np.exp(1j * np.outer(np.arange(len(harmonics)), turn)))
+    whole = Motion(surface.omega[i : i + 1], surface.harmonics[i : i + 1])
+    period_of_x = whole.turned(-np.angle(whole.harmonics[:, 1])).waveforms(len(turn) - 1)[0][0]
+    motion = np.append(period_of_x, period_of_x[0])
     mean = float(np.real(surface.harmonics[i, 0]))
     high, low = (float(motion.max()), float(motion.min()))
     if np.isfinite(surface.peak[i]).all():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
+from rsgen.motion import Motion
 from rsgen.oscillator import Model
 from rsgen.surface import OUTCOMES, ResponseSurface
 
@@ -52,6 +53,11 @@ class Points:
 
     def __len__(self) -> int:
         return len(self.omega)
+
+    @property
+    def motion(self) -> Motion:
+        """Harmonics over their frequencies."""
+        return Motion(self.omega, self.harmonics)
 
     @property
     def amplitude(self) -> NDArray[np.float64]:

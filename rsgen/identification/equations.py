@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.law.numeric import ForceLaw, ForceSample
+from rsgen.motion import Motion, project
 
 __all__ = ["Equations", "equation_rows"]
 
@@ -70,12 +71,7 @@ def _motion(equations: Equations, finer: int) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
     samples = max(_SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
-    spectrum = np.zeros((len(equations.omega), samples // 2 + 1), dtype=complex)
-    spectrum[:, :count] = equations.harmonics * (samples / 2)
-    spectrum[:, 0] *= 2
-    rate = 1j * equations.omega[:, None] * np.arange(samples // 2 + 1)
-    x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
-    return x, v, a
+    return Motion(equations.omega, equations.harmonics).waveforms(samples)
 
 
 def equation_rows(
@@ -112,10 +108,9 @@ def equation_rows(
     samples = x.shape[1]
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals, still = _parts(law, sample, values, scaled)
-    turn = np.exp(-2j * np.pi * np.arange(samples) / samples) * (2 / samples)
-    columns = [signal @ turn for signal in signals]
+    columns = [project(signal, 1) for signal in signals]
     inertia = equations.omega**2 * equations.harmonics[:, 1]
-    right = equations.force - still @ turn
+    right = equations.force - project(still, 1)
     if mass is None:
         columns.append(-inertia)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion
 
 __all__ = ["Fit", "Problem", "fit_balance", "fit_simulator"]
 
@@ -128,6 +130,11 @@ class Fit:
         """(b,) values of the background."""
         return self.problem.split(self.regression.parameters)[2]
 
+    @property
+    def motion(self) -> Motion:
+        """Predicted, of the mode, in the phase that was measured."""
+        return Motion(self.problem.observed.points.omega, self.harmonics).turned(self.turn)
+
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
         of_points = ("nuisance", "misfit", "used", "influence")
@@ -191,13 +198,13 @@ class _Descent:
         response = self.predict(regression.parameters, regression.nuisance)
         problem, lag = self.problem, np.angle(response.harmonics[:, 1])
         values = problem.split(regression.parameters)[2]
-        orders = np.arange(response.harmonics.shape[1])
+        motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
         known = problem.observed.phase_known
         return Fit(
             problem,
             regression,
             response.force * np.exp(-1j * lag),
-            response.harmonics * np.exp(-1j * lag)[:, None] ** orders,
+            motion.harmonics,
             (regression.nuisance[:, 1] if known else np.zeros(len(lag))) + lag,
             np.abs(problem.observed.seen(response, values)),
         )
@@ -229,37 +236,26 @@ def fit_balance(
     """
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
-    nuisance = np.log(mode.amplitude)[:, None]
-    if observed.phase_known:
-        nuisance = np.hstack([nuisance, np.angle(mode.harmonics[:, 1])[:, None]])
-    forward = HarmonicBalance(law, mode.omega, mode.harmonics, order, mass_free=problem.given is None)
+    nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
+    forward = HarmonicBalance(law, mode.motion, order, mass_free=problem.given is None)
     descent = _Descent(problem, forward)
-    pairs = mode.neighbours
+    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
     if not observed.phase_known:
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
-    found = fit(descent.linearise, parameters, nuisance, reject=reject, steps=steps, neighbours=pairs)
+    found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < _SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):
         forward.samples = _SAMPLES_SWITCHED
         more = 1 if order == 1 else steps
-        found = fit(
-            descent.linearise, found.parameters, found.nuisance, reject=reject, steps=more, neighbours=pairs
-        )
+        found = fit(descent.linearise, found.parameters, found.nuisance, steps=more, **common)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
     if found.noise > _NOISY and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
-        found = fit(
-            descent.linearise,
-            found.parameters,
-            found.nuisance,
-            reject=reject,
-            steps=steps,
-            neighbours=pairs,
-            used=found.used,
-        )
+        place, used = (found.parameters, found.nuisance), found.used
+        found = fit(descent.linearise, *place, steps=steps, used=used, **common)
         if correct:
             found = descent.corrected(found)
     return descent.finish(found)
@@ -281,46 +277,28 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         None where the simulator cannot follow enough of the points.
     """
     observed, before = problem.observed, start.regression
-    mode = observed.mode(start.background)
     noisy = before.noise > _NOISY
-    drive, harmonics, amplitude = mode.force, mode.harmonics, mode.amplitude
-    if not observed.phase_known:
-        amplitude = np.where(np.isfinite(start.force), np.abs(start.harmonics[:, 1]), amplitude)
-    if noisy or not observed.phase_known:
-        # what the balance made of force and response together is less noisy than the force
-        turn = np.exp(1j * start.turn)
-        count = start.harmonics.shape[1]
-        near = np.zeros((len(mode), max(count, harmonics.shape[1])), dtype=complex)
-        near[:, : harmonics.shape[1]] = harmonics
-        smooth = start.force * turn
-        good = np.isfinite(smooth) & np.isfinite(start.harmonics).all(axis=1) & before.used
-        near[good] = 0
-        near[good, :count] = (start.harmonics * turn[:, None] ** np.arange(count))[good]
-        drive, harmonics = np.where(good, smooth, drive), near
+    drive, motion, amplitude = _near_motion(start, noisy)
     count = problem.count
     forward = Simulator(
         problem.elements,
         problem.law,
-        mode.omega,
+        motion,
         amplitude,
         drive,
-        harmonics,
-        [h for h in mode.measured if h != 1] if observed.phase_known else [],
+        [h for h in observed.points.measured if h != 1] if observed.phase_known else [],
         before.parameters[:count],
         before.strength[:count],
         before.noise,
-        mass_free=problem.given is None,
         accuracy=accuracy,
     )
     descent = _Descent(problem, forward)
     descent.scale = start.scale if noisy else observed.points.amplitude
     parameters, last = before.parameters, before.noise
-    nuisance = np.log(np.abs(drive))[:, None]
-    if observed.phase_known:
-        nuisance = np.hstack([nuisance, np.angle(drive)[:, None]])
+    nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
     values, mass, _ = problem.split(parameters)
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
-    if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(mode):
+    if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
     for _ in range(_ROUNDS):
         found = fit(
@@ -328,7 +306,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
             parameters,
             nuisance,
             steps=_STEPS_SIMULATED,
-            neighbours=mode.neighbours,
+            neighbours=observed.points.neighbours,
             floor=_FLOOR * accuracy,
         )
         if noisy:
@@ -340,6 +318,25 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         # near a fold derivatives change quickly
         last = found.noise
         forward.renew()
-    if np.count_nonzero(found.used) < _FOLLOWED * len(mode):
+    if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
         return None
     return descent.finish(found)
+
+
+def _near_motion(start: Fit, noisy: bool) -> tuple[ComplexArray, Motion, Array]:
+    """Force and motion of the mode near the measured ones, and its measured amplitude (n,) [m]."""
+    observed = start.problem.observed
+    mode = observed.mode(start.background)
+    if observed.phase_known and not noisy:
+        return mode.force, mode.motion, mode.amplitude
+    # what the balance made of force and response together is less noisy, and has a phase
+    smooth, found = start.force * np.exp(1j * start.turn), start.motion.harmonics
+    near = np.zeros((len(mode), max(found.shape[1], mode.harmonics.shape[1])), dtype=complex)
+    near[:, : mode.harmonics.shape[1]] = mode.harmonics
+    good = np.isfinite(smooth) & np.isfinite(found).all(axis=1) & start.regression.used
+    near[good] = 0
+    near[good, : found.shape[1]] = found[good]
+    amplitude = mode.amplitude
+    if not observed.phase_known:
+        amplitude = np.where(np.isfinite(start.force), np.abs(found[:, 1]), amplitude)
+    return np.where(good, smooth, mode.force), Motion(mode.omega, near), amplitude

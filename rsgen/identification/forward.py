@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.fourier import FourierSeries, fourier_series
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import FourierSeries, Motion, fourier_series
 
 __all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hold_amplitude"]
 
@@ -206,11 +206,9 @@ class HarmonicBalance:
     ----------
     law
         The force law.
-    omega
-        (n,) [rad/s].
     start
-        (n, H+1) motion [m] that leads to the branch that was measured; serves the first trial, and points
-        that did not converge.
+        Motion that leads to the branch that was measured; serves the first trial, and points that did not
+        converge.
     order
         Highest harmonic.
     mass_free
@@ -221,16 +219,13 @@ class HarmonicBalance:
     step = 1e-4
     """Leaves the second derivatives eight digits: error of central differences h^2, round-off eps/h."""
 
-    def __init__(
-        self, law: ForceLaw, omega: Array, start: ComplexArray, order: int, *, mass_free: bool
-    ) -> None:
+    def __init__(self, law: ForceLaw, start: Motion, order: int, *, mass_free: bool) -> None:
         self.harmonics = following_harmonics(law, order)
         self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
-        phase = np.angle(start[:, 1])[:, None]
-        self._start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
-        known = [h for h in self.harmonics if h < start.shape[1]]
-        self._start[:, known] = start[:, known] * np.exp(-1j * phase * np.array(known))
-        self._law, self._omega, self._mass_free = law, omega, mass_free
+        self._start = np.zeros((len(start), max(order, 1) + 1), dtype=complex)
+        known = [h for h in self.harmonics if h < len(start.orders)]
+        self._start[:, known] = start.turned(-np.angle(start.harmonics[:, 1])).harmonics[:, known]
+        self._law, self._omega, self._mass_free = law, start.omega, mass_free
         self._last: tuple[Array, Array, int, Response] | None = None
 
     def __call__(self, values: Array, mass: float, size: Array) -> Response:

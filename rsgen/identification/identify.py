@@ -237,14 +237,14 @@ def _first_order(points: Points, problem: Problem, values: Array, mass: float) -
 def _first_order_bias(points: Points, refined: Fit, first: Fit) -> Array:
     """What the first-order fit makes of the noise-free response of the refined model."""
     used = refined.regression.used
-    turn = np.exp(1j * refined.turn[used])
     count = points.harmonics.shape[1]
-    predicted = refined.harmonics[used]
+    predicted = refined.motion.harmonics[used]
     harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
-    harmonics[:, : predicted.shape[1]] = predicted * turn[:, None] ** np.arange(predicted.shape[1])
+    harmonics[:, : predicted.shape[1]] = predicted
     if not np.isfinite(harmonics).all():
         return np.full(first.problem.count, np.nan)
-    exact = replace(points, force=refined.force[used] * turn, harmonics=harmonics[:, :count])
+    force = (refined.force * np.exp(1j * refined.turn))[used]
+    exact = replace(points, force=force, harmonics=harmonics[:, :count])
     exact = exact.select(exact.spread(2 * QUICK))
     again = _first_order(exact, first.problem, first.values, first.mass)
     return again.regression.parameters - refined.regression.parameters[: first.problem.count]

@@ -190,6 +190,10 @@ class Observed:
         """The points without the background (b,)."""
         return self.background.subtract(self.points, values)
 
+    def nuisances(self, size: Array, phase: Array) -> Array:
+        """(n, 2) to start from: logarithm of the size, phase of the reference; (n, 1) without phase."""
+        return np.stack([np.log(size), phase] if self.phase_known else [np.log(size)], axis=1)
+
     def seen(self, response: Response, values: Array) -> ComplexArray:
         """(n,) fundamental at the sensor, in the reference of the response [m]."""
         return np.asarray(
@@ -222,51 +226,23 @@ class Observed:
         compared
             Other harmonics that are measured and predicted.
         """
-        points, shape = self.points, self.background
+        points = self.points
         back = np.exp(-1j * nuisance[:, 1]) if self.phase_known else np.ones(len(points), complex)
-        force = points.force * shape.turn(values) * back
-        harmonics = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])
-        b = shape.receptance(values)
-        seen = response.harmonics[:, 1] + b * response.force
-        seen_by = response.harmonics_by[:, 1] + b[:, None] * response.force_by
-        terms = shape.slopes(values) * self.fitted
-        by_terms = terms * response.force[:, None]
-        by_psi = np.zeros_like(terms)
+        measured = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])
         # points that could not be predicted are NaN and say so below
         with np.errstate(invalid="ignore", divide="ignore"):
-            if scale is None:
-                units: list[NDArray[Any]] = [np.abs(points.force), points.amplitude]
-                unit = points.amplitude
-                rests = [(force - response.force) / units[0], (harmonics[:, 1] - seen) / unit]
-                turns = [1j * force / units[0], 1j * harmonics[:, 1] / unit]
-            else:
-                units, unit = [response.force, seen], scale
-                rests = [np.log(force / response.force), np.log(harmonics[:, 1] / seen)]
-                turns = [np.full(len(points), 1j)] * 2
-            by_psi[:, :1] = -turns[0][:, None] * self.fitted[:1]
-            seen_slope = response.harmonics_slope[:, 1] + b * response.force_slope
-            rows = [
-                _Row(
-                    rests[0],
-                    response.force_slope / units[0],
-                    turns[0],
-                    np.hstack([response.force_by / units[0][:, None], by_psi]),
-                ),
-                _Row(
-                    rests[1],
-                    seen_slope / units[1],
-                    turns[1],
-                    np.hstack([seen_by, by_terms]) / units[1][:, None],
-                ),
-            ]
-            none = np.zeros_like(terms)
+            rows = self._compare_strong(response, values, back, measured[:, 1], scale is not None)
+            unit = points.amplitude if scale is None else scale
+            none = np.zeros((len(points), len(values)))
             for h in compared:
+                by = np.hstack([response.harmonics_by[:, h], none])
+                predicted, slope = response.harmonics[:, h], response.harmonics_slope[:, h]
                 rows.append(
                     _Row(
-                        (harmonics[:, h] - response.harmonics[:, h]) / unit,
-                        response.harmonics_slope[:, h] / unit,
-                        1j * h * harmonics[:, h] / unit,
-                        np.hstack([response.harmonics_by[:, h] / unit[:, None], none]),
+                        (measured[:, h] - predicted) / unit,
+                        slope / unit,
+                        1j * h * measured[:, h] / unit,
+                        by / unit[:, None],
                     )
                 )
         # the mean has no imaginary part, an amplitude no phase
@@ -276,7 +252,42 @@ class Observed:
         by_nuisance = [_split([row.by_size for row in rows], real)]
         if self.phase_known:
             by_nuisance.append(_split([row.by_phase for row in rows], real))
-        return Linearisation(residual, np.stack(by_nuisance, axis=2), _split([row.by for row in rows], real))
+        by_parameter = _split([row.by for row in rows], real)
+        return Linearisation(residual, np.stack(by_nuisance, axis=2), by_parameter)
+
+    def _compare_strong(
+        self,
+        response: Response,
+        values: Array,
+        back: ComplexArray,
+        fundamental: ComplexArray,
+        logarithmic: bool,
+    ) -> list[_Row]:
+        """Rows of the force and of the fundamental at the sensor."""
+        points, shape = self.points, self.background
+        force = points.force * shape.turn(values) * back
+        b = shape.receptance(values)
+        seen = response.harmonics[:, 1] + b * response.force
+        seen_slope = response.harmonics_slope[:, 1] + b * response.force_slope
+        seen_by = response.harmonics_by[:, 1] + b[:, None] * response.force_by
+        terms = shape.slopes(values) * self.fitted
+        units: list[NDArray[Any]]
+        if logarithmic:
+            units = [response.force, seen]
+            rests = [np.log(force / response.force), np.log(fundamental / seen)]
+            turns = [np.full(len(points), 1j)] * 2
+        else:
+            units = [np.abs(points.force), points.amplitude]
+            rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
+            turns = [1j * force / units[0], 1j * fundamental / units[1]]
+        by_psi = np.zeros_like(terms)
+        by_psi[:, :1] = -turns[0][:, None] * self.fitted[:1]
+        by_force = np.hstack([response.force_by / units[0][:, None], by_psi])
+        by_seen = np.hstack([seen_by, terms * response.force[:, None]]) / units[1][:, None]
+        return [
+            _Row(rests[0], response.force_slope / units[0], turns[0], by_force),
+            _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
+        ]
 
     def phase_curvature(self, nuisance: Array, scale: Array, compared: Sequence[int]) -> Array:
         """(n, M) second derivative of the prediction by the phase."""

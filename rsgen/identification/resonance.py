@@ -102,7 +102,7 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
         (r, 2) largest and smallest displacement [m] there.
     """
     stiffness = points.force / points.harmonics[:, 1]
-    peaks = np.where(np.isfinite(points.peak), points.peak, _turning_points(points))
+    peaks = np.where(np.isfinite(points.peak), points.peak, points.motion.peaks())
     found: list[Resonance] = []
     turning: list[Array] = []
     for run in _runs(points):
@@ -167,10 +167,3 @@ def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
             inertia = mass * (omega[first + 1] ** 2 - omega[first] ** 2)
             return bool(real[first] - real[first + 1] < _BENT * inertia)
     return False
-
-
-def _turning_points(points: Points) -> Array:
-    angle = 2 * np.pi * np.arange(128) / 128
-    orders = np.arange(points.harmonics.shape[1])
-    motion = (points.harmonics @ np.exp(1j * orders[:, None] * angle)).real
-    return np.stack([motion.max(axis=1), motion.min(axis=1)], axis=1)

@@ -17,6 +17,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification.forward import Response
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
@@ -54,18 +55,16 @@ class Simulator:
     ----------
     elements, law
         The laws, for the kernel and as array functions.
-    omega, amplitude
-        (n,) [rad/s], and measured X [m] of the mode.
-    force, harmonics
-        (n,) [N], (n, H+1) [m]: a motion near the measured one.
+    motion, force
+        Near the measured ones: where to start; force (n,) complex [N].
+    amplitude
+        (n,) measured X [m] of the mode.
     compared
         Harmonics to predict.
     parameters, strength
         (q,) near the solution, and root mean square change of the prediction by a unit of each, relative.
     noise
         Relative noise found so far.
-    mass_free
-        Whether the mass is the last parameter.
     accuracy
         Of the simulated amplitude, relative.
     """
@@ -76,27 +75,25 @@ class Simulator:
         self,
         elements: tuple[Element, ...],
         law: ForceLaw,
-        omega: Array,
+        motion: Motion,
         amplitude: Array,
         force: ComplexArray,
-        harmonics: ComplexArray,
         compared: Sequence[int],
         parameters: Array,
         strength: Array,
         noise: float,
         *,
-        mass_free: bool,
         accuracy: float,
     ) -> None:
-        self._elements, self._law, self._omega, self._amplitude = elements, law, omega, amplitude
-        self._accuracy, self._mass_free = accuracy, mass_free
+        self._elements, self._law, self._omega = elements, law, motion.omega
+        self._amplitude, self._accuracy = amplitude, accuracy
         self.harmonics = tuple(h for h in compared if (h % 2 or not law.odd) and (h or law.springs))
         self._highest = max([1, *self.harmonics])
         self._branch = max(_BRANCH, _SIGMAS * noise)
         self.step = float(np.clip(noise, *_BENT))
         self._moves = _moves(parameters, strength)
         self._slopes: tuple[ComplexArray, ComplexArray, NDArray[np.bool_]] | None = None
-        self._state = _states(harmonics, np.angle(force), omega)
+        self._state = motion.turned(-np.angle(force)).states()
         # a step is tried, refused perhaps, and the place before it asked for again
         self._lately: deque[tuple[tuple[bytes, bytes, float], SteadyStates | None]] = deque(maxlen=2)
 
@@ -173,14 +170,6 @@ class Simulator:
         with np.errstate(invalid="ignore"):
             steep = ~(np.abs(by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
         return by_force, np.stack(columns, axis=-1) if columns else none, steep
-
-
-def _states(harmonics: ComplexArray, phase: Array, omega: Array) -> Array:
-    """(n, 2) displacement and velocity of a waveform at the top of a force of that phase."""
-    orders = np.arange(harmonics.shape[1])
-    turned = harmonics * np.exp(-1j * phase)[:, None] ** orders
-    velocity = 1j * orders * omega[:, None] * turned
-    return np.stack([turned.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
 
 
 def _moves(parameters: Array, strength: Array) -> Array:

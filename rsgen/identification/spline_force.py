@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import RestoringForce
+from rsgen.motion import Motion, project
 
 __all__ = ["invert_motion"]
 
@@ -138,16 +139,13 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
 
 def _signals(points: Points, motion: ComplexArray) -> tuple[Array, Array]:
     """Displacement and velocity (n, samples)."""
-    angle = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
-    orders = np.arange(motion.shape[1])
-    wave = np.exp(1j * orders[:, None] * angle)
-    return (motion @ wave).real, ((1j * orders * points.omega[:, None] * motion) @ wave).real
+    return Motion(points.omega, motion).waveforms(_SAMPLES)[:2]
 
 
 def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
     """Harmonics relative to the fundamental in size and phase, and what takes them back (n, H+1)."""
-    phase = np.angle(points.harmonics[:, 1])
-    back = np.exp(1j * phase)[:, None] ** np.arange(points.harmonics.shape[1]) * points.amplitude[:, None]
+    ones = Motion(points.omega, np.ones_like(points.harmonics))
+    back = ones.turned(np.angle(points.harmonics[:, 1])).harmonics * points.amplitude[:, None]
     return points.harmonics / back, back
 
 
@@ -192,8 +190,7 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
     spring, damper = plan.spring(x), plan.damper(v)
     functions = np.concatenate([spring, damper], axis=2)
     # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
-    turn = np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) * (2 / _SAMPLES)
-    fundamental = np.einsum("nsf,s->nf", functions, turn)
+    fundamental = project(np.swapaxes(functions, 1, 2), 1)
     force = np.abs(points.force)
     # noise of the mean reaches the balance through the stiffness, that of the fundamental through F/X
     firm = mass * points.omega**2 * points.amplitude

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
-from rsgen.identification.fourier import fourier_series
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion, fourier_series
 
-__all__ = ["Motion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
+__all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -30,7 +30,7 @@ _BLOCK = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class ReferenceMotion:
     """Where the balance is looked at; phases relative to the fundamental.
 
     Parameters
@@ -59,9 +59,9 @@ class Motion:
         """H, the highest harmonic of the balance."""
         return len(self.measured) - 1
 
-    def select(self, chosen: NDArray[np.intp]) -> Motion:
+    def select(self, chosen: NDArray[np.intp]) -> ReferenceMotion:
         """Keep some points."""
-        return Motion(
+        return ReferenceMotion(
             self.omega[chosen],
             self.harmonics[chosen],
             self.force[chosen],
@@ -72,20 +72,16 @@ class Motion:
 
     def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
         """x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
-        spectrum = np.zeros((len(self.omega), samples // 2 + 1), dtype=complex)
-        spectrum[:, : self.harmonics.shape[1]] = self.harmonics * (samples / 2)
-        spectrum[:, 0] = self.harmonics[:, 0].real * samples
-        rate = 1j * self.omega[:, None] * np.arange(samples // 2 + 1)
-        x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
-        return x, v, a, (2 * np.pi / samples / self.omega)[:, None]
+        motion = Motion(self.omega, self.harmonics)
+        return *motion.waveforms(samples), motion.interval(samples)
 
 
-def measured_motion(points: Points) -> Motion:
+def measured_motion(points: Points) -> ReferenceMotion:
     """Take mean and fundamental as measured: first order, a start without any law."""
     phase = np.angle(points.harmonics[:, 1])
     harmonics = np.array(points.harmonics[:, :2])
     harmonics[:, 1] = np.abs(harmonics[:, 1])
-    return Motion(
+    return ReferenceMotion(
         points.omega,
         harmonics,
         points.force * np.exp(-1j * phase),
@@ -97,7 +93,7 @@ def measured_motion(points: Points) -> Motion:
 
 def predicted_motion(
     points: Points, harmonics: ComplexArray, force: ComplexArray, turn: Array, order: int
-) -> Motion:
+) -> ReferenceMotion:
     """Take the motion that a fitted law predicts nearest to the measured one.
 
     Parameters
@@ -115,7 +111,7 @@ def predicted_motion(
     off[:, :count] = points.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
     measured = np.isin(np.arange(order + 1), points.measured)
     off[:, ~measured] = 0
-    return Motion(points.omega, harmonics, force, off, points.force * back - force, measured)
+    return ReferenceMotion(points.omega, harmonics, force, off, points.force * back - force, measured)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,7 +165,7 @@ class Rows:
 
 
 def make_rows(
-    motion: Motion,
+    motion: ReferenceMotion,
     law: ForceLaw,
     values: Array,
     mass: float,

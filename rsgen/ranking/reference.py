@@ -12,8 +12,9 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
-from rsgen.ranking.balance import Motion, Rows, make_rows, measured_motion, predicted_motion
+from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
@@ -80,7 +81,7 @@ class Reference:
     """
 
     kept: NDArray[np.intp]
-    motion: Motion
+    motion: ReferenceMotion
     law: ForceLaw
     values: Array
     mass: float
@@ -224,14 +225,7 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -
     good = _followed(found)
     wanted = points.amplitude
     drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
-    orders = np.arange(found.harmonics.shape[1])
-    state = np.stack(
-        [
-            found.harmonics.sum(axis=1).real,
-            (1j * orders * points.omega[:, None] * found.harmonics).sum(axis=1).real,
-        ],
-        axis=1,
-    )
+    state = Motion(points.omega, found.harmonics).states()
     state[~good] = 0
     oscillator = Oscillator(mass, best.elements, dict(zip(law.parameters, values.tolist(), strict=True)))
 

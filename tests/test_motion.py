@@ -1,11 +1,11 @@
-"""Fourier series as matrices: against direct sums and against differences."""
+"""Periodic motions against direct sums; the tangent of a force against differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rsgen.identification.fourier import fourier_series
+from rsgen.motion import Motion, fourier_series, project
 
 SERIES = [((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True)]
 
@@ -58,3 +58,40 @@ def test_half_a_period_tells_as_much_of_odd_harmonics_as_a_whole_one() -> None:
     x = half.real(_random(3, orders, 3))
     cubes = [((x @ series.shape) ** 3) @ series.project for series in (half, whole)]
     assert cubes[0] == pytest.approx(cubes[1], abs=1e-12)
+
+
+def _motion() -> Motion:
+    harmonics = _random(4, (0, 1, 2, 3), 5)
+    return Motion(np.array([1.0, 2.0, 30.0, 400.0]), harmonics)
+
+
+def test_waveforms_are_the_sum_and_its_derivatives() -> None:
+    motion, samples = _motion(), 16
+    time = motion.interval(samples) * np.arange(samples)
+    for power, wave in enumerate(motion.waveforms(samples)):
+        rate = 1j * motion.orders * motion.omega[:, None]
+        phase = np.exp(1j * motion.orders[None, :, None] * motion.omega[:, None, None] * time[:, None, :])
+        direct = ((motion.harmonics * rate**power)[:, :, None] * phase).real.sum(axis=1)
+        assert wave == pytest.approx(direct, rel=1e-12, abs=1e-12 * np.abs(direct).max())
+
+
+def test_a_turn_is_a_shift_in_time() -> None:
+    motion, samples = _motion(), 16
+    # a quarter period of the fundamental is four of sixteen samples
+    turned = motion.turned(np.full(4, np.pi / 2))
+    for one, other in zip(turned.waveforms(samples), motion.waveforms(samples), strict=True):
+        assert one == pytest.approx(np.roll(other, -4, axis=1), abs=1e-9 * np.abs(other).max())
+
+
+def test_states_and_peaks_are_those_of_the_waveform() -> None:
+    motion = _motion()
+    x, v, _ = motion.waveforms(128)
+    assert motion.states() == pytest.approx(np.stack([x[:, 0], v[:, 0]], axis=1), rel=1e-12)
+    assert (motion.peaks() == np.stack([x.max(axis=1), x.min(axis=1)], axis=1)).all()
+
+
+def test_projection_gives_every_harmonic_back() -> None:
+    motion = _motion()
+    x = motion.waveforms(16)[0]
+    for order in motion.orders:
+        assert project(x, int(order)) == pytest.approx(motion.harmonics[:, order], abs=1e-12)

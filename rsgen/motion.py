@@ -1,4 +1,9 @@
-"""Truncated Fourier series as real coordinates, and the tangent of a force along them, as matrix products."""
+"""Periodic motions: harmonics over a base frequency, their waveforms, and forces along them as harmonics.
+
+x(t) = Re sum_h X_h exp(i h omega t). A stepped sine has one strong harmonic; any periodic motion has the same
+form. ``FourierSeries`` has the same motions in real coordinates, with the tangent of a force along them as
+matrix products: what Newton's method on a harmonic balance needs.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +14,75 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FourierSeries", "fourier_series"]
+__all__ = ["FourierSeries", "Motion", "fourier_series", "project"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """One period of n periodic motions.
+
+    Parameters
+    ----------
+    omega
+        (n,) base frequency [rad/s].
+    harmonics
+        (n, H+1) complex displacement [m], mean first.
+    """
+
+    omega: Array
+    harmonics: ComplexArray
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    @property
+    def orders(self) -> NDArray[np.intp]:
+        """(H+1,) 0, 1, ..., H."""
+        return np.arange(self.harmonics.shape[1])
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Motion:
+        """Take some of the motions."""
+        return Motion(self.omega[chosen], self.harmonics[chosen])
+
+    def turned(self, phase: Array) -> Motion:
+        """Advance every motion by a phase (n,) [rad] of its fundamental."""
+        return Motion(self.omega, self.harmonics * np.exp(1j * phase)[:, None] ** self.orders)
+
+    def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
+        """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, samples), from t = 0 on.
+
+        ``samples`` must be at least 2 H.
+        """
+        spectrum = np.zeros((len(self), samples // 2 + 1), dtype=complex)
+        spectrum[:, : len(self.orders)] = self.harmonics * (samples / 2)
+        spectrum[:, 0] *= 2
+        rate = 1j * self.omega[:, None] * np.arange(samples // 2 + 1)
+        x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+        return x, v, a
+
+    def interval(self, samples: int) -> Array:
+        """(n, 1) time from sample to sample [s]."""
+        return (2 * np.pi / samples / self.omega)[:, None]
+
+    def peaks(self, samples: int = 128) -> Array:
+        """(n, 2) largest and smallest displacement [m] among the samples."""
+        x = self.waveforms(samples)[0]
+        return np.stack([x.max(axis=1), x.min(axis=1)], axis=1)
+
+    def states(self) -> Array:
+        """(n, 2) displacement [m] and velocity [m/s] at t = 0."""
+        velocity = 1j * self.orders * self.omega[:, None] * self.harmonics
+        return np.stack([self.harmonics.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
+
+
+def project(signals: Array, order: int) -> ComplexArray:
+    """Harmonic of that order of real signals (..., samples) over one period."""
+    samples = signals.shape[-1]
+    turn = np.exp(-2j * np.pi * order * np.arange(samples) / samples)
+    return np.asarray(signals @ (turn * ((2 if order else 1) / samples)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
