@@ -12,8 +12,8 @@ from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
 __all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm", "times"]
 
 _OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
-_ITERATIONS = 6
-_SINGULAR = 1e-12
+_ITERATIONS = 6  # Newton steps; a start that needs more is not near a fixed point
+_SINGULAR = 1e-12  # determinant of I - J that is rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,20 +84,20 @@ def find_fixed_points(
     y: Floats,
     steps: NDArray[np.int64],
     tolerance: float,
-    floor: Floats,
+    least: Floats,
 ) -> FixedPoints:
     """Look for fixed points near ``y``; found: the last correction is below ``tolerance`` of the size.
 
-    ``floor`` (k,) [m] is the least size of a motion.
+    ``least`` (k,) [m] is the least size of a motion.
     """
     k = len(points)
     y = y.copy()
     jacobian = np.zeros((2, 2, k))
     found = np.zeros(k, dtype=bool)
-    reach = 10 * (norm(y) + floor)
+    reach = 10 * (norm(y) + least)
     active, here, everybody = np.arange(k), y, True
     for _ in range(_ITERATIONS):
-        size = np.maximum(norm(here), floor)
+        size = np.maximum(norm(here), least)
         image, slope = jacobians(period_map, points, here, steps, _OFFSET * size)
         move = correction(slope, image - here)
         length = norm(move)
@@ -118,6 +118,6 @@ def find_fixed_points(
             continue
         everybody = False
         active, points, steps = active[left], points[left], steps[left]
-        floor, reach = floor[left], reach[left]
+        least, reach = least[left], reach[left]
         here = there[:, left]
     return FixedPoints(y, jacobian, found)

@@ -19,7 +19,7 @@ from rsgen.steady_state.settling import SETTLED, UNSETTLED, Settling
 __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
-_SAFETY = 0.5  # of the asked accuracy is what steps are kept for
+_SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
 _FIRST = 24  # steps of the first of two answers that are compared
 _GRID = np.array([24 * 2**k for k in range(10)] + [32 * 2**k for k in range(10)])
 _GRID.sort()
@@ -115,12 +115,12 @@ def _solve(
     Recording costs, so it begins with turn ``first_record``, when the corrections have become small.
     """
     active, here, mine = points, result.y[:, points], steps[points]
-    slope, floor = jacobian[:, :, points], period_map.scale()[points]
+    slope, least = jacobian[:, :, points], period_map.scale()[points]
     for turn in range(2 * _PERIODS):
         if not len(active):
             return
         if turn == _PERIODS:
-            fixed = find_fixed_points(period_map, active, here, mine, tolerance, floor)
+            fixed = find_fixed_points(period_map, active, here, mine, tolerance, least)
             here, slope = fixed.y, fixed.jacobian
             jacobian[:, :, active] = slope
         record = harmonics if turn >= first_record else None
@@ -131,19 +131,19 @@ def _solve(
         finite = np.isfinite(length)
         there = here + move if finite.all() else here + np.where(finite, move, 0.0)
         if record is not None:
-            size = np.maximum(norm(here), floor)
+            size = np.maximum(norm(here), least)
             done = length <= tolerance * size
-            kept = slice(None) if done.all() else done
-            at = active[kept]
-            result.y[:, at] = there[:, kept]
-            result.harmonics[at, : harmonics + 1] = moved.harmonics[kept]
-            result.residual[at] = (norm(residual) / size)[kept]
+            ready = slice(None) if done.all() else done
+            at = active[ready]
+            result.y[:, at] = there[:, ready]
+            result.harmonics[at, : harmonics + 1] = moved.harmonics[ready]
+            result.residual[at] = (norm(residual) / size)[ready]
             if peaks:
-                result.peak[at] = moved.peak[kept]
+                result.peak[at] = moved.peak[ready]
             if done.all():
                 return
             left = ~done
-            active, mine, floor = active[left], mine[left], floor[left]
+            active, mine, least = active[left], mine[left], least[left]
             slope, there = slope[:, :, left], there[:, left]
         here = there
     result.y[:, active] = here

@@ -21,6 +21,7 @@ SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
 COARSE = 24  # steps a period: enough to separate branches; accuracy comes afterwards
 _LONG, _CLOSER = 128, 4  # periods from which on the steps are four times finer
 _STIFF = 8  # times as many steps before a motion is called unbounded
+# periods of each round: about twice as long each time; a start near the answer is recognised earlier
 _FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
 _TOLERANCE = 1e-3  # last Newton correction, of the amplitude: what is left is its square
@@ -28,8 +29,10 @@ _LINEAR = 0.05  # departure of the last two periods from the linear map, of the 
 _CLOSE = 1e-5  # of the amplitude: nearer than this the departure is rounding
 _CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
-_TWICE = 1e-6
-_FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7  # of the attraction
+_TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
+# below the first of attraction, the map is made again with this many steps and this offset; then it attracts
+# if more than the last
+_FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,20 +54,20 @@ def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int 
         steps=np.full(n, steps),
         outcome=np.full(n, UNSETTLED, dtype=np.int8),
     )
-    floor = period_map.scale()
+    least = period_map.scale()
     active = np.arange(n)
     for periods in _FROM_REST if from_rest else _FROM_START:
         if periods == _LONG:
             # a corner that is just touched is seen or not with the place of the steps: closer, it is seen
             result.steps[active] *= _CLOSER
-        active = _one_round(period_map, result, active, periods, floor)
+        active = _one_round(period_map, result, active, periods, least)
         if not len(active):
             break
     return result
 
 
 def _one_round(
-    period_map: PeriodMap, result: Settling, active: Indices, periods: int, floor: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Floats
 ) -> Indices:
     before, steps = result.y[:, active], result.steps[active]
     moved = period_map.carry(active, before, steps, periods)
@@ -86,9 +89,9 @@ def _one_round(
         active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
     else:
         result.y[:, active] = y
-    settled = _accept(period_map, result, active, y, history, floor[active])
+    settled = _accept(period_map, result, active, y, history, least[active])
     left = np.flatnonzero(~settled)
-    size = np.maximum(norm(y[:, left]), floor[active[left]])
+    size = np.maximum(norm(y[:, left]), least[active[left]])
     two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
     twice = (two_ago < _TWICE * size) & (one_ago > 1e3 * _TWICE * size)
     result.outcome[active[left[twice]]] = PERIOD_TWO
@@ -96,12 +99,12 @@ def _one_round(
 
 
 def _accept(
-    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, history: Floats, floor: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, history: Floats, least: Floats
 ) -> NDArray[np.bool_]:
     """Record the points whose fixed point is certain; True for these."""
     steps = result.steps[active]
-    fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, floor)
-    size = np.maximum(norm(fixed.y), floor)
+    fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, least)
+    size = np.maximum(norm(fixed.y), least)
     earlier, away = history[0] - fixed.y, y - fixed.y
     departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
     distance, inside = norm(earlier), attraction(fixed.jacobian)
