@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -102,8 +103,10 @@ class Bars(Progress):
 
     def __init__(self, total: int | None = None) -> None:
         self._seen: dict[Path, _Seen] = {}
+        # this very stream: sys.stderr is another one while the cells of a notebook run
+        console = Console(file=sys.stderr)
         columns = (_Words("doing"), BarColumn(), _Words("left"))
-        super().__init__(*columns, console=Console(stderr=True), transient=True)
+        super().__init__(*columns, console=console, transient=True)
         self._total, self._finished = total or 0, 0
         # without a count the bar of all cases is not seen
         self._whole = self.add_task("", total=total, visible=bool(total), doing="cases", left=f"0 of {total}")

@@ -186,7 +186,8 @@ def known_results(
             results.add(function, *inputs[drawing.name], result=drawing)
     results.add("simulate", case.oscillator, case.test, result=surface)
     results.add("load_surface", _SURFACE_FILE, result=surface)
-    results.add("rank", surface, results.case.model, result=identification.ranking)
+    if identification.ranking is not None:
+        results.add("rank", surface, results.case.model, result=identification.ranking)
     results.add("identify", surface, case.model, result=identification)
     results.add("predict", identification, list(levels), surface, result=prediction)
     results.add("compare", identification, case.truth, case.accept, result=comparison)

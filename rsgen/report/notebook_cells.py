@@ -9,9 +9,9 @@ import contextlib
 import io
 import traceback
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import wraps
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, ModuleType, SimpleNamespace
 from typing import Any
 
 import nbformat
@@ -43,16 +43,14 @@ class KnownResults:
         """Add the result of a function of ``rsgen`` or ``rsgen.figures``, named without its module."""
         self._known.setdefault(function, []).append((inputs, result))
 
-    def offered(self, module: ModuleType) -> ModuleType:
-        """Give a stand-in for a module whose functions look here first; the module stays as it is."""
-        names: dict[str, Any] = {
-            name: self._looked_up(name, getattr(module, name))
-            for name in self._known
-            if name in module.__all__
-        }
+    def offered(self, module: ModuleType) -> SimpleNamespace:
+        """Give the public names of a module, with functions that look here first."""
+        names = {name: getattr(module, name) for name in module.__all__}
+        for name in self._known.keys() & names.keys():
+            names[name] = self._looked_up(name, names[name])
         if module is rsgen:
             names |= {"load_case": self._load_case, "figures": self.offered(figures)}
-        return _StandIn(module, names)
+        return SimpleNamespace(**names)
 
     def _looked_up(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
@@ -70,34 +68,12 @@ class KnownResults:
         return self.case if text.splitlines() == self.case.text.splitlines() else rsgen.load_case(path)
 
 
-class _StandIn(ModuleType):
-    """A module with some of its names replaced."""
-
-    def __init__(self, module: ModuleType, names: dict[str, Any]) -> None:
-        super().__init__(module.__name__, module.__doc__)
-        self._module = module
-        self.__dict__.update(names)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._module, name)
-
-
 def _same(one: object, other: object) -> bool:
     return one is other or (isinstance(one, str | float | list) and one == other)
 
 
-@cache
-def _formatter() -> DisplayFormatter:
-    """Give what a kernel shows values with.
-
-    The whole shell of IPython is left out: it replaces ``__main__``, the hooks of ``sys`` and the history of
-    the user, which are not ours in a process that works on cases.
-    """
-    return DisplayFormatter()
-
-
 def _namespace(results: KnownResults | None) -> dict[str, Any]:
-    """Give the names that cells begin with; their ``import rsgen`` gets the stand-in."""
+    """Give the names that cells begin with; their ``import rsgen`` gets the known results."""
     space: dict[str, Any] = {"__name__": "__main__"}
     if results is not None:
         package = results.offered(rsgen)
@@ -120,8 +96,12 @@ def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
 
 
 def _shown(value: object) -> list[nbformat.NotebookNode]:
-    """Give a value as a kernel would show it; pictures are bytes until here."""
-    format_value: Any = _formatter().format
+    """Give a value as a kernel would show it; pictures are bytes until here.
+
+    Only this part of IPython is used: its whole shell replaces ``__main__`` and the hooks of ``sys``, and
+    opens the user's history, which is wrong in a process that works on cases.
+    """
+    format_value: Any = DisplayFormatter().format
     data, metadata = format_value(value)
     for kind, content in data.items():
         if isinstance(content, bytes):

@@ -188,19 +188,30 @@ def test_check_refuses_what_run_would_refuse(
 
 @pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 @pytest.mark.slow
-@pytest.mark.parametrize("colours", [True, False])
-def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool) -> None:
+@pytest.mark.parametrize(("colours", "jobs"), [(True, "2"), (False, "1")])
+def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool, jobs: str) -> None:
     import pty
 
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
     ours, theirs = pty.openpty()
-    command = [sys.executable, "-c", "from rsgen.cli import main; main()", "run", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-c",
+        "from rsgen.cli import main; main()",
+        "run",
+        str(tmp_path),
+        "--jobs",
+        jobs,
+    ]
     surroundings = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | (
         {} if colours else {"NO_COLOR": "1"}
     )
     process = subprocess.Popen(
-        [*command, "--out", str(tmp_path / "out")], stdout=theirs, stderr=theirs, env=surroundings
+        [*command, "--jobs", jobs, "--out", str(tmp_path / "out")],
+        stdout=theirs,
+        stderr=theirs,
+        env=surroundings,
     )
     os.close(theirs)
     seen = b""
@@ -220,6 +231,12 @@ def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool) -> 
     for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "left", "accepted"):
         assert words in text
     assert bool(re.search(r"\x1b\[(?:3[0-9]|38;)", text)) is colours
+    # and nothing of it gets into the output of a cell
+    for name in ("a", "b"):
+        cells = json.loads((tmp_path / "out" / name / "notebook.ipynb").read_text())["cells"]
+        outputs = [output for cell in cells for output in cell.get("outputs", [])]
+        assert outputs
+        assert {output.get("name", "stdout") for output in outputs} == {"stdout"}
 
 
 def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
