@@ -69,18 +69,27 @@ class Rule:
     required: bool = False
     outside: bool = False
 
-    @property
-    def allowed(self) -> str:
-        """What is allowed, as it ends a message."""
+    def allowed(self, base: Any = float) -> str:
+        """What is allowed of a type, as it ends a message."""
         if self.what is not None:
             return self.what
+        if base is str:
+            least = f"at least {self.fewest} and " if self.fewest else ""
+            return (
+                f"a text in quotes of {least}at most {self.most} characters"
+                if self.most
+                else "a text in quotes"
+            )
+        kind = "a whole number" if base is int else "a number"
         if self.at_least is not None and self.at_most is not None:
-            return f"a number from {self.at_least:.10g} to {self.at_most:.10g}"
+            return f"{kind} from {self.at_least:.10g} to {self.at_most:.10g}"
         bounds = (("above", self.above), ("of at least", self.at_least), ("below", self.below))
-        texts = [f"{word} {bound:.10g}" for word, bound in bounds if bound is not None]
-        if self.most is not None and not texts:
-            return f"a length from {self.fewest or 0} to {self.most}"
-        return f"a number {' and '.join(texts)}" if texts else "a finite number"
+        known = [
+            f"{word} {bound:.10g}"
+            for word, bound in (*bounds, ("of at most", self.at_most))
+            if bound is not None
+        ]
+        return f"{kind} {' and '.join(known)}".rstrip()
 
     def accepts(self, value: object) -> bool:
         """Whether a number is in range, or a text as long as it may be and of the pattern."""
@@ -100,13 +109,13 @@ class Rule:
             return fits and bool(whole)
         return True
 
-    def fault(self, value: object) -> str | None:
+    def fault(self, value: object, base: Any = float) -> str | None:
         """Say what is wrong with a value and what is allowed, or None."""
         if self.accepts(value):
             return None
         unit = f" {self.unit}" if self.unit and isinstance(value, int | float) else ""
         shown = f"{value:.10g}" if isinstance(value, float) else repr(value)[:60]
-        return f"is {shown}{unit}; {self.allowed} is needed"
+        return f"is {shown}{unit}; {self.allowed(base)} is needed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +179,7 @@ def given(made: Any, *names: str) -> list[str]:
 def _value_faults(place: str, base: Any, rule: Rule, value: object) -> Iterator[tuple[str, str]]:
     if get_origin(base) is Literal and value not in get_args(base):
         yield place, f"is {str(value)[:60]!r}; {choices(base)} is needed"
-    elif (fault := rule.fault(value)) is not None:
+    elif (fault := rule.fault(value, base)) is not None:
         yield place, fault
     elif get_origin(base) is tuple and isinstance(value, tuple):
         item = read_hint(get_args(base)[0])

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
-from rsgen.case.tables import MAX_TEXT, Quantity, Table, table_of
+from rsgen.case.tables import MAX_TEXT, Obeys, Quantity, Table, Text, table_of
+from rsgen.declaration import Rule
 from rsgen.measurement import MeasuredTest
 from rsgen.measurement.plan import Excitation
 from rsgen.observation import Observation
@@ -19,8 +20,7 @@ from rsgen.simulation import SimulatedTest
 
 __all__ = ["CaseDocument", "Document", "ElementTable", "case_schema"]
 
-Text = Annotated[str, Field(max_length=MAX_TEXT)]
-Formula = Annotated[str, Field(min_length=1, max_length=MAX_TEXT)]
+Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_TEXT))]
 
 
 class SystemTable(Table):
@@ -77,7 +77,7 @@ class Document(Table):
     # both are derived below
     test: Any
     identify: Any = None
-    accept: dict[str, Annotated[float, Field(gt=0, le=10)]] = Field(
+    accept: dict[str, Annotated[float, Obeys(float, Rule(above=0, at_most=10))]] = Field(
         default={}, description="Largest relative error of the refined estimate, by parameter."
     )
 

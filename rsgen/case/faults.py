@@ -14,15 +14,11 @@ __all__ = ["sentences"]
 
 _KINDS = ("simulated", "measured")
 _WANTED = {
-    "string_type": "a text in quotes",
-    "float_type": "a number",
-    "int_type": "a whole number",
     "bool_type": "true or false",
     "list_type": "a list [ ... ]",
     "dict_type": "a table",
     "model_type": "a table",
     "model_attributes_type": "a table",
-    "finite_number": "a finite number",
 }
 
 
@@ -59,32 +55,15 @@ def _path(location: Iterable[int | str]) -> str:
     return ".".join(parts)
 
 
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
-
-
 def _allowed(kind: str, context: dict[str, Any]) -> str | None:
-    match kind:
-        case "literal_error":
-            return str(context["expected"])
-        case "greater_than":
-            return f"a number above {context['gt']:g}"
-        case "greater_than_equal":
-            return f"a number of at least {context['ge']:g}"
-        case "less_than":
-            return f"a number below {context['lt']:g}"
-        case "less_than_equal":
-            return f"a number of at most {context['le']:g}"
-        case "string_too_long":
-            return f"at most {_count(context['max_length'], 'character', 'characters')}"
-        case "string_too_short":
-            return f"at least {_count(context['min_length'], 'character', 'characters')}"
-        case "too_long":
-            return f"at most {_count(context['max_length'], 'entry', 'entries')}"
-        case "too_short":
-            return f"at least {_count(context['min_length'], 'entry', 'entries')}"
-        case _:
-            return _WANTED.get(kind)
+    if kind == "literal_error":
+        return str(context["expected"])
+    if kind in ("too_long", "too_short"):
+        word, count = (
+            ("most", context["max_length"]) if kind == "too_long" else ("least", context["min_length"])
+        )
+        return f"at {word} {count} {'entry' if count == 1 else 'entries'}"
+    return _WANTED.get(kind)
 
 
 def _sentence(fault: Any) -> str:

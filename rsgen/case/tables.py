@@ -7,23 +7,14 @@ table into the object: texts with units become SI numbers, lists tuples, grids a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, is_dataclass
-from functools import partial
-from math import isfinite, nan
+from dataclasses import MISSING, dataclass, field, is_dataclass, replace
+from math import nan
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    WithJsonSchema,
-    create_model,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
+from pydantic_core import PydanticCustomError, core_schema
 
 from rsgen.case.data_paths import resolve_files
 from rsgen.case.grid import expand
@@ -31,11 +22,16 @@ from rsgen.declaration import Declared, Rule, declared, read_hint
 from rsgen.errors import RsgenError
 from rsgen.units import quantity
 
-__all__ = ["Grid", "Maker", "Quantity", "Table", "reason", "table_of"]
+__all__ = ["Grid", "Maker", "Obeys", "Quantity", "Table", "Text", "reason", "table_of"]
 
 T = TypeVar("T")
 MAX_TEXT = 2_000
-_JSON = {int: "integer", str: "string"}
+_QUANTITY = 'a finite number in SI units or a text with its unit, as "5.92 kN/m",'
+_JSON = {int: "integer", float: "number", str: "string"}
+_BOUNDS = {
+    "minimum": "at_least", "exclusiveMinimum": "above", "exclusiveMaximum": "below", "maximum": "at_most",
+    "minLength": "fewest", "maxLength": "most", "pattern": "pattern",
+}  # fmt: skip
 
 
 class Table(BaseModel):
@@ -44,35 +40,42 @@ class Table(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
 
 
-def _read_quantity(value: object) -> object:
-    if isinstance(value, str) and 0 < len(value) <= MAX_TEXT:
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("rule", 'a number in SI units or a text with its unit, as "5.92 kN/m",')
-    if not isfinite(value):
-        raise PydanticCustomError("rule", "a finite number")
-    return float(value)
+@dataclass(frozen=True, slots=True)
+class Obeys:
+    """What pydantic checks of a number, a text or either by a rule; with a unit, a text may give a number."""
+
+    base: Any
+    rule: Rule
+
+    @property
+    def kinds(self) -> tuple[type, ...]:
+        """Types that a value may have."""
+        return (float, str) if self.rule.unit is not None else get_args(self.base) or (self.base,)
+
+    def read(self, value: object) -> object:
+        """Give the value; an integer as float where that is declared."""
+        kinds = (*self.kinds, int) if float in self.kinds else self.kinds
+        # of a value with a unit the range is checked in SI units, when the unit has been read
+        rule = self.rule if self.rule.unit is None else Rule(fewest=1, most=MAX_TEXT)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not rule.accepts(value):
+            allowed = self.rule.allowed(self.base) if self.rule.unit is None else _QUANTITY
+            raise PydanticCustomError("rule", "{allowed}", {"allowed": allowed})
+        return float(value) if isinstance(value, int) and float in kinds else value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Replace pydantic's check of the type."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        """Give types and bounds as JSON Schema."""
+        types = [_JSON[kind] for kind in self.kinds]
+        bounds = {name: getattr(self.rule, attribute) for name, attribute in _BOUNDS.items()}
+        known = {name: bound for name, bound in bounds.items() if bound is not None}
+        return {"type": types[0] if len(types) == 1 else types, **known}
 
 
-def _obey(rule: Rule, kinds: tuple[type, ...], value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, kinds) or not rule.accepts(value):
-        raise PydanticCustomError("rule", "{allowed}", {"allowed": rule.allowed})
-    return value
-
-
-def _listed(value: object) -> object:
-    return [value] if isinstance(value, str) else value
-
-
-def _quantity(**bounds: float | None) -> Any:
-    given = {name: bound for name, bound in bounds.items() if bound is not None}
-    schema = WithJsonSchema({"type": ["number", "string"], **given})
-    return Annotated[float | str, PlainValidator(_read_quantity), schema]
-
-
-Quantity = Annotated[
-    float | str, PlainValidator(_read_quantity), WithJsonSchema({"type": ["number", "string"]})
-]
+Quantity = Annotated[float | str, Obeys(float, Rule(unit=""))]
+Text = Annotated[str, Obeys(str, Rule(most=MAX_TEXT))]
 
 
 class Grid(Table):
@@ -80,21 +83,13 @@ class Grid(Table):
 
     start: Quantity | None = None
     stop: Quantity | None = None
-    count: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    count: Annotated[int, Obeys(int, Rule(at_least=1, at_most=1_000_000))] | None = None
     spacing: Literal["linear", "log"] | None = None
     values: list[Quantity] | None = None
 
 
-def _bounds(rule: Rule) -> dict[str, Any]:
-    known = {
-        "ge": rule.at_least,
-        "gt": rule.above,
-        "lt": rule.below,
-        "le": rule.at_most,
-        "min_length": rule.fewest,
-        "max_length": rule.most,
-    }
-    return {name: bound for name, bound in known.items() if bound is not None}
+def _listed(value: object) -> object:
+    return [value] if isinstance(value, str) else value
 
 
 def _annotation(base: Any, rule: Rule) -> Any:
@@ -104,20 +99,15 @@ def _annotation(base: Any, rule: Rule) -> Any:
     if get_origin(base) is tuple:
         items = get_args(base)
         inner, inner_rule, _ = read_hint(items[0])
-        lengths = _bounds(rule) if Ellipsis in items else {"min_length": len(items), "max_length": len(items)}
-        entries: Any = Annotated[list[_annotation(inner, inner_rule)], Field(**lengths)]  # type: ignore[misc]
+        fewest, most = (rule.fewest, rule.most) if Ellipsis in items else (len(items), len(items))
+        entry = _annotation(inner, inner_rule)
+        entries: Any = Annotated[list[entry], Field(min_length=fewest, max_length=most)]  # type: ignore[valid-type]
         # one text may stand for a list of one
         schema = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})
         return Annotated[entries, BeforeValidator(_listed), schema] if inner in (str, Path) else entries
-    if rule.unit is not None:
-        return _quantity(exclusiveMinimum=rule.above, minimum=rule.at_least)
-    if rule.what is not None:
-        kinds = get_args(base) or (base,)
-        schema = WithJsonSchema({"type": [_JSON[kind] for kind in kinds]})
-        return Annotated[base, PlainValidator(partial(_obey, rule, kinds)), schema]
     if base in (str, Path):
-        return Annotated[str, Field(**{"max_length": MAX_TEXT, **_bounds(rule)})]
-    return Annotated[base, Field(**_bounds(rule))] if base in (int, float) else base
+        return Annotated[Any, Obeys(str, replace(rule, most=rule.most or MAX_TEXT))]
+    return base if base is bool or get_origin(base) is Literal else Annotated[Any, Obeys(base, rule)]
 
 
 @dataclass(frozen=True, slots=True)

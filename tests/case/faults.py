@@ -73,13 +73,13 @@ OF_SIMULATED: list[Row] = [
     (
         {"accept.k1": 0, "accept.kn9": 0.001, "accept.c1": "small", "titel": "A bad case"},
         [
-            "accept.k1: is 0; a number above 0 is needed",
+            "accept.k1: is 0; a number above 0 and of at most 10 is needed",
             "accept.kn9: is no parameter; did you mean 'kn1'?",
-            "accept.c1: is 'small'; a number is needed",
+            "accept.c1: is 'small'; a number above 0 and of at most 10 is needed",
             "titel: is not a key here",
         ],
     ),
-    ({"test.noise": {"relative": -0.1}}, ["test.noise.relative: is -0.1; a number of at least 0 is needed"]),
+    ({"test.noise": {"relative": -0.1}}, ["test.noise.relative: is -0.1; a number from 0 to 1 is needed"]),
     ({"test.noise": {"seed": 3}}, ["test.noise.relative: is missing"]),
     ({"identify.band": ["9 Hz", "8 Hz"]}, ["identify.band: 9 to 8 Hz; must be ascending"]),
     (
@@ -90,8 +90,8 @@ OF_SIMULATED: list[Row] = [
     (
         {"test.harmonics": 65, "test.accuracy": 1.0},
         [
-            "test.harmonics: is 65; a number of at most 64 is needed",
-            "test.accuracy: is 1.0; a number of at most 0.01 is needed",
+            "test.harmonics: is 65; a whole number from 1 to 64 is needed",
+            "test.accuracy: is 1.0; a number from 1e-09 to 0.01 is needed",
         ],
     ),
     (
@@ -99,7 +99,7 @@ OF_SIMULATED: list[Row] = [
         ['accept: the law is not known before a ranking; leave [accept] out or model = "rank"'],
     ),
     ({"accept": {"kn2": 1e-4}}, ["accept.kn2: is no parameter; did you mean 'kn1'?"]),
-    ({"accept.k1": 0.0}, ["accept.k1: is 0.0; a number above 0 is needed"]),
+    ({"accept.k1": 0.0}, ["accept.k1: is 0.0; a number above 0 and of at most 10 is needed"]),
     (
         {"element": GONE, "printed": GONE, "truth": GONE, "accept": GONE},
         ['element: is missing; every case needs it, but a measured one with model = "rank"'],
@@ -112,7 +112,7 @@ OF_SIMULATED: list[Row] = [
     ),
     ({"test.frequency.stop": 3}, ["test.frequency.stop: is 3; must be above start, which is 7"]),
     ({"test.level.values": [1]}, ["test.level: has values and start, stop, count"]),
-    ({"test.level.count": 2.5}, ["test.level.count: is 2.5; a whole number is needed"]),
+    ({"test.level.count": 2.5}, ["test.level.count: is 2.5; a whole number from 1 to 1000000 is needed"]),
     ({"test.level.count": 1}, ["test.level.count: is 1, but start and stop differ"]),
     ({"test.level": {"values": [2, 1]}}, ["test.level.values.2: 1 is below the value before it"]),
     ({"test.level": {"values": []}}, ["test.level.values: is empty"]),
@@ -152,8 +152,8 @@ OF_SIMULATED: list[Row] = [
     ({"title": "\x1b[2J case"}, ["title: contains U+001B"]),
     ({"title": "x" * 1011}, ["title: has 1011 characters; at most 300"]),
     ({"title": GONE}, ["title: is missing"]),
-    ({"title": 5}, ["title: is 5; a text in quotes is needed"]),
-    ({"truth.c1": True}, ["truth.c1: is true; a number in SI units or a text with its unit"]),
+    ({"title": 5}, ["title: is 5; a text in quotes of at most 2000 characters is needed"]),
+    ({"truth.c1": True}, ["truth.c1: is true; a finite number in SI units or a text with its unit"]),
     (
         {"truth.c1": "3.8 N/m"},
         [
@@ -161,7 +161,7 @@ OF_SIMULATED: list[Row] = [
             "c1*v must be a force"
         ],
     ),
-    ({"truth.c1": math.inf}, ["truth.c1: is inf; a finite number is needed"]),
+    ({"truth.c1": math.inf}, ["truth.c1: is inf; a finite number in SI units"]),
     ({"truth": GONE}, ["truth: is missing; a simulated case needs a value for each of c1, k1, kn1"]),
     ({"truth.kn1": GONE}, ["element.1.force: 'kn1' has no value in [truth]; known: c1, k1"]),
     ({"truth.c1": "3.8 parrots"}, ["truth.c1: '3.8 parrots': the unit 'parrots' is not known"]),
@@ -182,7 +182,7 @@ OF_SIMULATED: list[Row] = [
     ({"truth.c1": "3.8"}, ["truth.c1: '3.8' is a number in quotes"]),
     (
         {"test.level.count": 0, "titel": "x"},
-        ["titel: is not a key here", "test.level.count: is 0; a number of at least 1 is needed"],
+        ["titel: is not a key here", "test.level.count: is 0; a whole number from 1 to 1000000 is needed"],
     ),
     (
         {"name": "a/b", "system.mass": 0, "truth.kn1": GONE},

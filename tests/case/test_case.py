@@ -398,7 +398,7 @@ def test_the_schema_takes_what_is_loaded(path: Path) -> None:
 
 
 def test_a_range_is_the_same_for_object_and_schema() -> None:
-    with pytest.raises(RsgenError, match="harmonics: is 65; a number from 1 to 64 is needed"):
+    with pytest.raises(RsgenError, match="harmonics: is 65; a whole number from 1 to 64 is needed"):
         SimulatedTest([1.0], [2.0], harmonics=65)
     schema = case_schema()["$defs"]["SimulatedTest"]["properties"]["harmonics"]
     assert (schema["minimum"], schema["maximum"]) == (1, 64)
