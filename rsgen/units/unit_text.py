@@ -24,7 +24,7 @@ _LARGEST_POWER = 20
 _EXACT_DIGITS = 14  # what has no more digits is meant exactly; the rest of pint's float is rounding
 _MOST_BITS = 10_000  # far above the range of floats
 _EXAMPLES = "write a unit such as N/m, kN*s/m, N/m^3 or mm"
-_COMMON = (
+_COMMON = [
     "N",
     "kN",
     "mN",
@@ -42,12 +42,13 @@ _COMMON = (
     "inch",
     "V",
     "mV",
-)
+]
 _JOINED = re.compile(r"([kmM]?N)(m|mm|s|ms)")
+_POWER = r"[+-]?[0-9]{1,3}(?:\.[0-9]{1,3})?"
 _TOKEN = re.compile(
-    r"(?P<blank> +)|(?P<name>[A-Za-z\u00b5\u03bc]+(?:_[A-Za-z0-9]+)*|%)|(?P<power>\*\*|\^)"
-    r"|(?P<sign>[*/\u00b7\u22c5()])|(?P<small>[\u00b2\u00b3])"
-    r"|(?P<number>[+-]?[0-9]{1,3}(?:\.[0-9]{1,3})?)"
+    r"(?P<blank> +)|(?P<name>[A-Za-z\u00b5\u03bc]+(?:_[A-Za-z0-9]+)*|%)|(?P<one>1(?![0-9.]))"
+    rf"|(?P<power>(?:\*\*|\^)(?:{_POWER}|\({_POWER}(?:/{_POWER})?\)))|(?P<sign>[*/\u00b7\u22c5()])"
+    r"|(?P<small>[\u00b2\u00b3])"
 )
 
 
@@ -219,16 +220,20 @@ class _UnitText:
             unit = self.product(depth + 1)
             if self.take()[1] != ")":
                 raise self.fault("has a '(' without its ')'")
-        elif (kind, text) == ("number", "1"):
+        elif kind == "one":
             unit = _ONE
         else:
             raise self.fault()
-        if self.peek()[0] == "small":
-            return self.raised(unit, Fraction(2 if self.take()[1] == "\u00b2" else 3))
-        if self.peek()[0] == "power":
-            self.place += 1
-            return self.raised(unit, self.exponent())
-        return unit
+        kind, text = self.peek()
+        if kind not in ("small", "power"):
+            return unit
+        self.place += 1
+        if kind == "small":
+            return self.raised(unit, Fraction(2 if text == "\u00b2" else 3))
+        above, _, below = text.strip("*^()").partition("/")
+        if below and not float(below):
+            raise self.fault("has no number as a power")
+        return self.raised(unit, Fraction(above) / Fraction(below or 1))
 
     def raised(self, unit: Unit, exponent: Fraction) -> Unit:
         try:
@@ -238,26 +243,3 @@ class _UnitText:
         if any(abs(power) > _LARGEST_POWER for power in raised.dimension.powers.values()):
             raise self.fault(f"has a power above {_LARGEST_POWER}")
         return raised
-
-    def exponent(self) -> Fraction:
-        kind, text = self.take()
-        if kind == "number":
-            return Fraction(text)
-        if text != "(":
-            raise self.fault("has no number as a power")
-        value = self.exponent_number()
-        if self.peek()[1] == "/":
-            self.place += 1
-            below = self.exponent_number()
-            if not below:
-                raise self.fault("has no number as a power")
-            value /= below
-        if self.take()[1] != ")":
-            raise self.fault("has a '(' without its ')'")
-        return value
-
-    def exponent_number(self) -> Fraction:
-        kind, text = self.take()
-        if kind != "number":
-            raise self.fault("has no number as a power")
-        return Fraction(text)

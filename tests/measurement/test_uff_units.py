@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rsgen.case import load_case
+from rsgen.cli import main
 from rsgen.errors import MeasurementError
 from rsgen.inspection import list_contents, propose
 from rsgen.measurement import MeasuredTest, read_measurement
@@ -275,3 +276,33 @@ def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(surfaces[1].amplitude, surfaces[0].amplitude, rtol=1e-9)
     assert codes(surfaces[0]) == []
     assert codes(surfaces[1]) == ["unit-of-file"]
+
+
+@pytest.mark.parametrize(
+    ("before", "labels", "unit", "source"),
+    [
+        (units(1e3, 1.0, 10), (), "mm/s^2/N", "data set 164"),
+        (units(1e3, 1.0, 10), (axis(12, "a", "cm/s^2"), axis(13, "F", "kN")), "cm/s^2/kN", "axis label"),
+        ("", (), "m/s^2/N", "SI assumed"),
+    ],
+)
+def test_inspect_and_init_say_which_units(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    before: str,
+    labels: tuple[str, ...],
+    unit: str,
+    source: str,
+) -> None:
+    path, case = tmp_path / "a.uff", tmp_path / "a.toml"
+    size = {"mm": 1e-3, "cm": 1e-2 / 1e3, "m/": 1.0}[unit[:2]]
+    path.write_text(before + function(ACCELERANCE / size, *labels), encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main(["inspect", str(path)])
+    assert f"{unit} ({source})" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["init", "--from", str(path), str(case)])
+    line = next(line for line in case.read_text(encoding="utf-8").splitlines() if "unit " in line)
+    assert f'"{unit}"' in line
+    assert line.endswith(f"# {source}")
+    np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)
