@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import signal
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,6 @@ import pytest
 import scipy.io
 
 from rsgen.case import load_case
-from rsgen.cli import main
 from rsgen.cli.inspect_command import proposal_text
 from rsgen.errors import MeasurementError
 from rsgen.inspection import Proposal, list_contents, propose
@@ -30,20 +28,6 @@ MEASURED = sorted(
 )
 
 
-@pytest.fixture(autouse=True)
-def _keep_signals() -> object:
-    handler = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, handler)
-
-
-def call(*words: str | Path) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    assert isinstance(caught.value.code, int)
-    return caught.value.code
-
-
 def proposed(path: Path) -> dict[str, Any]:
     proposal = propose(list_contents(path))
     assert proposal is not None
@@ -52,21 +36,20 @@ def proposed(path: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
-def test_a_case_begun_from_a_file_reads_it(
-    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: Callable[..., Any]) -> None:
     (tmp_path / file.name).write_bytes(file.read_bytes())
     case = tmp_path / "new.toml"
-    assert call("init", "--from", tmp_path / file.name, case) == 0
+    assert run_cli("init", "--from", tmp_path / file.name, case).code == 0
     if file.name == "decay.uff":
         # a decay asks for the mass, and says so
-        assert call("check", case) == 2
-        assert "system.mass: is missing" in capsys.readouterr().err
+        checked = run_cli("check", case)
+        assert checked.code == 2
+        assert "system.mass: is missing" in checked.err
         case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
     test = load_case(case).test
     assert isinstance(test, MeasuredTest)
     assert len(read_measurement(test)) > 10
-    assert call("init", "--from", tmp_path / file.name, case) == 2
+    assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
 
 def test_units_and_names_tell_what_is_what() -> None:
@@ -109,7 +92,7 @@ def test_units_and_names_tell_what_is_what() -> None:
     ],
 )
 def test_layouts_of_texts(
-    tmp_path: Path, text: str, layout: dict[str, Any] | None, column: int | str
+    tmp_path: Path, run_cli: Callable[..., Any], text: str, layout: dict[str, Any] | None, column: int | str
 ) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
@@ -117,44 +100,42 @@ def test_layouts_of_texts(
     assert table.get("layout") == layout
     assert table["frequency"]["column"] == column
     case = tmp_path / "a.toml"
-    assert call("init", "--from", path, case) == 0
-    assert call("check", case) == 0
+    assert run_cli("init", "--from", path, case).code == 0
+    assert run_cli("check", case).code == 0
 
 
-def test_what_is_inside_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("inspect", FORMATS / "steps.h5") == 0
-    shown = capsys.readouterr().out
+def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
+    shown = run_cli("inspect", FORMATS / "steps.h5").out
     for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
         assert word in shown
-    assert call("inspect", FORMATS / "steps.h5", "--json") == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(run_cli("inspect", FORMATS / "steps.h5", "--json").out)
     assert found["format"] == "hdf5"
     assert found["entries"][0]["shape"] == [10880]
     assert found["test"]["test.time"] == {"rate_column": "rate"}
 
 
-def test_faulty_files_are_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faulty_files_are_a_sentence(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
-    assert call("inspect", path) == 2
-    assert capsys.readouterr().err.startswith("a.mat: ")
-    assert call("init", "--from", path, tmp_path / "b.toml") == 2
+    refused = run_cli("inspect", path)
+    assert refused.code == 2
+    assert refused.err.startswith("a.mat: ")
+    assert run_cli("init", "--from", path, tmp_path / "b.toml").code == 2
     assert not (tmp_path / "b.toml").exists()
 
 
-def test_names_in_a_file_stay_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_in_a_file_stay_text(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.h5"
     evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
     with h5py.File(path, "w") as file:
         file["freq"] = np.arange(1.0, 20.0)
         file[f"disp{evil}".replace("/", "_")] = np.sin(np.arange(1.0, 20.0))
         file["force"] = np.ones(19)
-    assert call("inspect", path) == 0
-    shown = capsys.readouterr().out
+    shown = run_cli("inspect", path).out
     assert "\x1b" not in shown
     assert "\u202e" not in shown
     case = tmp_path / "new.toml"
-    assert call("init", "--from", path, case) == 0
+    assert run_cli("init", "--from", path, case).code == 0
     tree = tomllib.loads(case.read_text(encoding="utf-8"))
     assert tree["test"]["file"] == "a.h5"
     assert tree["test"]["response"]["amplitude"] == f"disp{evil}".replace("/", "_")
@@ -231,7 +212,9 @@ GERMAN = "Prüfling: Träger\r\nFrequenz [Hz];Kraft [N];Weg [µm];Phase [°]\r\n
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "cp1250"])
-def test_a_text_of_a_german_laboratory_is_read(tmp_path: Path, encoding: str) -> None:
+def test_a_text_of_a_german_laboratory_is_read(
+    tmp_path: Path, run_cli: Callable[..., Any], encoding: str
+) -> None:
     path = tmp_path / "a.csv"
     text = GERMAN.replace("µ", "u") if encoding == "cp1250" else GERMAN
     path.write_bytes(text.encode(encoding))
@@ -240,7 +223,7 @@ def test_a_text_of_a_german_laboratory_is_read(tmp_path: Path, encoding: str) ->
     assert table["response"]["unit"] == "um"
     assert table["response"]["phase"] == "Phase [°]"
     case = tmp_path / "a.toml"
-    assert call("init", "--from", path, case) == 0
+    assert run_cli("init", "--from", path, case).code == 0
     # recognised without the key, too
     case.write_text(case.read_text(encoding="utf-8").replace('encoding = "cp1252"', ""), encoding="utf-8")
     test = load_case(case).test
@@ -262,7 +245,7 @@ def proposed_column(path: Path, encoding: str) -> str:
     return text.split(";")[2]
 
 
-def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     """Else a table with a gap would begin below it, and the rows above would be lost in silence."""
     path = tmp_path / "a.csv"
     rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
@@ -272,20 +255,19 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, capsys: pytest.Captu
     assert contents.layout is not None
     assert contents.layout.skip == 0
     assert [entry.shape for entry in contents.entries] == [(30,), (30,), (), (30,), ()]
-    assert call("inspect", path) == 0
-    assert (
-        "a.csv: line 9: column 3: 'NaN' is not finite; give a number, or take the row out\n"
-        in capsys.readouterr().out
-    )
+    shown = run_cli("inspect", path).out
+    assert "a.csv: line 9: column 3: 'NaN' is not finite; give a number, or take the row out\n" in shown
 
 
-def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(tmp_path: Path) -> None:
+def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(
+    tmp_path: Path, run_cli: Callable[..., Any]
+) -> None:
     path = tmp_path / "a.csv"
     path.write_text("f_Hz,force_N,disp_um\n1,1,2\n2,1,3\n3,1,3", encoding="utf-8")
     assert proposed(path)["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
     case = tmp_path / "a.toml"
-    assert call("init", "--from", path, case) == 0
-    assert call("check", case) == 0
+    assert run_cli("init", "--from", path, case).code == 0
+    assert run_cli("check", case).code == 0
 
 
 @pytest.mark.parametrize(
@@ -326,7 +308,12 @@ def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(tmp_path: Path) -
     ],
 )
 def test_what_a_header_tells(
-    tmp_path: Path, head: str, force: dict[str, Any], response: dict[str, Any], level: dict[str, Any]
+    tmp_path: Path,
+    run_cli: Callable[..., Any],
+    head: str,
+    force: dict[str, Any],
+    response: dict[str, Any],
+    level: dict[str, Any],
 ) -> None:
     path = tmp_path / "a.csv"
     rows = [
@@ -340,8 +327,8 @@ def test_what_a_header_tells(
     assert response.items() <= table["response"].items()
     assert table["level"] == level
     case = tmp_path / "a.toml"
-    assert call("init", "--from", path, case) == 0
-    assert call("check", case) == (2 if "dB" in head else 0)
+    assert run_cli("init", "--from", path, case).code == 0
+    assert run_cli("check", case).code == (2 if "dB" in head else 0)
 
 
 def test_rounded_times_of_a_text_are_times(tmp_path: Path) -> None:
@@ -413,13 +400,13 @@ def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path: Path) -> Non
         list_contents(path)
 
 
-def test_a_mil_is_a_length(tmp_path: Path) -> None:
+def test_a_mil_is_a_length(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.csv"
     path.write_text(
         "f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,{1 + f}\n" for f in range(1, 9)), encoding="utf-8"
     )
     case = tmp_path / "a.toml"
-    assert call("init", "--from", path, case) == 0
+    assert run_cli("init", "--from", path, case).code == 0
     case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
     test = load_case(case).test
     assert isinstance(test, MeasuredTest)

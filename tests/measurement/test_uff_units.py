@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rsgen.case import load_case
-from rsgen.cli import main
 from rsgen.errors import MeasurementError
 from rsgen.inspection import list_contents, propose
 from rsgen.measurement import MeasuredTest, read_measurement
@@ -288,7 +288,7 @@ def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
 )
 def test_inspect_and_init_say_which_units(
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    run_cli: Callable[..., Any],
     before: str,
     labels: tuple[str, ...],
     unit: str,
@@ -297,11 +297,8 @@ def test_inspect_and_init_say_which_units(
     path, case = tmp_path / "a.uff", tmp_path / "a.toml"
     size = {"mm": 1e-3, "cm": 1e-2 / 1e3, "m/": 1.0}[unit[:2]]
     path.write_text(before + function(ACCELERANCE / size, *labels), encoding="utf-8")
-    with pytest.raises(SystemExit):
-        main(["inspect", str(path)])
-    assert f"{unit} ({source})" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["init", "--from", str(path), str(case)])
+    assert f"{unit} ({source})" in run_cli("inspect", path).out
+    assert run_cli("init", "--from", path, case).code == 0
     line = next(line for line in case.read_text(encoding="utf-8").splitlines() if "unit " in line)
     assert f'"{unit}"' in line
     assert line.endswith(f"# {source}")
