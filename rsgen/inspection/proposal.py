@@ -160,7 +160,8 @@ def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
     if known and entry.unit_source:
         guess.doubts["test.response.unit"] = entry.unit_source
     pattern = str(guess.address(entry))
-    units = {other.unit for other in guess.contents.entries if fnmatchcase(other.path, pattern)}
+    alike = (e for e in guess.contents.entries if fnmatchcase(e.path, pattern) and not e.fault)
+    units = {other.unit for other in alike}
     if guess.run and len(units) > 1:
         # without the key each entry is read in the unit that the file names for it
         del table["unit"]
