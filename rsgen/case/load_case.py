@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from rsgen.case.building import build
 from rsgen.case.case import Case
-from rsgen.case.document import CaseDocument, Document
+from rsgen.case.document import CaseDocument
 from rsgen.case.faults import sentences
 from rsgen.case.naming import quote
 from rsgen.case.toml_tree import parse_case, read_text
@@ -30,14 +30,6 @@ def _folders(path: Path, data: str | os.PathLike[str] | None) -> tuple[Path, ...
         return (Path(data),)
     variable = os.environ.get(DATA_VARIABLE)
     return (Path(variable), path.parent) if variable else (path.parent,)
-
-
-def _document(tree: dict[str, Any], label: str, folders: tuple[Path, ...]) -> Document:
-    try:
-        return CaseDocument.model_validate(tree)
-    except ValidationError as error:
-        faults = [*sentences(error), *_further_faults(tree, error, folders)]
-        raise CaseError(f"{label}: {fault}" for fault in faults) from None
 
 
 def _further_faults(tree: dict[str, Any], error: ValidationError, folders: tuple[Path, ...]) -> list[str]:
@@ -84,14 +76,18 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         for each.
     """
     file = Path(path)
-    label = file.name if file.name.isprintable() else quote(file.name)
-    text = read_text(file)
     folders = _folders(file, data)
-    document = _document(parse_case(text, label), label, folders)
     try:
+        text = read_text(file)
+        tree = parse_case(text)
+        try:
+            document = CaseDocument.model_validate(tree)
+        except ValidationError as error:
+            raise CaseError([*sentences(error), *_further_faults(tree, error, folders)]) from None
         return build(document, file, text, folders)
     except CaseError as error:
-        raise CaseError(f"{label}: {fault}" for fault in error.faults) from None
+        label = file.name if file.name.isprintable() else quote(file.name)
+        raise CaseError(f"{label}: {fault}" for fault in error.faults) from error.__cause__
 
 
 def read(

@@ -44,36 +44,33 @@ def read_text(path: Path) -> str:
     CaseError
         No such file, no regular file, too large, not UTF-8.
     """
-    label = path.name if path.name.isprintable() else ascii(path.name)
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            raise CaseError([f"{label}: is no regular file; a case is a text file such as cases/cubic.toml"])
+            raise CaseError(["is no regular file; a case is a text file such as cases/cubic.toml"])
         if status.st_size > MAX_BYTES:
-            raise CaseError([f"{label}: {status.st_size} bytes; a case file has at most {MAX_BYTES}"])
+            raise CaseError([f"{status.st_size} bytes; a case file has at most {MAX_BYTES}"])
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as fault:
         reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
-        raise CaseError([f"{label}: cannot be read: {reason}; name an existing case file"]) from fault
+        raise CaseError([f"cannot be read: {reason}; name an existing case file"]) from fault
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as fault:
         line = data[: fault.start].count(b"\n") + 1
-        raise CaseError([f"{label}: line {line}: not UTF-8; save the case file as UTF-8 text"]) from fault
+        raise CaseError([f"line {line}: not UTF-8; save the case file as UTF-8 text"]) from fault
     return text.removeprefix("\ufeff")
 
 
-def _refuse_shapes(text: str, label: str) -> None:
+def _refuse_shapes(text: str) -> None:
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        raise CaseError([f"{label}: {len(text)} characters; a case file has at most {MAX_BYTES} bytes"])
+        raise CaseError([f"{len(text)} characters; a case file has at most {MAX_BYTES} bytes"])
     for number, line in enumerate(text.split("\n"), start=1):
         if len(line) > MAX_LINE:
-            raise CaseError([f"{label}: line {number}: {len(line)} characters; at most {MAX_LINE} in a line"])
+            raise CaseError([f"line {number}: {len(line)} characters; at most {MAX_LINE} in a line"])
         if not line.lstrip().startswith("#") and line.count(".") >= 40 and _DOTTED.search(line):
-            raise CaseError(
-                [f"{label}: line {number}: a key of more than 40 parts; keys are at most 4 tables deep"]
-            )
+            raise CaseError([f"line {number}: a key of more than 40 parts; keys are at most 4 tables deep"])
 
 
 def _walk(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
@@ -92,34 +89,22 @@ def _show(path: tuple[str, ...]) -> str:
     return ".".join(part if part.isidentifier() or part.isdigit() else repr(part)[:60] for part in path)
 
 
-def _value_faults(tree: dict[str, Any], label: str) -> Iterator[str]:
+def _value_faults(tree: dict[str, Any]) -> Iterator[str]:
     for number, (path, value) in enumerate(_walk(tree, ())):
         if number > MAX_KEYS:
-            yield f"{label}: more than {MAX_KEYS} values; a case file has at most that many"
+            yield f"more than {MAX_KEYS} values; a case file has at most that many"
             return
         if len(path) > MAX_DEPTH:
-            yield f"{label}: {_show(path[:4])}...: nested more than {MAX_DEPTH} deep; keys are at most 4 deep"
+            yield f"{_show(path[:4])}...: nested more than {MAX_DEPTH} deep; keys are at most 4 deep"
         elif isinstance(value, _Vanished):
-            yield f"{label}: {_show(path)}: too small for a number of double precision; write 0 if 0 is meant"
+            yield f"{_show(path)}: too small for a number of double precision; write 0 if 0 is meant"
         elif isinstance(value, int) and value.bit_length() > MAX_INTEGER_BITS:
             bits = value.bit_length()
-            yield f"{label}: {_show(path)}: an integer of {bits} bits; at most {MAX_INTEGER_BITS} are read"
+            yield f"{_show(path)}: an integer of {bits} bits; at most {MAX_INTEGER_BITS} are read"
 
 
-def parse_case(text: str, label: str) -> dict[str, Any]:
-    """Parse the text of a case file.
-
-    Parameters
-    ----------
-    text
-        The content of the file.
-    label
-        The name of the file, for messages.
-
-    Returns
-    -------
-    dict
-        The tables as tomllib gives them; every integer fits 63 bits, no number vanished by underflow.
+def parse_case(text: str) -> dict[str, Any]:
+    """Parse the text of a case file to tables; every integer fits 63 bits, no number vanished by underflow.
 
     Raises
     ------
@@ -127,7 +112,7 @@ def parse_case(text: str, label: str) -> dict[str, Any]:
         Too large, too long a line, too many parts in a key, not TOML (with the line), nested too deeply,
         a number out of range.
     """
-    _refuse_shapes(text, label)
+    _refuse_shapes(text)
     try:
         tree = tomllib.loads(text, parse_float=_parse_float)
     except tomllib.TOMLDecodeError as fault:
@@ -136,15 +121,13 @@ def parse_case(text: str, label: str) -> dict[str, Any]:
         place = f"{found[1]}, {found[2]}" if found else "end of file"
         reason = re.sub(r"\s*\(at [^()]*\)$", "", message)
         reason = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in reason)[:200]
-        raise CaseError([f"{label}: {place}: {reason}; a case file is TOML 1.0"]) from fault
+        raise CaseError([f"{place}: {reason}; a case file is TOML 1.0"]) from fault
     except RecursionError as fault:
-        raise CaseError([f"{label}: nested too deeply to be read; keys are at most 4 tables deep"]) from fault
+        raise CaseError(["nested too deeply to be read; keys are at most 4 tables deep"]) from fault
     except ValueError as fault:
         # an integer of more than 4300 digits ends here, not as a fault of TOML
-        raise CaseError(
-            [f"{label}: a number cannot be read: {str(fault)[:120]}; use double precision"]
-        ) from fault
-    faults = list(_value_faults(tree, label))
+        raise CaseError([f"a number cannot be read: {str(fault)[:120]}; use double precision"]) from fault
+    faults = list(_value_faults(tree))
     if faults:
         raise CaseError(faults)
     return tree
