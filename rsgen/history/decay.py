@@ -207,35 +207,20 @@ def follow_decay(
         No decay is found: the force never ends, or fewer than some 40 periods stand out of the noise.
     """
     check_options(history.label, band=band, mass=mass, harmonics=harmonics)
-    rate = history.rate
     begin = _release(history)
     samples = history.response[begin:]
     if len(samples) < FEWEST:
         raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
-    first = _strongest(samples, history, band)
-    time, frequency = _follow(samples, rate, first)
-    if len(time) < 2:
-        raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
-    for _ in range(_ROUNDS):
-        curve = PchipInterpolator(time, frequency, extrapolate=True)
-        t, envelope = _demodulated(samples, history, curve, time, harmonics)
-        clear = _clear(envelope[:, 1, 0])
-        if np.count_nonzero(clear) < 2 * _GROUP:
-            raise MeasurementError(
-                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
-                f"{2 * _GROUP} independent windows of {PERIODS:g} periods, as is needed"
-            )
-        growth = envelope[clear, 1, 1] / envelope[clear, 1, 0]
-        time, frequency = t[clear], np.asarray(curve(t[clear]) + growth.imag / (2 * pi))
-    omega, change = 2 * pi * np.asarray(curve(t)), 2 * pi * np.asarray(curve.derivative()(t))
-    motion = differentiate(envelope[:, 1], omega, change, history.quantity).select(clear)
-    table = displacement_harmonics(envelope[clear][:, :, 0], omega[clear], history.quantity, harmonics)
+    time, envelope, curve = _tracked(samples, history, _strongest(samples, history, band), harmonics)
+    omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
+    motion = differentiate(envelope[:, 1], omega, change, history.quantity)
+    table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
     table[:, 1] = motion.displacement
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale)
     stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
     return FreeDecay(
-        time=time + begin / rate,
+        time=time + begin / history.rate,
         frequency=motion.omega / (2 * pi),
         damping_ratio=damping / (2 * scale * motion.omega),
         stiffness=stiffness,
@@ -246,6 +231,28 @@ def follow_decay(
         mass=mass,
         label=history.label,
     )
+
+
+def _tracked(
+    samples: NDArray[np.float64], history: TimeHistory, first: float, harmonics: int
+) -> tuple[Array, ComplexArray, PchipInterpolator]:
+    """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
+    time, frequency = _follow(samples, history.rate, first)
+    if len(time) < 2:
+        raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
+    for _ in range(_ROUNDS):
+        curve = PchipInterpolator(time, frequency, extrapolate=True)
+        time, envelope = _demodulated(samples, history, curve, time, harmonics)
+        clear = _clear(envelope[:, 1, 0])
+        if np.count_nonzero(clear) < 2 * _GROUP:
+            raise MeasurementError(
+                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
+                f"{2 * _GROUP} independent windows of {PERIODS:g} periods, as is needed"
+            )
+        time, envelope = time[clear], envelope[clear]
+        growth = envelope[:, 1, 1] / envelope[:, 1, 0]
+        frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
+    return time, envelope, curve
 
 
 def _demodulated(

@@ -110,7 +110,7 @@ def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
     return 1 / step, first
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TimeHistory:
     """Force and one response of a test, sampled at the same instants.
 
@@ -144,8 +144,8 @@ class TimeHistory:
     Examples
     --------
     >>> t = np.arange(0, 2, 0.01)
-    >>> TimeHistory.from_times(t, np.cos(30 * t), 1e-3 * np.sin(30 * t), "velocity").rate
-    100.0
+    >>> TimeHistory.from_times(t, np.cos(30 * t), 1e-3 * np.sin(30 * t), "velocity", label="run 7")
+    TimeHistory('run 7': 200 samples at 100 Hz, force, velocity)
     """
 
     rate: float
@@ -204,6 +204,13 @@ class TimeHistory:
             raise MeasurementError(
                 f"{self.label}: {len(self.response)} samples; at least {FEWEST} are needed"
             )
+
+    def __repr__(self) -> str:
+        """Size, rate and kind, without the samples."""
+        force = "no force" if self.force is None else "force"
+        return (
+            f"TimeHistory({self.label!r}: {len(self)} samples at {self.rate:g} Hz, {force}, {self.quantity})"
+        )
 
     def __len__(self) -> int:
         """Count the samples."""

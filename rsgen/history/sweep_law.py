@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, log, pi
+from math import inf, isfinite, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,4 +79,6 @@ class SweepLaw:
         """Find when a frequency is passed [s]."""
         if self.kind == "linear":
             return (frequency - self.frequency) / self.rate
-        return log(frequency / self.frequency) / (log(2) * self.rate)
+        # no logarithmic sweep begins at zero
+        passed = log(frequency / self.frequency) if frequency > 0 else -inf
+        return passed / (log(2) * self.rate)

@@ -64,8 +64,8 @@ def from_swept_sine(
     """Turn swept-sine time histories of one structure into a response surface.
 
     Every history may hold several sweeps, up and down, at several levels. The frequency of a point is that of
-    the steady motion with the same acceleration. Its force is the measured one less what the sweep itself
-    asked for (``quasi_steady``), where the mass is given or the sweeps determine it; else it is as measured.
+    the steady motion with the same acceleration. What the sweep itself asked for is taken off the force
+    (``quasi_steady``) where the mass is given or the sweeps determine it.
 
     Parameters
     ----------
@@ -101,19 +101,11 @@ def from_swept_sine(
     """
     several = as_histories(histories, "swept sine")
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics, points=points)
-    given = law if isinstance(law, SweepLaw) else None
-    kind = law if isinstance(law, str) else None
-    parts = []
-    for history in several:
-        for sweep in find_sweeps(history, given, kind):
-            lowest = float(sweep.law.frequency_at(np.array([sweep.begin, sweep.end])).min())
-            lowest = max(lowest, band[0]) if band else lowest
-            if bandwidth is not None and not 0 < bandwidth <= NOISE_WIDTH / _MIXED * lowest:
-                raise MeasurementError(
-                    f"{history.label}: bandwidth {bandwidth:g} Hz; must be above 0 and at most "
-                    f"{NOISE_WIDTH / _MIXED * lowest:.3g} Hz, or harmonics of {lowest:.3g} Hz mix"
-                )
-            parts.append(_demodulated(history, sweep, band, bandwidth, harmonics, points))
+    parts = [
+        _demodulated(history, sweep, band, bandwidth, harmonics, points)
+        for history in several
+        for sweep in find_sweeps(history, law)
+    ]
     return _surface(parts, mass)
 
 
@@ -136,6 +128,13 @@ def _windows(
             f"{history.label}: the sweep does not pass the band {band[0]:g} to {band[1]:g} Hz"
             if band
             else f"{history.label}: the sweep is too short"
+        )
+    passed = law.frequency_at(np.array([begin, end]))
+    widest = NOISE_WIDTH / _MIXED * float(passed.min())
+    if bandwidth is not None and not 0 < bandwidth <= widest:
+        raise MeasurementError(
+            f"{history.label}: bandwidth {bandwidth:g} Hz; must be above 0 and at most {widest:.3g} Hz, or "
+            f"harmonics of {passed.min():.3g} Hz mix"
         )
 
     def length(t: Array) -> Array:

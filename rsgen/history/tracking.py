@@ -51,9 +51,7 @@ class Sweep:
     law: SweepLaw
 
 
-def find_sweeps(
-    history: TimeHistory, given: SweepLaw | None = None, kind: str | None = None
-) -> tuple[Sweep, ...]:
+def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tuple[Sweep, ...]:
     """Find the sweeps of a history from its force.
 
     Parameters
@@ -61,9 +59,8 @@ def find_sweeps(
     history
         With a force.
     given
-        The law if known; the history is then one sweep. Only its phase is refined.
-    kind
-        "linear" or "logarithmic" if known; otherwise the one that fits better.
+        The law if known: the history is then one sweep. Or its kind, "linear" or "logarithmic"; otherwise the
+        one that fits better.
 
     Raises
     ------
@@ -71,13 +68,13 @@ def find_sweeps(
         There is no force, or no sweep in it, or the force does not follow the law.
     """
     time, frequency, loud, line = _ridge(history)
-    if given is not None:
+    if isinstance(given, SweepLaw):
         if not loud.any():
             raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
         return (Sweep(float(time[loud][0]), float(time[loud][-1]), given),)
     sweeps = []
     for run in _runs(frequency, loud, line):
-        law = _first_law(time[run], frequency[run], kind)
+        law = _first_law(time[run], frequency[run], given)
         begin, end = float(time[run[0]]), float(time[run[-1]])
         sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
     if not sweeps:

@@ -69,6 +69,7 @@ def test_phase_frequency_and_slope_of_a_law_are_derivatives() -> None:
         np.testing.assert_allclose(f[1:-1], law.frequency_at(t)[1:-1], rtol=1e-5)
         np.testing.assert_allclose(np.gradient(f[1:-1], t[1:-1])[2:-2], law.slope_at(t)[3:-3], rtol=1e-3)
         assert law.time_of(float(law.frequency_at(np.array(7.0)))) == pytest.approx(7.0)
+    assert SweepLaw("logarithmic", 3, 0.1).time_of(0.0) == -np.inf
 
 
 def test_up_and_down_in_one_history_are_separated() -> None:
