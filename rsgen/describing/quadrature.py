@@ -14,7 +14,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]
@@ -240,6 +240,54 @@ def _intervals(angles: Array, first: float, last: float) -> tuple[NDArray[np.int
     return rows, cuts[rows, columns], cuts[rows, columns + 1]
 
 
+def _integrals(
+    law: Numeric,
+    cycle: Cycle,
+    rows: NDArray[np.intp],
+    ends: tuple[Array, Array],
+    part: tuple[Array, Array],
+    rough: bool,
+) -> tuple[Array, Array]:
+    """Integrate over parts of intervals of the phase.
+
+    Parameters
+    ----------
+    rows
+        (k,) the cycle of each interval.
+    ends
+        (k,) phases where the intervals start and stop.
+    part
+        (k,) shares of an interval between which is integrated.
+    rough
+        Whether nodes crowd at the ends of the intervals.
+
+    Returns
+    -------
+    tuple
+        (4, k) integrals of n sin, n cos, n and |n|, and (k,) the largest error of the first three.
+    """
+    (start, stop), (left, right) = ends, part
+    local = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * _POINTS
+    width = ((right - left) / 2 * (stop - start))[:, None]
+    if rough:
+        share, slope = local**3 * (10 - 15 * local + 6 * local**2), 30 * local**2 * (1 - local) ** 2
+    else:
+        share, slope = local, np.ones_like(local)
+    phi = start[:, None] + (stop - start)[:, None] * share
+    sine, cosine = np.sin(phi), np.cos(phi)
+    some = _some(cycle, rows)
+    x = some.mean[:, None] + some.X[:, None] * sine
+    v = (some.omega * some.X)[:, None] * cosine
+    (value,) = law(x, v, *(p[:, None] for p in some.parameters))
+    with np.errstate(all="ignore"):
+        weighted = np.broadcast_to(value, phi.shape) * slope * width
+        parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
+        fine = parts @ _WEIGHTS
+        doubt = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
+        # QUADPACK: the difference of the two rules is a pessimist's error
+        return fine, np.minimum(doubt, fine[3] * (200 * doubt / fine[3]) ** 1.5)
+
+
 def _project(
     force: sympy.Expr,
     form: NormalForm,
@@ -264,25 +312,8 @@ def _project(
     for depth in range(DEEPEST + 1):
         if not len(rows):
             break
-        local = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * _POINTS
-        width = ((right - left) / 2 * (stop - start))[:, None]
-        if rough:
-            share, slope = local**3 * (10 - 15 * local + 6 * local**2), 30 * local**2 * (1 - local) ** 2
-        else:
-            share, slope = local, np.ones_like(local)
-        phi = start[:, None] + (stop - start)[:, None] * share
-        sine, cosine = np.sin(phi), np.cos(phi)
-        some = _some(cycle, rows)
-        x = some.mean[:, None] + some.X[:, None] * sine
-        v = (some.omega * some.X)[:, None] * cosine
-        (value,) = law(x, v, *(p[:, None] for p in some.parameters))
+        fine, doubt = _integrals(law, cycle, rows, (start, stop), (left, right), rough)
         with np.errstate(all="ignore"):
-            weighted = np.broadcast_to(value, phi.shape) * slope * width
-            parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
-            fine = parts @ _WEIGHTS
-            doubt = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
-            # QUADPACK: the difference of the two rules is a pessimist's error
-            doubt = np.minimum(doubt, fine[3] * (200 * doubt / fine[3]) ** 1.5)
             broken = ~np.isfinite(fine[3])
             spoiled[rows[broken]] = True
             if depth == 0:
