@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import sympy
@@ -23,6 +23,18 @@ from rsgen.law.pieces import normal_form
 __all__ = ["ForceLaw", "ForceSample", "compile_law"]
 
 Array = NDArray[np.float64]
+
+
+class Periodic(Protocol):
+    """What a law needs of n periodic motions: one period of them as waveforms (n, samples)."""
+
+    def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
+        """Displacement [m], velocity [m/s] and acceleration [m/s^2]."""
+        ...
+
+    def interval(self, samples: int) -> Array:
+        """(n, 1) time from sample to sample [s]."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +132,20 @@ class ForceLaw(Character):
             for total, index in zip(sums[1:], self._steps[switch].derivatives, strict=True):
                 if index is not None:
                     total += rest * outputs[index]
+
+    def along(self, motion: Periodic, values: Array, samples: int) -> ForceSample:
+        """Evaluate the law and all its derivatives (n, samples) over one period of n motions.
+
+        Parameters
+        ----------
+        motion
+            A ``rsgen.motion.Motion``.
+        values
+            (p,) SI values of the parameters.
+        samples
+            A period.
+        """
+        return self.sample(*motion.waveforms(samples), motion.interval(samples), values)
 
     def force(self, x: Array, v: Array, values: Array) -> Array:
         """Evaluate n(x, v) [N] point by point; a step counts one half where its switch is zero."""

@@ -3,8 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rsgen.describing import derive
 from rsgen.expression import parse
+from rsgen.law import Law, laws
 from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion, project
 
 TEXTS = {
     "cubic": "k*x + kn*x**3 + c*v",
@@ -77,3 +80,19 @@ def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
         errors.append(abs(2 * np.mean(n * np.cos(angle)) - 4 / np.pi))  # Liu et al., Eq. (18)
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.2)
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.2)
+
+
+@pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
+def test_the_force_along_a_harmonic_motion_is_the_describing_function(law: Law) -> None:
+    amplitude, omega = np.array([0.4, 1.3, 2.7]), np.array([0.7, 1.1, 2.0])
+    exact = derive(law.formula).evaluate(amplitude, omega, law.example)
+    known = np.isfinite(exact.mean) & np.isfinite(exact.stiffness)
+    mean = np.where(known, exact.mean, 0.0)
+    motion = Motion(omega, np.stack([mean, amplitude.astype(complex)], axis=1))
+    compiled = compile_law(law.force)
+    values = np.array([law.example[name] for name in compiled.parameters])
+    found = project(compiled.along(motion, values, 8192).force, 1) / amplitude
+    wanted = exact.stiffness + 1j * omega * exact.damping
+    # a jump or a corner between two samples is met to the square of their distance, a root to its power 3/2
+    assert np.all(np.abs(found - wanted)[known] <= 2e-6 * np.abs(wanted[known]).max(initial=0.0))
+    assert known.any()
