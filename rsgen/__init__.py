@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.finding import Finding
-    from rsgen.identification import Identification, Ranking, identify
+    from rsgen.identification import Identification, identify
     from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
     from rsgen.observation import Observation
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
-    from rsgen.ranking import rank
+    from rsgen.ranking import Ranking, rank
     from rsgen.report import write_report
     from rsgen.report.wording import sentence
     from rsgen.simulation import SimulatedTest, simulate
@@ -67,7 +67,7 @@ _PLACES = {
     "Observation": "observation",
     "Oscillator": "oscillator",
     "Prediction": "prediction",
-    "Ranking": "identification",
+    "Ranking": "ranking",
     "ResponseSurface": "surface",
     "RsgenError": "errors",
     "SimulatedTest": "simulation",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from rsgen.cli.terminal import number, print_json, print_line, print_table
 
 if TYPE_CHECKING:
-    from rsgen.identification import Ranking
     from rsgen.oscillator import Model
+    from rsgen.ranking import Ranking
     from rsgen.surface import ResponseSurface
 
 __all__ = ["rank_command"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rsgen.identification.identify import identify
-from rsgen.identification.ranking import Candidate, Ranking
 from rsgen.identification.result import (
     EquivalentCurve,
     Estimate,
@@ -13,11 +12,9 @@ from rsgen.identification.result import (
 )
 
 __all__ = [
-    "Candidate",
     "EquivalentCurve",
     "Estimate",
     "Identification",
-    "Ranking",
     "Resonance",
     "RestoringForce",
     "identify",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
 
@@ -19,10 +20,6 @@ __all__ = ["Equations", "equation_rows"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-_SAMPLES = 64
-_FINER = 4
-"""Times as many samples where the law has switches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +67,7 @@ class Equations:
 def _motion(equations: Equations, finer: int) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
-    samples = max(_SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
+    samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
     return Motion(equations.omega, equations.harmonics).waveforms(samples)
 
 
@@ -104,7 +101,7 @@ def equation_rows(
     values = np.zeros(len(law.parameters))
     values[list(law.nonlinear)] = nonlinear
     omega = equations.omega[:, None]
-    x, v, a = _motion(equations, _FINER if law.switched and not coarse else 1)
+    x, v, a = _motion(equations, SAMPLES_SWITCHED // SAMPLES if law.switched and not coarse else 1)
     samples = x.shape[1]
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals, still = _parts(law, sample, values, scaled)

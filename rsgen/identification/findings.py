@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
+from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit
-from rsgen.identification.least_squares import NULL_PART, Regression
-from rsgen.identification.repeats import Repeats
-from rsgen.identification.result import Resonance
+from rsgen.identification.data import Points, Repeats
+from rsgen.identification.fit import Fit, Solution
+from rsgen.identification.least_squares import Regression
+from rsgen.identification.result import Estimate, Resonance
+from rsgen.identification.tolerances import CONFIDENCE, NULL_PART
+from rsgen.law.numeric import ForceLaw
+from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
+from rsgen.units import parameter_units
 
-__all__ = ["Findings", "parameter_finding", "repeat_findings"]
+__all__ = [
+    "Findings",
+    "make_estimates",
+    "names_of",
+    "parameter_finding",
+    "repeat_findings",
+    "units_of",
+]
+
+Array = NDArray[np.float64]
 
 _NOT_ZERO = 0.5
 """A standard error beyond this share of the value: the 95 % interval contains zero."""
@@ -46,6 +61,44 @@ _FEW = 5
 
 _EXCESS = 1.5
 """A misfit so many times the scatter of the means is the law's: chance reaches it with few points only."""
+
+
+def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
+    """Name what is identified: the parameters in their order, then "m" where the mass is free."""
+    return (*law.parameters, "m") if model.mass is None else law.parameters
+
+
+def make_estimates(
+    found: Solution, law: ForceLaw, model: Model, reasons: Mapping[str, Finding | None]
+) -> tuple[Estimate, ...]:
+    """State each value with standard error, 95 % interval and unit, and why it is not identifiable."""
+    values = np.append(found.values, found.mass) if model.mass is None else found.values
+    names = names_of(law, model)
+    variance = np.diag(found.covariance)
+    wide = float(stdtrit(found.freedom, CONFIDENCE))
+    units = units_of(model)
+    estimates = []
+    for name, value, var in zip(names, values, variance, strict=True):
+        finite = bool(np.isfinite(var) and np.isfinite(value))
+        # round-off is the least error a value can have
+        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite else float("inf")
+        centre = float(value) if finite else float("nan")
+        interval = (centre - wide * error, centre + wide * error) if finite else (float("-inf"), float("inf"))
+        finding = reasons.get(name)
+        if not finite and finding is None:
+            finding = Finding("not-determined", "warning", name)
+        estimates.append(Estimate(name, centre, error, interval, units[name], finding))
+    return tuple(estimates)
+
+
+def units_of(model: Model) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say."""
+    try:
+        units = parameter_units(model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be fitted all the same
+        units = dict.fromkeys(model.parameters, "")
+    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
 
 
 def parameter_finding(

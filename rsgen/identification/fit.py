@@ -8,28 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.bias import remove_bias
 from rsgen.identification.forward import Forward, HarmonicBalance, Response
-from rsgen.identification.least_squares import Linearisation, Regression, fit
+from rsgen.identification.least_squares import Linearisation, Regression, fit, remove_bias
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
+from rsgen.identification.tolerances import NOISY, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 
-__all__ = ["Fit", "Problem", "fit_balance", "fit_simulator"]
+__all__ = ["Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_SAMPLES_SWITCHED = 256
-"""Where the law has switches and the data are exact enough to show what fewer samples miss."""
-
 _EXACT = 1e-3
 """Misfit below which they show it."""
-
-_NOISY = 1e-4
-"""Above this misfit the O(noise^2) bias is corrected."""
 
 _FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
@@ -91,6 +85,29 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Values of a law and their errors.
+
+    Parameters
+    ----------
+    values, mass
+        (p,) of the law, and m [kg].
+    covariance
+        (q, q) of the values, then of the mass where it is free.
+    freedom
+        Degrees of freedom of the noise that the covariance rests on.
+    misfit
+        Root mean square, relative.
+    """
+
+    values: Array
+    mass: float
+    covariance: Array
+    freedom: int
+    misfit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """A fit to every point.
 
@@ -129,6 +146,13 @@ class Fit:
     def background(self) -> Array:
         """(b,) values of the background."""
         return self.problem.split(self.regression.parameters)[2]
+
+    @property
+    def solution(self) -> Solution:
+        """Of the law, the errors that the background causes included."""
+        found, count = self.regression, self.problem.count
+        covariance = found.covariance[:count, :count]
+        return Solution(self.values, self.mass, covariance, found.freedom, found.noise)
 
     @property
     def motion(self) -> Motion:
@@ -245,13 +269,13 @@ def fit_balance(
         descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
     # first order is what it says, not what a coarse sum makes of it
-    coarse = law.switched and steps > 1 and forward.samples < _SAMPLES_SWITCHED
+    coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):
-        forward.samples = _SAMPLES_SWITCHED
+        forward.samples = SAMPLES_SWITCHED
         more = 1 if order == 1 else steps
         found = fit(descent.linearise, found.parameters, found.nuisance, steps=more, **common)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
-    if found.noise > _NOISY and not law.rough:
+    if found.noise > NOISY and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
         place, used = (found.parameters, found.nuisance), found.used
@@ -277,7 +301,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         None where the simulator cannot follow enough of the points.
     """
     observed, before = problem.observed, start.regression
-    noisy = before.noise > _NOISY
+    noisy = before.noise > NOISY
     drive, motion, amplitude = _near_motion(start, noisy)
     count = problem.count
     forward = Simulator(

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.tolerances import SAMPLES
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
 
@@ -33,9 +34,6 @@ _SETTLED = 1e-10
 
 _CONVERGED = 1e-6
 """Relative last step that is still called convergence."""
-
-SAMPLES = 64
-"""A period, for a law without switches and up to nine harmonics."""
 
 _FAR = 0.5
 """Relative change beyond which slopes no longer lead from one trial to the next."""

@@ -1,9 +1,9 @@
-"""The stages of an identification in their order: start, refined, first order, the paper's, warnings."""
+"""The flow of an identification: prepare, start, fit, judge."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.finding import Finding, quantities
-from rsgen.identification.abel import invert_curve
-from rsgen.identification.data import Points, select_points
-from rsgen.identification.dynamic_stiffness import Equations, solve_equations
-from rsgen.identification.estimates import Values, make_estimates, names_of, of_fit, units_of
-from rsgen.identification.findings import Findings, parameter_finding, repeat_findings
-from rsgen.identification.fit import Fit, Problem, fit_balance
+from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
+from rsgen.identification.findings import (
+    Findings,
+    make_estimates,
+    names_of,
+    parameter_finding,
+    repeat_findings,
+    units_of,
+)
+from rsgen.identification.fit import Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.observed import Observed, shape_of
-from rsgen.identification.refinement import add_harmonics, refine, refit_with_simulator
-from rsgen.identification.repeats import gather_repeats, with_repeats
-from rsgen.identification.resonance import find_resonances, mass_from_slices
+from rsgen.identification.resonance import fit_resonances
+from rsgen.identification.restoring_force import invert_curve, invert_motion
 from rsgen.identification.result import (
     Background,
     EquivalentCurve,
@@ -30,10 +33,10 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.spline_force import invert_motion
-from rsgen.identification.start import QUICK, is_asymmetric, start_fit, with_phase
+from rsgen.identification.start import is_asymmetric, is_strong, start_fit, with_phase
+from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
-from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
@@ -43,9 +46,29 @@ __all__ = ["identify"]
 Array = NDArray[np.float64]
 Table = TypeVar("Table", Points, ResponseSurface)
 
+_ORDERS = (9, 15, 23)
+"""Harmonics carried in the balance, raised until the last one no longer matters."""
+
+_TAIL = 1e-9
+"""Relative size at which the last harmonic no longer matters in exact data."""
+
+_ACCURACIES = (1e-5, 1e-8)
+"""Of the simulator inside the fit: the finer one where the misfit turns out to be as small as the coarser."""
+
+_EXACT = 1e-5
+"""Misfit below which a truncated waveform shows wherever a law has a switch, be it as soft as x|x|."""
+
+_RESOLVED = 100.0
+"""A misfit so many times the simulator's accuracy is not the simulator's."""
+
+_WORSE = 1.05
+"""The simulator may not fit worse than the balance; if it does, it follows other branches."""
+
+_FOLLOWED = 0.9
+"""Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
+
 _LEFT = 1e-7
-_NOISY = 1e-4
-"""A misfit between these is neither noise nor the simulator's accuracy: some points were not followed."""
+"""A misfit between this and noise is not the simulator's accuracy: some points were not followed."""
 
 _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
@@ -74,7 +97,7 @@ def identify(
     Returns
     -------
     Identification
-        A parameter that the test does not tell is NaN with a sentence, never an exception.
+        A parameter that is not identifiable is NaN with a finding, never an exception.
 
     Raises
     ------
@@ -82,7 +105,20 @@ def identify(
         A held-out level is not in the surface, or fewer than four points can be used.
     """
     model = _model_of(law, observation, mass)
-    return _identify(surface, model)
+    test = _prepare(surface, model)
+    start = start_fit(test.problem)
+    found = _fit(test.problem, start)
+    return _judge(test, model, found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Test:
+    """A surface of means, the readings they are made of, its usable points, and what is fitted to them."""
+
+    surface: ResponseSurface
+    repeats: Repeats | None
+    points: Points
+    problem: Problem
 
 
 def _model_of(
@@ -97,82 +133,138 @@ def _model_of(
     )
 
 
-def _identify(surface: ResponseSurface, model: Model) -> Identification:
+def _prepare(surface: ResponseSurface, model: Model) -> _Test:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
     law = compile_law(model.force)
     if law.odd and is_asymmetric(points):
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
-    kind = model.observation.background
-    observed = Observed.of(points, kind, phase_known=surface.phase_known)
-    problem = Problem(model.elements, law, observed, model.mass)
-    refined, sharp = refine(problem, start_fit(problem))
+    observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
+    return _Test(surface, repeats, points, Problem(model.elements, law, observed, model.mass))
+
+
+def _fit(problem: Problem, start: Array) -> Fit:
+    """Fit by the balance, then by the simulator where only that has all harmonics."""
+    found, sharp = _refine(problem, start)
     if sharp:
-        refined = refit_with_simulator(refined)
-        if not law.rough and _LEFT < refined.regression.noise < _NOISY:
-            refined = add_harmonics(refined)
-    whole = with_repeats(refined.regression, points, repeats)
-    background = _background(refined, whole, kind)
-    surface, points = _mode(surface, refined), _mode(points, refined)
+        found = _refit_with_simulator(found)
+        if not problem.law.rough and _LEFT < found.regression.noise < NOISY:
+            found = _add_harmonics(found)
+    return found
+
+
+def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
+    """All harmonics that matter, and whether only the simulator has all of them."""
+    law = problem.law
+    points = problem.observed.mode(problem.split(parameters)[2])
+    few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
+    sharp = law.rough or is_strong(points)
+    for order in _ORDERS:
+        refined = fit_balance(few, parameters, order=order)
+        parameters = refined.regression.parameters
+        harmonics = np.abs(refined.harmonics[refined.regression.used])
+        last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
+        enough = last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+        if law.switched or sharp or enough:
+            break
+    noise = refined.regression.noise
+    sharp = (sharp or (law.switched and noise < _EXACT)) and noise > _ACCURACIES[-1]
+    if few is problem:
+        return refined, sharp
+    # what the simulator takes up needs no more than one step
+    return fit_balance(problem, parameters, order=order, steps=1 if sharp else 25), sharp
+
+
+def _refit_with_simulator(balanced: Fit) -> Fit:
+    """Replace the balance by the simulator where the law has jumps or corners."""
+    problem = balanced.problem
+    start, accuracy = balanced, _ACCURACIES[0]
+    few = problem.observed.mode(balanced.background).spread(QUICK)
+    quick = fit_simulator(problem.select(few), balanced.select(few), accuracy=accuracy)
+    if quick is not None:
+        near = replace(balanced.regression, parameters=quick.regression.parameters)
+        start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
+        if quick.regression.noise < _RESOLVED * accuracy:
+            accuracy = _ACCURACIES[1]
+    whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
+    refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
+    followed = np.count_nonzero(refitted.regression.used) if refitted is not None else 0
+    if refitted is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
+        return balanced
+    both = refitted.regression.used & balanced.regression.used
+    misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
+    return refitted if misfit[0] <= _WORSE * misfit[1] else balanced
+
+
+def _add_harmonics(followed: Fit) -> Fit:
+    """Try more harmonics where the simulator did not settle on every branch of exact data."""
+    balanced = followed
+    for order in _ORDERS[1:]:
+        balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)
+    return min(followed, balanced, key=lambda found: found.regression.noise)
+
+
+def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
+    """Estimates of all three kinds, what they rest on, and what to know about them."""
+    law, whole = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
+    surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
     kept = points.select(used)
-    first = _first_order(kept, problem, refined.values, refined.mass)
-    bias = _first_order_bias(kept, refined, first)
-    paper, resonances = _paper(kept, law, model.mass, first)
-    # the expected noise has unit size in real and imaginary part each
-    noise = misfit_noise = refined.regression.noise * np.sqrt(2)
-    regression = whole.first(problem.count)
-    about: tuple[Finding, ...] = ()
-    if repeats is not None:
-        noise = repeats.noise
-        spread = refined.regression.noise * np.sqrt(np.sum(regression.influence**2, axis=(0, 1)))
-        wider = float(np.nanmedian(spread / np.sqrt(np.diag(regression.covariance))))
-        about = repeat_findings(repeats, misfit_noise, wider)
-    covariance = regression.covariance * (1 + (_own_error(surface, points, used) / noise) ** 2)
-    regression = replace(regression, covariance=covariance)
+    first = _first_order(kept, test.problem, refined.values, refined.mass)
+    paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
+    regression, noise, about = _errors(test, refined, whole)
     names, units = names_of(law, model), units_of(model)
     reasons = {
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
         for name in names
     }
-    estimates = make_estimates(replace(of_fit(refined), covariance=covariance), law, model, reasons)
+    solution = replace(refined.solution, covariance=regression.covariance)
+    estimates = make_estimates(solution, law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
-    misfit = refined.regression.misfit[refined.regression.used]
+    misfit = refined.regression.misfit[used]
+    of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
+    general = Findings(surface, points, refined, resonances)
     return Identification(
         model=model,
         paper=make_estimates(paper, law, model, {}),
-        first_order=make_estimates(of_fit(first), law, model, reasons),
+        first_order=make_estimates(first.solution, law, model, reasons),
         refined=estimates,
-        first_order_bias=tuple(float(value) for value in bias),
-        covariance=covariance,
+        first_order_bias=tuple(map(float, _first_order_bias(kept, refined, first))),
+        covariance=regression.covariance,
         resonances=resonances,
         curve=curve,
-        restoring=_without_law(kept, curve, mass, float(noise)),
+        restoring=_without_law(kept, curve, mass, noise),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
-        noise=float(noise),
+        noise=noise,
         levels=_force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
-        outcome=_outcome(surface, points, used, estimates, float(misfit_noise)),
+        outcome=_outcome(surface, points, estimates, refined),
         solution=refined.values,
-        background=background,
-        findings=(
-            *about,
-            *Findings(surface, points, refined, resonances).collect(
-                tuple(e.finding for e in estimates if e.finding is not None),
-                calibrated=model.observation.calibrated,
-            ),
-        ),
+        background=_background(refined, whole, model.observation.background),
+        findings=(*about, *general.collect(of_parameters, calibrated=model.observation.calibrated)),
     )
 
 
-def _own_error(surface: ResponseSurface, points: Points, used: NDArray[np.bool_]) -> float:
-    """Relative error that a surface reports of itself: neighbours share it, scatter does not show it."""
-    error = surface.error[points.index[used]]
-    told = np.isfinite(error)
-    return float(np.sqrt(np.mean(error[told] ** 2))) if told.any() else 0.0
+def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, float, tuple[Finding, ...]]:
+    """Regression of the law with all its errors, noise of a reading, and what repeats say about both."""
+    # the expected noise has unit size in real and imaginary part each
+    noise = misfit = float(refined.regression.noise * np.sqrt(2))
+    regression = whole.first(test.problem.count)
+    about: tuple[Finding, ...] = ()
+    if test.repeats is not None:
+        noise = test.repeats.noise
+        spread = refined.regression.noise * np.sqrt(np.sum(regression.influence**2, axis=(0, 1)))
+        wider = float(np.nanmedian(spread / np.sqrt(np.diag(regression.covariance))))
+        about = repeat_findings(test.repeats, misfit, wider)
+    # neighbours share the error that a surface reports of itself: scatter does not show it
+    error = test.surface.error[test.points.index[refined.regression.used]]
+    error = error[np.isfinite(error)]
+    reported = float(np.sqrt(np.mean(error**2))) if len(error) else 0.0
+    covariance = regression.covariance * (1 + (reported / noise) ** 2)
+    return replace(regression, covariance=covariance), noise, about
 
 
 def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
@@ -216,7 +308,7 @@ def _background(found: Fit, regression: Regression, kind: str) -> Background | N
     if not len(values):
         return None
     variance = np.diag(regression.covariance)[found.problem.count :]
-    wide = float(stdtrit(regression.freedom, 0.975))
+    wide = float(stdtrit(regression.freedom, CONFIDENCE))
     errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     estimates = tuple(
         Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
@@ -250,42 +342,6 @@ def _first_order_bias(points: Points, refined: Fit, first: Fit) -> Array:
     return again.regression.parameters - refined.regression.parameters[: first.problem.count]
 
 
-def _paper(
-    points: Points, law: ForceLaw, given: float | None, near: Fit
-) -> tuple[Values, tuple[Resonance, ...]]:
-    """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
-    mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
-    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near.mass)
-    count = len(law.parameters) + (given is None)
-    if not np.isfinite(mass) or not resonances:
-        return Values(
-            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
-        ), resonances
-    omega = 2 * np.pi * np.array([r.frequency for r in resonances])
-    size = np.array([r.amplitude for r in resonances])
-    force = omega * np.array([r.damping for r in resonances]) * size
-    good = force > 0
-    equations = Equations(
-        omega[good],
-        1j * force[good],
-        np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
-        False,
-        1 / force[good],
-        turning[good] if not law.odd else np.zeros((0, 2)),
-    )
-    if not good.any():
-        return Values(
-            np.full(len(law.parameters), np.nan), mass, np.full((count, count), np.nan), 1
-        ), resonances
-    found = solve_equations(equations, law, mass, near=near.values)
-    covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
-    values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
-    if given is None:
-        covariance = np.pad(covariance, (0, 1))
-        covariance[-1, -1] = mass_error**2
-    return Values(values, mass, covariance, max(2 * int(good.sum()) - len(law.parameters), 1)), resonances
-
-
 def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], mass: float) -> EquivalentCurve:
     response = surface.harmonics[:, 1]
     rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
@@ -305,18 +361,14 @@ def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], ma
 
 
 def _outcome(
-    surface: ResponseSurface,
-    points: Points,
-    used: NDArray[np.bool_],
-    estimates: tuple[Estimate, ...],
-    noise: float,
+    surface: ResponseSurface, points: Points, estimates: tuple[Estimate, ...], refined: Fit
 ) -> Finding:
     numbers = quantities(
         identified=sum(estimate.identifiable for estimate in estimates),
         parameters=len(estimates),
-        used=int(used.sum()),
+        used=int(refined.regression.used.sum()),
         points=len(surface),
         levels=len(np.unique(points.level)),
-        misfit=noise,
+        misfit=float(refined.regression.noise * np.sqrt(2)),
     )
     return Finding("identified", "info", numbers=numbers)

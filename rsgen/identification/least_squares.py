@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-__all__ = ["NULL_PART", "Linearisation", "Regression", "eliminate", "fit", "solve_scaled"]
+from rsgen.identification.tolerances import NULL_PART, ROUND_OFF
+
+__all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
 Array = NDArray[np.float64]
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
-
-NULL_PART = 1e-3
-"""A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
 
 _GAIN = 1e-4
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 error."""
@@ -33,9 +32,6 @@ _UNCHANGED = 1e-3
 _HALVINGS = 6
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
-
-_ROUND_OFF = 1e-12
-"""Effect of a parameter on the prediction, relative to that of the largest, which is only round-off."""
 
 _OUTLYING = 3e-3
 """Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
@@ -210,7 +206,7 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
     norm = np.sqrt(np.sum(matrix**2, axis=0))
     if size is not None and count:
         effect = norm * np.abs(size)
-        matrix = np.where((effect > 0) & (effect < _ROUND_OFF * effect.max()), 0.0, matrix)
+        matrix = np.where((effect > 0) & (effect < ROUND_OFF * effect.max()), 0.0, matrix)
         norm = np.sqrt(np.sum(matrix**2, axis=0))
     scale = np.where(norm > 0, norm, 1.0)
     triangle: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r"))
@@ -353,3 +349,30 @@ def _summary(
         strength,
         influence,
     )
+
+
+def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], Array]) -> Regression:
+    """Correct the parameters for the square of the noise.
+
+    Parameters
+    ----------
+    found, line
+        A fit, and the linearisation at its end.
+    curvature
+        Gives (n, M, k) second derivatives of the prediction by each nuisance; mixed ones vanish.
+    """
+    normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
+    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
+    variance = np.zeros(normal.shape[:2])
+    inverse = np.linalg.inv(normal[regular])
+    variance[regular] = np.diagonal(inverse, axis1=1, axis2=2) * found.noise**2
+    shift = 0.5 * np.einsum("nmk,nk->nm", curvature(), variance)
+    regular &= np.isfinite(shift).all(axis=1)
+    residual, matrix = eliminate(replace(line, residual=shift))
+    count = matrix.shape[2]
+    change, _, _ = solve_scaled(
+        matrix[regular].reshape(residual[regular].size, count),
+        residual[regular].reshape(-1),
+        found.parameters,
+    )
+    return replace(found, parameters=found.parameters + change)

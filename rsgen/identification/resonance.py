@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
+from rsgen.identification.equations import Equations
+from rsgen.identification.fit import Solution
 from rsgen.identification.result import Resonance
+from rsgen.identification.start import solve_equations
+from rsgen.law.numeric import ForceLaw
 
-__all__ = ["find_resonances", "mass_from_slices"]
+__all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
 
 Array = NDArray[np.float64]
 
@@ -167,3 +171,35 @@ def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
             inertia = mass * (omega[first + 1] ** 2 - omega[first] ** 2)
             return bool(real[first] - real[first + 1] < _BENT * inertia)
     return False
+
+
+def fit_resonances(
+    points: Points, law: ForceLaw, given: float | None, near: Solution
+) -> tuple[Solution, tuple[Resonance, ...]]:
+    """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
+    mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
+    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near.mass)
+    omega = 2 * np.pi * np.array([r.frequency for r in resonances])
+    size = np.array([r.amplitude for r in resonances])
+    force = omega * np.array([r.damping for r in resonances]) * size
+    good = force > 0
+    if not (np.isfinite(mass) and good.any()):
+        unknown = np.full(len(law.parameters) + (given is None), np.nan)
+        values = unknown[: len(law.parameters)]
+        return Solution(values, mass, np.diag(unknown), 1, np.nan), resonances
+    equations = Equations(
+        omega[good],
+        1j * force[good],
+        np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
+        False,
+        1 / force[good],
+        turning[good] if not law.odd else np.zeros((0, 2)),
+    )
+    found = solve_equations(equations, law, mass, near=near.values)
+    covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
+    values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
+    if given is None:
+        covariance = np.pad(covariance, (0, 1))
+        covariance[-1, -1] = mass_error**2
+    freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
+    return Solution(values, mass, covariance, freedom, found.misfit), resonances

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,11 @@ from rsgen.errors import RsgenError
 from rsgen.expression import write
 from rsgen.finding import Finding
 from rsgen.identification.observed import Shape, shape_of
-from rsgen.identification.ranking import Ranking
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+
+if TYPE_CHECKING:
+    from rsgen.ranking.ranking_result import Ranking
 
 __all__ = [
     "Background",

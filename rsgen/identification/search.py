@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.tolerances import SIGNIFICANT
 from rsgen.law.numeric import ForceLaw
 
 __all__ = ["search_nonlinear"]
@@ -24,7 +25,6 @@ _PER_DECADE = 3
 _SCANNED = 32
 _TRIALS = 400
 _STARTS = 4
-_SWEPT = 1
 _SWEEPS = 2
 _THINNED = 2
 """So many of the best trials are improved by so many rounds of one parameter, of its values every other."""
@@ -38,9 +38,6 @@ _WANDER = 3.0
 
 _NONE = 1e-6
 """Share of all forces that a part of a law has that is not there: its slopes stay finite."""
-
-_SIGNIFICANT = 25.0
-"""Gain in the sum of squares, in units of the noise, that a nonlinear parameter must bring to count."""
 
 _SOLVER = 1e-6
 """Relative misfit that the simulator itself may leave."""
@@ -77,7 +74,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
     starts = _distinct(trials[order])
     if len(search.free) > 1:
         # a few hundred trials are thin in two dimensions and more
-        starts += [search.along(start, windows) for start in starts[:_SWEPT]]
+        starts.append(search.along(starts[0], windows))
     for start in starts:
         found, cost = search.polish(start)
         if cost < lowest * (1 - 1e-9):
@@ -120,7 +117,7 @@ def _idle(best: Array, windows: list[Array], pins: list[int]) -> list[Array]:
 
 
 def _as_good(cost: float, count: int) -> float:
-    return cost * (1 + _SIGNIFICANT / count) + count * _SOLVER**2
+    return cost * (1 + SIGNIFICANT / count) + count * _SOLVER**2
 
 
 class _Search:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification.forward import Response
+from rsgen.identification.tolerances import ROUND_OFF
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
@@ -31,9 +32,6 @@ _MOVE = 1e-3
 
 _SHARE = 1e-3
 """Error of a derivative, relative, that slows the fit down by no step."""
-
-_ROUND_OFF = 1e-12
-"""Effect of a parameter, relative to the strongest, that is only round-off."""
 
 _BRANCH = 0.2
 """A prediction farther from the measured fundamental, relatively, is on another branch."""
@@ -178,5 +176,5 @@ def _moves(parameters: Array, strength: Array) -> Array:
     Zero where the response does not depend on the parameter: there is nothing to differentiate.
     """
     size = np.abs(parameters)
-    acts = strength * size > _ROUND_OFF * np.max(strength * size, initial=0.0)
+    acts = strength * size > ROUND_OFF * np.max(strength * size, initial=0.0)
     return np.where(acts, np.minimum(_MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)

@@ -1,4 +1,9 @@
-"""Values to start from: a law that is linear at first order, phase errors all around, phases made up."""
+"""Values to start from: the linear balance of a law, phase errors all around, phases made up.
+
+At first order  F/X = k(X) - m omega^2 + i omega c(X, omega)  is linear in most parameters. These are solved
+for exactly at every trial of the others (variable projection), so that only breakpoints, exponents and the
+like have to be searched.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
-from rsgen.identification.dynamic_stiffness import Equations, LinearSolution, point_misfit, solve_equations
-from rsgen.identification.fit import Fit, Problem, fit_balance
+from rsgen.identification.equations import Equations, equation_rows
+from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
+from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.observed import Shape
+from rsgen.identification.search import search_nonlinear
+from rsgen.identification.tolerances import NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
 
-__all__ = ["QUICK", "is_asymmetric", "is_strong", "start_fit", "with_phase"]
+__all__ = [
+    "QUICK",
+    "Equations",
+    "is_asymmetric",
+    "is_strong",
+    "point_misfit",
+    "solve_equations",
+    "start_fit",
+    "with_phase",
+]
 
 Array = NDArray[np.float64]
 Table = TypeVar("Table", Points, ResponseSurface)
 
-QUICK = 400
-"""Points that suffice to come near the estimate; all points then need one or two steps more."""
+_SEARCH_POINTS = 120
 
 _GROSS = 5.0
 """Starting values give less weight to points that disagree by more than so many typical misfits."""
@@ -40,8 +56,10 @@ _SOME = 3
 _ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
 
-_PLACES = 12
-_BRIEF = 12
+_TRIES = 12
+"""Phase errors around the circle, places of a neighbour, steps of a fit that only compares starts, and times
+that phases are made up: the fits that follow find the rest."""
+
 _SHARE = 0.3
 _TYPICAL_DAMPING = 0.01
 """A neighbour is sought with this damping ratio, in so many places, in so few steps
@@ -50,15 +68,7 @@ each, and with this share of the mode's own residue."""
 _NEIGHBOURS = 4
 """Best places from which the law itself is tried."""
 
-_TURNS = 12
-"""Phase errors tried all around the circle."""
-
 _SCANNED = 80
-
-_SAMPLES_SMOOTH = 64
-_SAMPLES_SWITCHED = 256
-_ROUNDS = 12
-"""Times the phase is made up and the law fitted anew; then the amplitudes alone are fitted."""
 
 _FLAT = 0.05
 """Where the response hardly grows with the amplitude of the mode, Newton's step is no guide."""
@@ -67,6 +77,78 @@ _BETTER = 0.999
 """Relative misfit below which another round is worth it."""
 
 _ORDER = 3
+
+
+def solve_equations(
+    equations: Equations, law: ForceLaw, mass: float | None, near: Array | None = None
+) -> Solution:
+    """Solve for all parameters of the law, and for the mass where it is None.
+
+    Parameters
+    ----------
+    equations, law, mass
+        What is solved.
+    near
+        (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
+    """
+    chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCH_POINTS).round().astype(np.intp))]
+    nonlinear = np.zeros(0)
+    if law.nonlinear:
+        begin = None if near is None else near[list(law.nonlinear)]
+        nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
+    matrix, right = equation_rows(equations, law, mass, nonlinear)
+    solution, _, _ = solve_scaled(matrix, right)
+    residual = right - matrix @ solution
+    values = _assemble(law, nonlinear, solution)
+    if law.nonlinear:
+        matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, mass, nonlinear, solution)])
+    _, inverse, null = solve_scaled(matrix, right)
+    freedom = max(len(right) - matrix.shape[1], 1)
+    covariance = inverse @ inverse.T * float(residual @ residual) / freedom
+    order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
+    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
+    covariance[lost] = np.nan
+    covariance[:, lost] = np.nan
+    sorted_covariance = np.empty_like(covariance)
+    sorted_covariance[np.ix_(order, order)] = covariance
+    misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))
+    inertia = float(solution[-1]) if mass is None else mass
+    return Solution(values, inertia, sorted_covariance, freedom, misfit)
+
+
+def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
+    """(n,) how far each point is from the solution, relative to its force."""
+    linear = np.append(solution.values[list(law.linear)], solution.mass)
+    bare = replace(equations, mean=False, turning=np.zeros((0, 2)))
+    matrix, right = equation_rows(bare, law, None, solution.values[list(law.nonlinear)])
+    misfit = right - matrix @ linear
+    return np.asarray(np.hypot(*np.split(misfit, 2)))
+
+
+def _assemble(law: ForceLaw, nonlinear: Array, solution: Array) -> Array:
+    values = np.zeros(len(law.parameters))
+    values[list(law.linear)] = solution[: len(law.linear)]
+    values[list(law.nonlinear)] = nonlinear
+    return values
+
+
+def _nonlinear_columns(
+    equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Array, solution: Array
+) -> Array:
+    columns = []
+    for i in range(len(nonlinear)):
+        step = np.zeros(len(nonlinear))
+        step[i] = 1e-5 * max(abs(nonlinear[i]), 1e-300)
+        high, low = (
+            matrix @ solution - right
+            for matrix, right in (
+                equation_rows(equations, law, mass, nonlinear + step),
+                equation_rows(equations, law, mass, nonlinear - step),
+            )
+        )
+        columns.append((high - low) / (2 * step[i]))
+    return np.stack(columns, axis=1)
 
 
 def is_asymmetric(points: Points) -> bool:
@@ -103,7 +185,7 @@ def start_fit(problem: Problem) -> Array:
     return min(fits, key=lambda found: found.regression.noise).regression.parameters
 
 
-def _start_values(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
+def _start_values(points: Points, law: ForceLaw, mass: float | None) -> Solution:
     """First order, or the measured waveform where that fits better."""
     some = points.select(points.spread(2 * QUICK))
     first = _linear_start(some, law, mass, 1)
@@ -114,7 +196,7 @@ def _start_values(points: Points, law: ForceLaw, mass: float | None) -> LinearSo
     return whole if whole.misfit < first.misfit else first
 
 
-def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> LinearSolution:
+def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> Solution:
     """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
     equations = Equations(
         points.omega,
@@ -145,7 +227,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     law = compile_law(make_element("any", _ANY_LAW).force)
     few = replace(problem.select(points.spread(QUICK)), law=law)
     scanned = points.select(points.spread(_SCANNED))
-    turns = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
+    turns = 2 * np.pi * np.arange(_TRIES) / _TRIES - np.pi
     misfits = [_turned(scanned, law, problem.given, float(turn)) for turn in turns]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
     found = _turned(few.observed.points, law, problem.given, float(turns[best]))
@@ -159,18 +241,18 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     """Try a neighbour at places around the band; those that leave the least misfit may be near."""
     without = replace(problem, observed=problem.observed.without_neighbour())
     kept = len(parameters) - 4
-    begun = fit_balance(without, parameters[:kept], order=1, steps=_BRIEF, correct=False)
+    begun = fit_balance(without, parameters[:kept], order=1, steps=_TRIES, correct=False)
     low, high = problem.observed.band
     fits = []
-    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _PLACES):
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _TRIES):
         neighbour = [_SHARE / begun.mass, 0.0, place, _TYPICAL_DAMPING]
         trial = np.concatenate([begun.regression.parameters, neighbour])
-        fits.append(fit_balance(problem, trial, order=1, steps=_BRIEF, reject=False, correct=False))
+        fits.append(fit_balance(problem, trial, order=1, steps=_TRIES, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
 
 
-def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> LinearSolution:
+def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> Solution:
     """Solve the first-order balance with the force turned by psi [rad]."""
     force = points.force * np.exp(1j * psi)
     weight = 1 / np.abs(force)
@@ -200,7 +282,7 @@ def _guessed(points: Points) -> NDArray[np.float64]:
     return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
 
 
-def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> LinearSolution:
+def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solution:
     """Fit the law to phases that the law itself predicts, from a guess on.
 
     At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
@@ -211,8 +293,8 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Line
     harmonics = np.zeros((len(points), 2), dtype=complex)
     harmonics[:, 1] = points.amplitude
     best = np.inf
-    start: LinearSolution | None = None
-    for _ in range(_ROUNDS):
+    start: Solution | None = None
+    for _ in range(_TRIES):
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
@@ -227,7 +309,7 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Line
 
 
 def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
-    samples = _SAMPLES_SWITCHED if law.switched else _SAMPLES_SMOOTH
+    samples = SAMPLES_SWITCHED if law.switched else SAMPLES
     start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
     return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
 
@@ -242,7 +324,7 @@ def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
     harmonics[:, 1] = seen
     b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
     size = np.array(wanted)
-    for _ in range(_ROUNDS):
+    for _ in range(_TRIES):
         balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)

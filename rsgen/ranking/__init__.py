@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from rsgen.ranking.rank import identify_best, rank
+from rsgen.ranking.ranking_result import Candidate, Ranking
 
-__all__ = ["identify_best", "rank"]
+__all__ = ["Candidate", "Ranking", "identify_best", "rank"]

@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, write
-from rsgen.identification import Candidate, Identification, Ranking, identify
+from rsgen.identification import Identification, identify
 from rsgen.identification.data import Points, select_points
-from rsgen.identification.dynamic_stiffness import Equations, solve_equations
+from rsgen.identification.start import Equations, solve_equations
 from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.candidate_terms import library_terms
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.ranking.ranking_result import Candidate, Ranking
 from rsgen.ranking.reference import LEAST, ORDER, Reference, first_rows, follow, neighbour_noise, standing_out
 from rsgen.ranking.selection import Trial, search_sums
 from rsgen.ranking.verdict import judge

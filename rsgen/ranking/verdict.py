@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification import Candidate
 from rsgen.identification.data import Points
 from rsgen.ranking.candidate_terms import library_terms
 from rsgen.ranking.fitting import Fitted
+from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import neighbour_noise, standing_out
 
 __all__ = ["Judgement", "judge"]

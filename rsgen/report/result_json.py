@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.describing import derive
 from rsgen.expression import write
-from rsgen.identification import Estimate, Identification, Ranking
+from rsgen.identification import Estimate, Identification
 from rsgen.prediction import Prediction
+from rsgen.ranking import Ranking
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.identification.abel import invert_curve
+from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.result import EquivalentCurve
 
 M = 1.5

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsgen.identification.bias import remove_bias
-from rsgen.identification.least_squares import Linearisation, fit
+from rsgen.identification.least_squares import Linearisation, fit, remove_bias
 
 
 def test_the_bias_of_squared_noise_is_removed() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rsgen.errors import RsgenError
-from rsgen.identification import Candidate, Identification, Ranking, identify
+from rsgen.identification import Identification, identify
 from rsgen.oscillator import Model
+from rsgen.ranking import Candidate, Ranking
 from tests.oracles.first_order import cubic_model, cubic_surface
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rsgen.identification import identify
 from rsgen.identification.data import select_points
-from rsgen.identification.spline_force import invert_motion
+from rsgen.identification.restoring_force import invert_motion
 from rsgen.law.numeric import compile_law
 from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface
 

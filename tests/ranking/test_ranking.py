@@ -12,7 +12,7 @@ import pytest
 import rsgen
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
-from rsgen.identification import Ranking, identify
+from rsgen.identification import identify
 from rsgen.identification.data import Points, select_points
 from rsgen.law import laws
 from rsgen.law.element import make_element
@@ -20,7 +20,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.measurement import read_measurement
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
-from rsgen.ranking import identify_best, rank
+from rsgen.ranking import Ranking, identify_best, rank
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.candidate_terms import Sum, library_terms
 from rsgen.ranking.fitting import Guess, fit_rows

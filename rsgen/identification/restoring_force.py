@@ -1,12 +1,21 @@
-"""Forces without a law where the motion leaves the middle: splines balanced along the measured motion.
+"""Forces without a law: by an Abel inversion of k(X) and c(X), or by splines along the measured motion.
 
-An uneven spring pushes the mean off zero, so that k(X) alone does not tell it. With the measured motion
-x(t) = Re sum_h X_h exp(i h omega t), mean included, a spring n_s(x) and an odd damper n_d(v) obey
+The describing-function integral is of Abel type and inverts in closed form. With g(X) = X k(X), the amplitude
+of the fundamental of the stiffness force, an odd force is
+
+    n(x) = integral_0^(pi/2) sin^2(t) g(x sin t) dt + x/2 integral_0^(pi/2) sin^3(t) g'(x sin t) dt,
+
+which is n(x) = 1/(2x) d/dx integral_0^x X^3 k(X)/sqrt(x^2 - X^2) dX after X = x sin t; likewise the damping
+force from V c(V) with V = omega X. Of a force that is not odd this gives the odd part. g is fitted by a
+spline, which stays finite where k does not (friction: c grows as 1/V).
+
+An asymmetric spring pushes the mean off zero, so that k(X) alone does not determine it. With the measured
+motion, mean included, a spring n_s(x) and an odd damper n_d(v) obey
 
     mean of n_s + n_d = 0,    fundamental of n_s + n_d = F + m omega^2 X_1
 
 at every point. Both are linear in the coefficients of splines for n_s over the whole range of x and for n_d
-over that of |v|, and together they tell the two sides of the spring apart. No measured harmonic is neglected.
+over that of |v|, and together they separate the two sides of the spring. No measured harmonic is neglected.
 """
 
 from __future__ import annotations
@@ -15,19 +24,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
 
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.result import RestoringForce
+from rsgen.identification.result import EquivalentCurve, RestoringForce
+from rsgen.identification.tolerances import CONFIDENCE, DRAWN, SIGNIFICANT, STIFFENING
 from rsgen.motion import Motion, project
 
-__all__ = ["invert_motion"]
+__all__ = ["invert_curve", "invert_motion"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_DRAWN = 61
 _DEGREE = 3
+_MOST_KNOTS = 24
+_POINTS_A_KNOT = 8
 _INTERVALS = (1, 2, 3, 4, 6, 8)
 """Of the splines of damper and spring (on each side of zero, where it may have a corner), tried in turn."""
 
@@ -43,9 +55,6 @@ _SCATTER = 1.5
 _FEWEST = 64
 _SAMPLES = 128
 _GROUPS = 8
-_T = 2.365
-"""Bands rest on so many groups of points left out in turn; Student's t of 95 % with one degree less."""
-
 _DEGREES = [(degree, bend) for degree in range(6) for bend in range(3)]
 """Of the smooth surfaces, in amplitude and in frequency."""
 
@@ -53,8 +62,78 @@ _WEIGHINGS = 3
 _LEAST = 1e-2
 """Mean, real and imaginary part are weighed by what they leave, within this ratio."""
 
-_STIFFENING = 1e-7
-"""Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
+
+def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
+    """Draw stiffness and damping force from the equivalent curve.
+
+    Parameters
+    ----------
+    curve
+        Equivalent stiffness and damping of all points; those that took part in the fits are used.
+    mass
+        m [kg] with which the curve was made; tells the force, and so the weight, of every point.
+
+    Returns
+    -------
+    RestoringForce or None
+        None where fewer than 16 points remain.
+    """
+    used = curve.used & np.isfinite(curve.stiffness) & np.isfinite(curve.damping)
+    if np.count_nonzero(used) < 2 * _POINTS_A_KNOT:
+        return None
+    size = curve.amplitude[used]
+    omega = 2 * np.pi * curve.frequency[used]
+    stiffness, damping = curve.stiffness[used], curve.damping[used]
+    force = size * np.hypot(stiffness - mass * omega**2, omega * damping)
+    # a spring does not jump at rest; a damper may, so it starts from zero only if that fits as well
+    x, spring, spring_band, _ = _invert(size, size * stiffness, force, free=False)
+    tied, free = (_invert(omega * size, omega * size * damping, force, free=free) for free in (False, True))
+    jumps = free[3] < tied[3] * (1 - SIGNIFICANT / len(size))
+    v, damper, damper_band, _ = free if jumps else tied
+    return RestoringForce(x, spring, spring_band, v, damper, damper_band)
+
+
+def _invert(
+    reach: Array, amplitude: Array, spread: Array, *, free: bool
+) -> tuple[Array, Array, Array, float]:
+    """Points x, n(x), half width of the band, sum of squares; from g at ``reach`` with errors ``spread``.
+
+    Where g is not ``free`` at zero, it is zero there.
+    """
+    from scipy.interpolate import BSpline
+
+    largest = float(reach.max())
+    count = int(np.clip(len(reach) // _POINTS_A_KNOT, 2, _MOST_KNOTS))
+    inner = np.linspace(0, 1, count + 1)
+    knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
+    functions = len(knots) - _DEGREE - 1
+    matrix = BSpline.design_matrix(reach / largest, knots, _DEGREE).toarray() / spread[:, None]
+    curvature = np.diff(np.eye(functions), 2, axis=0)
+    curvature *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(reach))
+    if not free:
+        # the only spline that is not zero at zero
+        matrix[:, 0] = 0
+        curvature[:, 0] = 0
+    rows = np.concatenate([matrix, curvature])
+    right = np.concatenate([amplitude / spread, np.zeros(len(curvature))])
+    solution, inverse, _ = solve_scaled(rows, right)
+    freedom = max(len(reach) - functions, 1)
+    squares = float(np.sum((amplitude / spread - matrix @ solution) ** 2))
+    variance = squares / freedom
+
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    sine = np.sin(np.pi / 4 * (nodes + 1))
+    weights = weights * np.pi / 4
+    x = np.linspace(0, 1, DRAWN)
+    inside = (x[:, None] * sine).ravel()
+    value = BSpline.design_matrix(inside, knots, _DEGREE).toarray().reshape(DRAWN, len(sine), functions)
+    slope = np.stack(
+        [BSpline(knots, unit, _DEGREE).derivative()(inside) for unit in np.eye(functions)], axis=-1
+    ).reshape(value.shape)
+    operator = np.einsum("t,xtf->xf", weights * sine**2, value)
+    operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
+    band = float(ndtri(CONFIDENCE)) * np.sqrt(variance) * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
+    return x * largest, operator @ solution, band, squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +158,7 @@ class _Plan:
     def places(self) -> tuple[Array, Array]:
         """Where the forces are drawn: displacements and velocities."""
         low, high, fast = self.ends
-        return np.linspace(low, high, _DRAWN), np.linspace(0, fast, _DRAWN)
+        return np.linspace(low, high, DRAWN), np.linspace(0, fast, DRAWN)
 
     def spring(self, at: Array) -> Array:
         """(..., f) splines of the stiffness force."""
@@ -130,7 +209,8 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
         _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(_GROUPS)
     ]
     bands = [
-        _T * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((drawn - drawn.mean(axis=0)) ** 2, axis=0))
+        float(stdtrit(_GROUPS - 1, CONFIDENCE))
+        * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((drawn - drawn.mean(axis=0)) ** 2, axis=0))
         for drawn in (np.stack(each) for each in zip(*parts, strict=True))
     ]
     at_x, at_v = plans[best].places
@@ -206,7 +286,7 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
     stiff = np.zeros((sum(counts) - 4, sum(counts)))
     stiff[: counts[0] - 2, : counts[0]] = np.diff(np.eye(counts[0]), 2, axis=0)
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
-    stiff *= _STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
+    stiff *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
     weight = np.ones(len(balance))
     for _ in range(_WEIGHINGS):
         scale = np.append(weight, np.ones(len(stiff)))

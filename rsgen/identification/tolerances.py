@@ -1,0 +1,40 @@
+"""Numbers that several steps of an identification decide with, each with its reason."""
+
+from __future__ import annotations
+
+__all__ = [
+    "CONFIDENCE", "DRAWN", "NOISY", "NULL_PART", "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED",
+    "SIGNIFICANT", "STIFFENING",
+]  # fmt: skip
+
+CONFIDENCE = 0.975
+"""One-sided probability of every interval and band: 95 % between both ends."""
+
+DRAWN = 61
+"""Places at which a force is drawn: no corner of a curve can be seen."""
+
+NOISY = 1e-4
+"""Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
+O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
+
+NULL_PART = 1e-3
+"""A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
+
+QUICK = 400
+"""Points that suffice to come near the estimate; all points then need one or two steps more."""
+
+ROUND_OFF = 1e-12
+"""An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
+
+SAMPLES = 64
+"""A period: exact for polynomials up to the seventh power of nine harmonics."""
+
+SAMPLES_SWITCHED = 256
+"""A period, where the law has switches: shares of an interval leave an error of its square."""
+
+SIGNIFICANT = 25.0
+"""Gain in the sum of squares, in units of the noise, that a free parameter must bring to be believed: five
+standard deviations, a false alarm in two million."""
+
+STIFFENING = 1e-7
+"""Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
