@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FourierSeries", "Motion", "fourier_series", "project"]
+__all__ = ["FourierSeries", "Motion", "cycle_work", "fourier_series", "project"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -76,6 +76,11 @@ class Motion:
         """(n, 2) displacement [m] and velocity [m/s] at t = 0."""
         velocity = 1j * self.orders * self.omega[:, None] * self.harmonics
         return np.stack([self.harmonics.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
+
+
+def cycle_work(force: ComplexArray, fundamental: ComplexArray) -> Array:
+    """Work of a force over one cycle of a motion, pi Im(F conj X1) [J]; a passive structure takes it in."""
+    return np.asarray(np.pi * np.imag(force * np.conj(fundamental)))
 
 
 def project(signals: Array, order: int) -> ComplexArray:

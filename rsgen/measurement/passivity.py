@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.finding import Finding
+from rsgen.motion import cycle_work
 from rsgen.surface import ResponseSurface
 
 __all__ = ["passivity_findings"]
@@ -23,10 +24,9 @@ _FEWEST = 8
 
 def _power(surface: ResponseSurface) -> float:
     """Give the power that goes in over the most that could, from -1 to 1."""
-    velocity = 2j * np.pi * surface.frequency * surface.harmonics[:, 1]
-    work = np.real(surface.force * velocity.conj())
-    most = float(np.sum(np.abs(surface.force) * np.abs(velocity)))
-    return float(np.sum(work)) / most if most > 0 else 0.0
+    work = cycle_work(surface.force, surface.harmonics[:, 1])
+    most = float(surface.frequency @ (np.pi * np.abs(surface.force) * surface.amplitude))
+    return float(surface.frequency @ work) / most if most > 0 else 0.0
 
 
 def _slope(surface: ResponseSurface) -> float:

@@ -12,7 +12,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion
+from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
@@ -101,8 +101,8 @@ class Reference:
 
     @property
     def feeds(self) -> bool:
-        """Whether the structure works on the exciter at most points: Im(F conj X1) is the work of a cycle."""
-        work = (self.motion.force * np.conj(self.motion.harmonics[:, 1])).imag
+        """Whether the structure works on the exciter at most points."""
+        work = cycle_work(self.motion.force, self.motion.harmonics[:, 1])
         return bool(np.mean(work <= 0) > 0.5)
 
 
