@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from rsgen.cli.terminal import number, print_json, print_line, print_table
-
-if TYPE_CHECKING:
-    from rsgen.oscillator import Model
-    from rsgen.ranking import Ranking
-    from rsgen.surface import ResponseSurface
+from rsgen.case import load_case
+from rsgen.cli.terminal import ACCEPTED, number, print_block, print_json, print_line
+from rsgen.errors import RsgenError
+from rsgen.law.element import make_element
+from rsgen.oscillator import Model
+from rsgen.ranking import Ranking, rank
+from rsgen.study import obtain_surface
+from rsgen.surface import ResponseSurface, load_surface
+from rsgen.units import parameter_units
 
 __all__ = ["rank_command"]
 
 
 def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
-    """Read a surface with the base as its model, or a case with its own."""
-    from rsgen.case import load_case
-    from rsgen.law.element import make_element
-    from rsgen.oscillator import Model
-    from rsgen.study import obtain_surface
-    from rsgen.surface import load_surface
-
+    """Read a surface with the base as its model, or a case with its model."""
     if path.suffix.lower() in (".h5", ".hdf5"):
         base = (make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v"))
         return path.stem, load_surface(path), Model(base)
@@ -33,8 +28,6 @@ def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
 
 def rank_command(path: Path, data: Path | None, json: bool) -> int:
     """Rank the laws of the library on a case's test or on a saved surface."""
-    from rsgen.ranking import rank
-
     name, surface, model = _read(path, data)
     ranking = rank(surface, model)
     if json:
@@ -59,30 +52,17 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
                 ],
             }
         )
-        return 0
-    rows = [
-        (
-            entry.name,
-            str(entry.parameters),
-            number(entry.held_out_error, 3) if math.isfinite(entry.held_out_error) else "-",
-            number(entry.bic, 4),
-            "tied" if entry.tied else "",
-        )
-        for entry in ranking.candidates
-    ]
-    print_table(("law", "parameters", "held-out error", "BIC above lowest", ""), rows)
-    for sentence in ranking.verdict:
-        print_line(sentence)
+        return ACCEPTED
+    print_block("", str(ranking))
+    for line in ranking.verdict:
+        print_line(line)
     print_line(f"best: {ranking.candidates[0].force}")
     print_line(f"with {_values(ranking)}")
-    return 0
+    return ACCEPTED
 
 
 def _values(ranking: Ranking) -> str:
     """Values of the best law with their units, so that absurd ones are seen."""
-    from rsgen.errors import RsgenError
-    from rsgen.units import parameter_units
-
     try:
         units = parameter_units(ranking.model.force)
     except RsgenError:
