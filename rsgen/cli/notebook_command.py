@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rsgen.case import load_case
 from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
-from rsgen.report.interpretation import describe_mean
+from rsgen.report.interpretation import mean_finding
 from rsgen.report.notebook import write_notebook
 from rsgen.report.notebook_cells import KnownResults
 from rsgen.simulation import SimulatedTest
@@ -33,7 +33,7 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
         target,
         case,
         results,
-        mean=describe_mean(surface) is not None,
+        mean=mean_finding(surface) is not None,
         held_out=bool(case.model.observation.hold_out),
         surface_file=beside.name if beside else "surface.h5",
     )

@@ -87,7 +87,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         _plot(axes, grid / scale.factor, line, REFINED, "refined model")
         calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
-    panels[-1].set_xlabel(scale.label("Amplitude X"))
+    for axes in panels[-1:] if ax is None else panels:
+        axes.set_xlabel(scale.label("Amplitude X"))
     panels[0].legend(loc="best")
     text = "No level has a resonance that could be read."
     if len(points) == 1:

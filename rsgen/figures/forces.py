@@ -52,7 +52,7 @@ def draw_forces(
     Parameters
     ----------
     identification
-        Its refined estimates give the lines; what was drawn without a law gives the points.
+        Its refined estimates give the lines; the nonparametric restoring force gives the points.
     truth
         True value of every parameter, SI.
     ax
@@ -84,7 +84,9 @@ def draw_forces(
         if force is not None:
             words.append(_panel(axes, what, place, unit, force, expected, inverted))
     caption = "Forces of springs and of dampers over the tested range"
-    caption += ", and as drawn without any law (points, 95 % band)." if restoring is not None else "."
+    caption += (
+        ", and the nonparametric restoring force (points, 95 % band)." if restoring is not None else "."
+    )
     return Drawing("forces", figure, caption, " ".join(words), ax is None)
 
 
@@ -107,7 +109,7 @@ def _panel(
         low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
         axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
-        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="without a law", **POINT)
+        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **POINT)
     axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
     if true is not None:
         axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)

@@ -250,7 +250,8 @@ def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
         axes.set_ylabel(force.label(level_word(surface)))
         if len(sweeps) > 1:
             axes.set_title(_SWEEP_WORDS[sweep])
-    panels[-1].set_xlabel("Frequency [Hz]")
+    for axes in panels[-1:] if ax is None else panels:
+        axes.set_xlabel("Frequency [Hz]")
     bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=list(panels), pad=0.02, aspect=30)
     bar.set_label(scale.label(_answer_word(surface)))
     bar.outline.set_visible(False)

@@ -259,7 +259,8 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
         axes.set_ylabel(scale.label("X"))
         axes.set_title(_level_text(items[0]))
     panels[0].legend(loc="best")
-    panels[-1].set_xlabel("Frequency [Hz]")
+    for axes in panels[-1:] if ax is None else panels:
+        axes.set_xlabel("Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
     return Drawing("held-out", figure, caption, "; ".join(words) + ".", ax is None)
 

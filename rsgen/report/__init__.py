@@ -30,7 +30,7 @@ from rsgen.identification import Identification
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.report.index import write_index
-from rsgen.report.interpretation import describe_mean
+from rsgen.report.interpretation import mean_finding
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
 from rsgen.report.provenance import collect_provenance
@@ -56,7 +56,7 @@ def draw_all(
         draw_forces(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
-    if describe_mean(surface, identification) is not None:
+    if mean_finding(surface, identification) is not None:
         drawings.append(draw_time_history(surface))
     if prediction.held_out:
         drawings.append(draw_held_out(prediction))
@@ -198,7 +198,7 @@ def _write_files(
         place / "notebook.ipynb",
         given.loaded.with_model(identification.model),
         known,
-        mean=describe_mean(surface, identification) is not None,
+        mean=mean_finding(surface, identification) is not None,
         held_out=bool(prediction.held_out),
     )
 

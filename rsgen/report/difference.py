@@ -13,7 +13,8 @@ from rsgen.errors import RsgenError
 from rsgen.figures import number_text, quantity_text
 from rsgen.report.environment import page_environment
 from rsgen.report.index import read_result, read_results
-from rsgen.report.tables import Cell, Table, TableRow, error_text
+from rsgen.report.page_tables import Cell, Table, TableRow
+from rsgen.report.wording.page_sentences import error_text
 
 __all__ = [
     "CaseDifference",

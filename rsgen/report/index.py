@@ -18,7 +18,7 @@ from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import inline_svg
 from rsgen.report.result_json import SCHEMA
-from rsgen.report.tables import error_text
+from rsgen.report.wording.page_sentences import error_text
 from rsgen.surface import load_surface
 
 __all__ = ["read_result", "read_results", "table_of_results", "write_index"]

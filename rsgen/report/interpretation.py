@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from rsgen.describing import derive
 from rsgen.expression import symbol
-from rsgen.figures import number_text, quantity_text
+from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
+from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
-__all__ = ["describe_element", "describe_elements", "describe_mean"]
+__all__ = ["describe_elements", "element_findings", "mean_finding"]
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class _Course:
     """How stiffness or damping of an element goes over the tested amplitudes.
 
     ``amplitude`` and ``value`` (n,) ascending in amplitude; ``error`` standard error of last minus first;
-    ``shape`` is the law's in a word, "" where there is none.
+    ``shape`` is the law's in a word, "" where there is none; ``frequency`` [Hz] where it matters, else None.
     """
 
     kind: str
@@ -56,75 +57,47 @@ class _Course:
     error: float
     shape: str
     linear: bool
-    frequency: str
+    frequency: float | None
 
-    def at(self, i: int) -> str:
-        """Give value and amplitude of a point in words."""
-        return (
-            f"{quantity_text(float(self.value[i]), self.unit, 3)} at "
-            f"{quantity_text(float(self.amplitude[i]), 'm', 2)}"
-        )
+    def finding(self, code: str, turn: int = 0, numbers: Mapping[str, Quantity] | None = None) -> Finding:
+        """Make a finding of this course with values and amplitudes of its ends, and of where it turns."""
+        numbers = dict(numbers or {})
+        for name, i in (("first", 0), ("last", -1), ("turn", turn)):
+            if name != "turn" or turn:
+                numbers |= {
+                    f"value_{name}": Quantity(float(self.value[i]), self.unit),
+                    f"amplitude_{name}": Quantity(float(self.amplitude[i]), "m"),
+                }
+        if self.frequency is not None:
+            numbers["frequency"] = Quantity(self.frequency, "Hz")
+        names = {"kind": self.kind, "shape": self.shape, "linear": "yes" if self.linear else "no"}
+        return Finding(code, "info", numbers=numbers, names=names)
 
-    @property
-    def range(self) -> str:
-        """Give the tested amplitudes in words."""
-        low, high = (quantity_text(float(self.amplitude[i]), "m", 2) for i in (0, -1))
-        return f"from {low} to {high}"
 
-
-def _tell(course: _Course) -> str:
+def _course_finding(course: _Course) -> Finding:
+    """Find whether a course stays, turns back, is within its error, or rises or falls, and by how much."""
     first, last = float(course.value[0]), float(course.value[-1])
     size = float(np.abs(course.value).max())
     if float(np.ptp(course.value)) < _LEAST_CHANGE * size:
-        word = "linear" if course.linear else "the same at every amplitude, though the law is not linear"
-        stays = quantity_text(float(np.median(course.value)), course.unit)
-        return f"{word}: {course.kind} stays at {stays} {course.range}{course.frequency}"
+        middle = Quantity(float(np.median(course.value)), course.unit)
+        return course.finding("course-constant", numbers={"value": middle})
     turn = _turning(course.value)
     if turn:
-        verbs = ("falls", "rises") if course.value[turn] < first else ("rises", "falls")
-        word = f"first {_direction(course, verbs[0])}, then {_direction(course, verbs[1])}"
-        word = f"{word}, {course.shape}" if course.shape else word
-        return (
-            f"{word}: {course.kind} {verbs[0]} from {course.at(0)} to {course.at(turn)} and {verbs[1]} to "
-            f"{course.at(-1)}{course.frequency}"
-        )
-    change = last - first
-    if _NORMAL_95 * course.error > abs(change):
-        return (
-            f"no change with amplitude that this test could tell: {course.kind} is {course.at(0)} and "
-            f"{course.at(-1)}, a difference of {quantity_text(change, course.unit, 2)} ± "
-            f"{quantity_text(_NORMAL_95 * course.error, course.unit, 2)}{course.frequency}"
-        )
-    verb = "rises" if change > 0 else "falls"
-    head = f"{_word(course, verb)}: {course.kind}"
+        return course.finding("course-turns", turn)
+    change, half = last - first, _NORMAL_95 * course.error
+    if half > abs(change):
+        within = {"change": Quantity(change, course.unit), "half_width": Quantity(half, course.unit)}
+        return course.finding("course-not-resolved", numbers=within)
     if abs(first) < 1e-9 * size:
-        return f"{head} comes up from zero to {course.at(-1)}{course.frequency}"
+        return course.finding("course-from-zero")
     if first * last <= 0:
-        return f"{head} {verb} from {course.at(0)} to {course.at(-1)}, and changes its sign{course.frequency}"
+        return course.finding("course-changes-sign")
     if last < 0:
-        feeds = "drives the motion" if course.kind == "damping" else "pushes away from rest"
-        return f"{head} {verb} from {course.at(0)} to {course.at(-1)}: negative, it {feeds}{course.frequency}"
+        return course.finding("course-negative")
     factor = max(last / first, first / last)
     if factor >= _FACTOR:
-        return (
-            f"{head} {verb} from {course.at(0)} to {course.at(-1)}, a factor of "
-            f"{number_text(factor, 2)}{course.frequency}"
-        )
-    share = number_text(100 * abs(change / first), 2)
-    return f"{head} {verb} by {share} %, from {course.at(0)} to {course.at(-1)}{course.frequency}"
-
-
-def _direction(course: _Course, verb: str) -> str:
-    if course.kind == "stiffness":
-        return "hardening" if verb == "rises" else "softening"
-    return "growing with amplitude" if verb == "rises" else "falling with amplitude"
-
-
-def _word(course: _Course, verb: str) -> str:
-    if course.kind == "damping" and course.shape:
-        return course.shape
-    word = _direction(course, verb)
-    return f"{word}, {course.shape}" if course.shape else word
+        return course.finding("course-by-factor", numbers={"factor": Quantity(factor)})
+    return course.finding("course-by-share", numbers={"share": Quantity(abs(change / first))})
 
 
 def _turning(value: Array) -> int:
@@ -178,29 +151,29 @@ def _is_line(force: Array) -> bool:
     return bool(np.max(np.abs(force - line)) <= _LEAST_FORCE * max(np.max(np.abs(force)), 1e-300))
 
 
-def describe_element(element: Element, identification: Identification) -> str:
-    """Say in a sentence what an identified spring or damper does over the tested amplitudes.
+def element_findings(element: Element, identification: Identification) -> list[Finding]:
+    """Find what an identified spring or damper does over the tested amplitudes.
 
     Parameters
     ----------
     element
         One of the model's elements.
     identification
-        Gives the values and the tested range; parameters that the test does not tell are named.
+        Gives the values and the tested range; parameters that are not identifiable are named.
     """
     identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
     unknown = [name for name in element.parameters if not identifiable.get(name, True)]
-    missing = f"not identifiable from this test: {', '.join(unknown)}"
-    # the fit reproduces the test with these values, also where single ones of them are not told
+    missing = [Finding("element-not-identifiable", "warning", names={"parameters": ", ".join(unknown)})]
+    # the fit reproduces the test with these values, also where single ones are not identifiable
     names = sorted(identification.model.parameters)
     values = dict(zip(names, identification.solution.tolist(), strict=True))
     if len(unknown) == len(element.parameters) > 0 or not np.isfinite(list(values.values())).all():
         return missing
-    words = _courses(element, identification, values)
-    return "; ".join([*words, missing] if unknown else words or ["no force over the tested amplitudes"])
+    found = _courses(element, identification, values)
+    return [*found, *missing] if unknown else found or [Finding("element-without-force", "info")]
 
 
-def _courses(element: Element, identification: Identification, values: dict[str, float]) -> list[str]:
+def _courses(element: Element, identification: Identification, values: dict[str, float]) -> list[Finding]:
     low, high = identification.amplitude_range
     middle = sum(identification.frequency_range) / 2
     omega = 2 * np.pi * middle
@@ -220,7 +193,7 @@ def _courses(element: Element, identification: Identification, values: dict[str,
     errors = _change_errors(evaluate, identification, values, element.parameters)
     lines = _linear_within(element, values, high, omega * high, float(mean[-1]))
     spring = element.force.subs(symbol("v"), 0)
-    words = []
+    findings = []
     # an element has a share in stiffness or damping when it is not round-off beside the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
     kinds = (
@@ -231,16 +204,18 @@ def _courses(element: Element, identification: Identification, values: dict[str,
         kinds, parts, errors, lines, strict=True
     ):
         if np.abs(value).max() * rate > 1e-9 * size and np.isfinite(value).all():
-            moving = formula.has(symbol("omega"))
-            frequency = f" (at {quantity_text(middle, 'Hz', 3)})" if moving else ""
+            frequency = middle if formula.has(symbol("omega")) else None
             shape = "" if linear else _shape(part)
-            words.append(_tell(_Course(kind, unit, amplitude, value, error, shape, linear, frequency)))
+            course = _Course(kind, unit, amplitude, value, error, shape, linear, frequency)
+            findings.append(_course_finding(course))
     if abs(mean[-1]) > 1e-6 * high and np.abs(parts[0]).max() > 1e-9 * size:
-        words.append(
-            f"the mean moves to {quantity_text(float(mean[-1]), 'm', 2)} at {quantity_text(high, 'm', 2)}, "
-            f"{number_text(100 * abs(float(mean[-1])) / high, 2)} % of the amplitude"
-        )
-    return words
+        numbers = {
+            "mean": Quantity(float(mean[-1]), "m"),
+            "amplitude": Quantity(high, "m"),
+            "share": Quantity(abs(float(mean[-1])) / high),
+        }
+        findings.append(Finding("mean-moves", "info", numbers=numbers))
+    return findings
 
 
 def _change_errors(
@@ -272,7 +247,10 @@ def _change_errors(
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
     """Give the sentence of every element by its name."""
-    return {element.name: describe_element(element, identification) for element in elements}
+    return {
+        element.name: "; ".join(map(sentence, element_findings(element, identification)))
+        for element in elements
+    }
 
 
 def _one_sided(identification: Identification, low: float, high: float) -> bool:
@@ -291,15 +269,15 @@ def _one_sided(identification: Identification, low: float, high: float) -> bool:
     return bool(np.max(np.abs(line(x) - force)) > _LEAST_FORCE * size)
 
 
-def describe_mean(surface: ResponseSurface, identification: Identification | None = None) -> str | None:
-    """Say what the two peaks tell about a law with a mean; None where the mean is negligible.
+def mean_finding(surface: ResponseSurface, identification: Identification | None = None) -> Finding | None:
+    """Find what the two peaks say about a law with a mean; None where the mean is negligible.
 
     Parameters
     ----------
     surface
         Its largest settled response is described.
     identification
-        The peaks tell the stiffness of the two sides only where its law has no force at rest and a spring
+        The peaks give the stiffness of the two sides only where its law has no force at rest and a spring
         that is not linear: a constant force moves the mean of a linear spring as well.
         Without it only the swing is described.
 
@@ -314,17 +292,8 @@ def describe_mean(surface: ResponseSurface, identification: Identification | Non
     noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
     if abs(mean) < max(1e-3, _BEYOND_NOISE * noise) * amplitude or not np.isfinite(surface.peak[i]).all():
         return None
-    high, low = (abs(float(value)) for value in surface.peak[i])
-    swing = (
-        f"At the largest response the displacement swings from {quantity_text(-low, 'm', 3)} to "
-        f"{quantity_text(high, 'm', 3)} about a mean of {quantity_text(mean, 'm', 3)}."
-    )
-    bottom, top = float(surface.peak[i, 1]), float(surface.peak[i, 0])
-    if identification is None or not _one_sided(identification, bottom, top):
-        return swing
-    return (
-        f"{swing} The energy at the two turning points is the same when damping is light, so the "
-        "stiffness on the positive side is about "
-        f"(negative peak / positive peak)² = {number_text((low / high) ** 2, 3)} times that on the "
-        "negative side."
-    )
+    top, bottom = (float(value) for value in surface.peak[i])
+    numbers = {"low": Quantity(bottom, "m"), "high": Quantity(top, "m"), "mean": Quantity(mean, "m")}
+    if identification is not None and _one_sided(identification, bottom, top):
+        numbers["stiffness_ratio"] = Quantity((bottom / top) ** 2)
+    return Finding("swing-about-mean", "info", numbers=numbers)

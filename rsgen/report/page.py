@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 import rsgen
-from rsgen.comparison import FORCE_KEYS, Comparison
+from rsgen.comparison import Comparison
 from rsgen.describing import derive
 from rsgen.expression import parse
-from rsgen.figures import Drawing, count_text, number_text, quantity_text
+from rsgen.figures import Drawing
 from rsgen.identification import Identification
 from rsgen.law.element import Element
 from rsgen.law.notation import mathml
 from rsgen.prediction import Prediction
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
-from rsgen.report.interpretation import describe_elements, describe_mean
-from rsgen.report.source_formulas import PrintedFormula
-from rsgen.report.subject import Subject
-from rsgen.report.tables import (
+from rsgen.report.interpretation import describe_elements, mean_finding
+from rsgen.report.page_tables import (
     background_table,
-    error_text,
     estimate_table,
     held_out_table,
     ranking_table,
     resonance_table,
     verdict_table,
 )
+from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence
+from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence, verdict_sentence
 from rsgen.surface import ResponseSurface
 
-__all__ = ["render_page", "verdict_sentence"]
+__all__ = ["render_page"]
 
 _CONTENTS = (
     ("verdict", "Result"),
@@ -53,61 +51,6 @@ def _formula(expression: Any, display: bool = False) -> Markup:
     return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
 
 
-def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str:
-    """Say in one line whether the case is accepted.
-
-    Parameters
-    ----------
-    misfit
-        By how much of their size the law misses force and response, where that is more than noise; None where
-        the law fits.
-    """
-    judged = [row for row in comparison.rows if row.tolerance is not None]
-    if not judged:
-        parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
-        told = sum(row.refined.identifiable for row in parameters)
-        known = any(math.isfinite(row.true) for row in parameters)
-        why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
-        counted = f"{told} of {count_text(len(parameters), 'parameter')}"
-        if misfit is not None:
-            size = error_text(misfit)
-            return f"The law misses the test by {size}: {counted} identified, their intervals do not hold"
-        return f"Identified: {counted}, {why}"
-    missed = [row.name for row in judged if not row.passed]
-    if missed:
-        return f"Not accepted: {', '.join(missed)} outside tolerance"
-    worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
-    counted = {1: "the one judged value", 2: "both judged values"}.get(
-        len(judged), f"all {len(judged)} values"
-    )
-    return f"Accepted: {counted} within tolerance, largest error {error_text(worst)}"
-
-
-def _surface_sentence(surface: ResponseSurface) -> str:
-    settled = int(np.count_nonzero(surface.settled))
-    made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
-    lowest, highest = (quantity_text(float(f(surface.level)), surface.level_unit) for f in (np.min, np.max))
-    forces = f"from {lowest} to {highest}" if len(surface.levels) > 1 else f"of {highest}"
-    was = "was" if len(surface) == 1 else "were"
-    text = (
-        f"{count_text(len(surface), 'test point')} {was} {made}: {count_text(len(surface.levels), 'level')} "
-        f"{forces}, {number_text(surface.frequency.min(), 5)} to "
-        f"{number_text(surface.frequency.max(), 5)} Hz, "
-        f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')}. "
-    )
-    if settled == len(surface):
-        return text + "All of them settled."
-    return text + f"{len(surface) - settled} did not settle and are not used."
-
-
-def _proof(closed_form: bool, checked_to: float | None) -> str:
-    form = "closed form" if closed_form else "by quadrature, no closed form is known"
-    if checked_to is None or not math.isfinite(checked_to):
-        return form
-    deviation = number_text(checked_to, 2)
-    return f"{form}; checked against independent quadrature, largest relative deviation {deviation}"
-
-
 def _element(element: Element) -> dict[str, Any]:
     function = derive(element)
     return {
@@ -118,7 +61,7 @@ def _element(element: Element) -> dict[str, Any]:
         "mean": None
         if function.mean is None or function.mean == 0
         else _formula(function.mean, display=True),
-        "proof": _proof(function.closed_form, function.checked_to),
+        "proof": proof_sentence(function.closed_form, function.checked_to),
         "regimes": [_shown(regime) for regime in function.regimes],
         "remarks": [str(remark) for remark in function.remarks],
     }
@@ -162,6 +105,7 @@ def render_page(
     RsgenError
         The templates are not found.
     """
+    mean = mean_finding(surface, identification)
     meaning = describe_elements(subject.elements, identification)
     fits = not any(finding.code == "law-does-not-fit" for finding in identification.findings)
     # what comes from the case stays as it is written there
@@ -176,10 +120,10 @@ def render_page(
         "outcome": full_sentence(identification.outcome),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
-        "mean_sentence": describe_mean(surface, identification),
+        "mean_sentence": None if mean is None else full_sentence(mean),
         "law_fits": fits,
         "warnings": warnings,
-        "surface_sentence": _surface_sentence(surface),
+        "surface_sentence": surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
         "prediction_remarks": [full_sentence(found) for found in prediction.findings],
         "held_out_table": held_out_table(prediction),

@@ -15,7 +15,8 @@ from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.describing import derive
 from rsgen.expression import write
 from rsgen.identification import Estimate, Identification
-from rsgen.prediction import Prediction
+from rsgen.identification.result import Resonance
+from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.subject import Subject
@@ -164,33 +165,28 @@ def build_result(
             "stiffness": _numbers(curve.stiffness),
             "damping": _numbers(curve.damping),
         },
-        "resonances": [
-            {
-                "level": _finite(point.level),
-                "sweep": point.sweep,
-                "frequency": _finite(point.frequency),
-                "damping_ratio": _finite(point.damping_ratio),
-                "amplitude": _finite(point.amplitude),
-                "stiffness": _finite(point.stiffness),
-                "damping": _finite(point.damping),
-                "jump": point.jump,
-            }
-            for point in identification.resonances
-        ],
-        "held_out": [
-            {
-                "level": _finite(item.level),
-                "sweep": item.sweep,
-                "points": len(item.frequency),
-                "missing": item.missing,
-                "error": _finite(item.error),
-                "largest_error": _finite(item.largest_error),
-            }
-            for item in prediction.held_out
-        ],
+        "resonances": [_resonance(point) for point in identification.resonances],
+        "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),
         "residual": {"relative": _finite(identification.residual), "noise": _finite(identification.noise)},
         "ranking": _ranking(identification.ranking),
+    }
+
+
+def _resonance(point: Resonance) -> dict[str, Any]:
+    names = ("frequency", "damping_ratio", "amplitude", "stiffness", "damping")
+    numbers = {name: _finite(getattr(point, name)) for name in names}
+    return {"level": _finite(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
+
+
+def _held_out(item: HeldOutLevel) -> dict[str, Any]:
+    return {
+        "level": _finite(item.level),
+        "sweep": item.sweep,
+        "points": len(item.frequency),
+        "missing": item.missing,
+        "error": _finite(item.error),
+        "largest_error": _finite(item.largest_error),
     }
 
 

@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from scipy.special import ellipk
 
+import rsgen
 from rsgen.comparison import Comparison
 from rsgen.expression import parse, write
 from rsgen.figures import Drawing
@@ -33,13 +34,14 @@ from rsgen.report import draw_all, write_index
 from rsgen.report.environment import page_environment, plain_text, verbatim
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.index import read_results, table_of_results
-from rsgen.report.interpretation import describe_element, describe_mean
-from rsgen.report.page import render_page, verdict_sentence
+from rsgen.report.interpretation import describe_elements, mean_finding
+from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import PrintedFormula, check_printed
 from rsgen.report.subject import Subject
-from rsgen.report.wording import sentence
-from rsgen.surface import save_surface
+from rsgen.report.wording import full_sentence, sentence
+from rsgen.report.wording.page_sentences import verdict_sentence
+from rsgen.surface import ResponseSurface, save_surface
 from tests.oracles.first_order import (
     C1,
     K1,
@@ -91,6 +93,15 @@ def page(drawings: Sequence[Any], comparison: Comparison = COMPARISON, **changes
     return render_page(
         subject, SURFACE, IDENTIFICATION, comparison, PREDICTION, printed, drawings, {"Versions": "rsgen"}
     )
+
+
+def described(element: rsgen.Element, identification: Identification) -> str:
+    return describe_elements([element], identification)[element.name]
+
+
+def mean_words(surface: ResponseSurface, identification: Identification | None = None) -> str | None:
+    found = mean_finding(surface, identification)
+    return None if found is None else full_sentence(found)
 
 
 class Outline(HTMLParser):
@@ -358,7 +369,7 @@ def test_no_free_vibration_without_a_spring() -> None:
 )
 def test_elements_are_put_into_words(force: str, values: dict[str, float], words: str) -> None:
     model, identification = identified(force, values)
-    assert words in describe_element(model.elements[0], identification)
+    assert words in described(model.elements[0], identification)
 
 
 def test_a_change_within_its_uncertainty_is_none() -> None:
@@ -366,11 +377,11 @@ def test_a_change_within_its_uncertainty_is_none() -> None:
     whole = 0.75 * KN1 * exact.amplitude_range[1] ** 2
     for share, words in (
         (0.1, "softening, cubic"),
-        (3.0, "no change with amplitude that this test could tell"),
+        (3.0, "no change with amplitude that this test resolves"),
     ):
         spread = abs(share * KN1 / 2)
         noisy = replace(exact, covariance=np.diag([0.0, spread**2]))
-        assert words in (text := describe_element(model.elements[0], noisy))
+        assert words in (text := described(model.elements[0], noisy))
     # the 95 % half width of 3/4 kn X^2, three halves of it as one standard error
     assert f"± {1.96 * 1.5 * abs(whole) / 1e3:.2g} kN/m" in text
 
@@ -380,7 +391,7 @@ def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> N
     told, untold = exact.refined
     untold = replace(untold, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
     partly = replace(exact, refined=(told, untold), solution=np.array([K1, 0.0]))
-    words = describe_element(model.elements[0], partly)
+    words = described(model.elements[0], partly)
     assert words.startswith("linear: stiffness stays at 5.92 kN/m")
     assert words.endswith("not identifiable from this test: kn")
 
@@ -401,20 +412,20 @@ def test_the_verdict_says_what_was_judged_and_whether_the_law_fits() -> None:
 
 def test_mean_is_put_into_words_where_there_is_one() -> None:
     bilinear = identified("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0})[1]
-    assert describe_mean(SURFACE, bilinear) is None
+    assert mean_words(SURFACE, bilinear) is None
     harmonics = SURFACE.harmonics.copy()
     harmonics[:, 0] = -0.17 * np.abs(harmonics[:, 1])
     # k6 Xp^2 = k7 Xn^2
     peak = np.stack([SURFACE.amplitude, -np.sqrt(2) * SURFACE.amplitude], axis=1)
     moved = replace(SURFACE, harmonics=harmonics, peak=peak)
-    words = describe_mean(moved, bilinear)
+    words = mean_words(moved, bilinear)
     assert words is not None
     assert words.endswith("= 2 times that on the negative side.")
     # a constant force moves the mean as well, and a linear spring has one stiffness
     for force in ("k*x + kn*x**3 + F0", "k*x"):
         values = {"k": 4000.0, "kn": 1e6, "F0": 3.0}
         other = identified(force, {name: value for name, value in values.items() if name in force})[1]
-        words = describe_mean(moved, other)
+        words = mean_words(moved, other)
         assert words is not None
         assert "swings" in words
         assert "positive side" not in words

@@ -36,15 +36,11 @@ class Sample:
 
 
 def codes_of(tree: ast.AST) -> set[str]:
-    """Codes that a file makes: texts in the first argument of ``Finding`` and of functions named after it."""
+    """Codes that a file makes: texts in the first argument of ``Finding`` and of what is named after it."""
     found = set()
     for node in ast.walk(tree):
-        if (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and "inding" in node.func.id
-            and node.args
-        ):
+        called = ast.unparse(node.func).split(".")[-1] if isinstance(node, ast.Call) else ""
+        if isinstance(node, ast.Call) and "finding" in called.lower() and node.args:
             texts = [part for part in ast.walk(node.args[0]) if isinstance(part, ast.Constant)]
             found |= {text.value for text in texts if isinstance(text.value, str)}
     return found

@@ -7,13 +7,19 @@ take their sentences from here. Nothing reads a sentence back.
 from __future__ import annotations
 
 # importing registers the sentences
-from rsgen.report.wording import identification_sentences, prediction_sentences, surface_sentences
+from rsgen.report.wording import (
+    identification_sentences,
+    law_sentences,
+    prediction_sentences,
+    surface_sentences,
+)
 from rsgen.report.wording.sentences import CODES, full_sentence, sentence
 
 __all__ = [
     "CODES",
     "full_sentence",
     "identification_sentences",
+    "law_sentences",
     "prediction_sentences",
     "sentence",
     "surface_sentences",

@@ -10,13 +10,13 @@ from rsgen.figures import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification import Estimate, Identification
 from rsgen.prediction import Prediction
 from rsgen.report.wording import sentence
+from rsgen.report.wording.page_sentences import error_text
 
 __all__ = [
     "Cell",
     "Table",
     "TableRow",
     "background_table",
-    "error_text",
     "estimate_table",
     "held_out_table",
     "ranking_table",
@@ -66,17 +66,6 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[TableRow, ...]
     aside: tuple[str, ...] = ()
-
-
-def error_text(error: float | None, digits: int = 2) -> str:
-    """Print a relative error in per cent.
-
-    Examples
-    --------
-    >>> error_text(0.0026), error_text(None)
-    ('0.26 %', '–')
-    """
-    return "–" if error is None or not math.isfinite(error) else f"{number_text(100 * error, digits)} %"
 
 
 def _digits(estimate: Estimate) -> int:

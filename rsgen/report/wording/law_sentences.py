@@ -1,0 +1,128 @@
+"""Sentences about what identified springs and dampers do."""
+
+from __future__ import annotations
+
+from rsgen.finding import Finding
+from rsgen.report.wording.sentences import number, quantity, says
+
+
+def _at(found: Finding, end: str) -> str:
+    """Value and amplitude of a point of the course."""
+    return f"{quantity(found, f'value_{end}')} at {quantity(found, f'amplitude_{end}', 2)}"
+
+
+def _frequency(found: Finding) -> str:
+    return f" (at {quantity(found, 'frequency')})" if "frequency" in found.numbers else ""
+
+
+def _verb(found: Finding, start: str = "first", end: str = "last") -> str:
+    return "rises" if found[f"value_{end}"] > found[f"value_{start}"] else "falls"
+
+
+def _direction(found: Finding, verb: str) -> str:
+    if found.names["kind"] == "stiffness":
+        return "hardening" if verb == "rises" else "softening"
+    return "growing with amplitude" if verb == "rises" else "falling with amplitude"
+
+
+def _head(found: Finding) -> str:
+    """What it is in a word or two, and of what: "hardening, cubic: stiffness"."""
+    shape, kind = found.names["shape"], found.names["kind"]
+    words = [shape] if kind == "damping" and shape else [_direction(found, _verb(found)), shape]
+    return f"{', '.join(filter(None, words))}: {kind}"
+
+
+def _from_to(found: Finding) -> str:
+    return f"from {_at(found, 'first')} to {_at(found, 'last')}"
+
+
+@says("course-constant")
+def _(found: Finding) -> str:
+    linear = found.names["linear"] == "yes"
+    word = "linear" if linear else "the same at every amplitude, though the law is not linear"
+    low, high = (quantity(found, f"amplitude_{end}", 2) for end in ("first", "last"))
+    return (
+        f"{word}: {found.names['kind']} stays at {quantity(found, 'value', 4)} from {low} to {high}"
+        f"{_frequency(found)}"
+    )
+
+
+@says("course-turns")
+def _(found: Finding) -> str:
+    shape, verbs = found.names["shape"], (_verb(found, "first", "turn"), _verb(found, "turn", "last"))
+    words = f"first {_direction(found, verbs[0])}, then {_direction(found, verbs[1])}"
+    return (
+        f"{', '.join(filter(None, [words, shape]))}: {found.names['kind']} {verbs[0]} from "
+        f"{_at(found, 'first')} to {_at(found, 'turn')} and {verbs[1]} to {_at(found, 'last')}"
+        f"{_frequency(found)}"
+    )
+
+
+@says("course-not-resolved")
+def _(found: Finding) -> str:
+    return (
+        f"no change with amplitude that this test resolves: {found.names['kind']} is {_at(found, 'first')} "
+        f"and {_at(found, 'last')}, a difference of {quantity(found, 'change', 2)} ± "
+        f"{quantity(found, 'half_width', 2)}{_frequency(found)}"
+    )
+
+
+@says("course-from-zero")
+def _(found: Finding) -> str:
+    return f"{_head(found)} comes up from zero to {_at(found, 'last')}{_frequency(found)}"
+
+
+@says("course-changes-sign")
+def _(found: Finding) -> str:
+    return f"{_head(found)} {_verb(found)} {_from_to(found)}, and changes its sign{_frequency(found)}"
+
+
+@says("course-negative")
+def _(found: Finding) -> str:
+    does = "drives the motion" if found.names["kind"] == "damping" else "pushes away from rest"
+    return f"{_head(found)} {_verb(found)} {_from_to(found)}: negative, it {does}{_frequency(found)}"
+
+
+@says("course-by-factor")
+def _(found: Finding) -> str:
+    factor = f"a factor of {found['factor']:.2g}"
+    return f"{_head(found)} {_verb(found)} {_from_to(found)}, {factor}{_frequency(found)}"
+
+
+@says("course-by-share")
+def _(found: Finding) -> str:
+    share = f"{number(100 * found['share'], 2)} %"
+    return f"{_head(found)} {_verb(found)} by {share}, {_from_to(found)}{_frequency(found)}"
+
+
+@says("mean-moves")
+def _(found: Finding) -> str:
+    return (
+        f"the mean moves to {quantity(found, 'mean', 2)} at {quantity(found, 'amplitude', 2)}, "
+        f"{number(100 * found['share'], 2)} % of the amplitude"
+    )
+
+
+@says("element-not-identifiable")
+def _(found: Finding) -> str:
+    return f"not identifiable from this test: {found.names['parameters']}"
+
+
+@says("element-without-force")
+def _(_: Finding) -> str:
+    return "no force over the tested amplitudes"
+
+
+@says("swing-about-mean")
+def _(found: Finding) -> str:
+    swing = (
+        f"at the largest response the displacement swings from {quantity(found, 'low')} to "
+        f"{quantity(found, 'high')} about a mean of {quantity(found, 'mean')}"
+    )
+    if "stiffness_ratio" not in found.numbers:
+        return swing
+    return (
+        f"{swing}; the energy at the two turning points is the same when damping is light, so the stiffness "
+        "on the positive side is about (negative peak / positive peak)² = "
+        f"{found['stiffness_ratio']:.3g} times that on the negative side"
+    )

@@ -1,0 +1,81 @@
+"""Sentences of a page about the whole: the verdict, the test, the proof of a derivation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rsgen.comparison import FORCE_KEYS, Comparison
+from rsgen.figures import count_text, number_text, quantity_text
+from rsgen.surface import ResponseSurface
+
+__all__ = ["error_text", "proof_sentence", "surface_sentence", "verdict_sentence"]
+
+
+def error_text(error: float | None, digits: int = 2) -> str:
+    """Print a relative error in per cent.
+
+    Examples
+    --------
+    >>> error_text(0.0026), error_text(None)
+    ('0.26 %', '–')
+    """
+    return "–" if error is None or not math.isfinite(error) else f"{number_text(100 * error, digits)} %"
+
+
+def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str:
+    """Say in one line whether the case is accepted.
+
+    Parameters
+    ----------
+    misfit
+        By how much of their size the law misses force and response, where that is more than noise; None where
+        the law fits.
+    """
+    judged = [row for row in comparison.rows if row.tolerance is not None]
+    if not judged:
+        parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
+        identified = sum(row.refined.identifiable for row in parameters)
+        known = any(math.isfinite(row.true) for row in parameters)
+        why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
+        counted = f"{identified} of {count_text(len(parameters), 'parameter')}"
+        if misfit is not None:
+            size = error_text(misfit)
+            return f"The law misses the test by {size}: {counted} identified, their intervals do not hold"
+        return f"Identified: {counted}, {why}"
+    missed = [row.name for row in judged if not row.passed]
+    if missed:
+        return f"Not accepted: {', '.join(missed)} outside tolerance"
+    worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
+    counted = {1: "the one judged value", 2: "both judged values"}.get(
+        len(judged), f"all {len(judged)} values"
+    )
+    return f"Accepted: {counted} within tolerance, largest error {error_text(worst)}"
+
+
+def surface_sentence(surface: ResponseSurface) -> str:
+    """Say how many points of which levels and frequencies the test has, and whether they settled."""
+    settled = int(np.count_nonzero(surface.settled))
+    made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
+    lowest, highest = (quantity_text(float(f(surface.level)), surface.level_unit) for f in (np.min, np.max))
+    forces = f"from {lowest} to {highest}" if len(surface.levels) > 1 else f"of {highest}"
+    was = "was" if len(surface) == 1 else "were"
+    text = (
+        f"{count_text(len(surface), 'test point')} {was} {made}: {count_text(len(surface.levels), 'level')} "
+        f"{forces}, {number_text(surface.frequency.min(), 5)} to "
+        f"{number_text(surface.frequency.max(), 5)} Hz, "
+        f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')}. "
+    )
+    if settled == len(surface):
+        return text + "All of them settled."
+    return text + f"{len(surface) - settled} did not settle and are not used."
+
+
+def proof_sentence(closed_form: bool, checked_to: float | None) -> str:
+    """Say how a describing function was proved, and to which relative deviation [1]."""
+    form = "closed form" if closed_form else "by quadrature, no closed form is known"
+    if checked_to is None or not math.isfinite(checked_to):
+        return form
+    deviation = number_text(checked_to, 2)
+    return f"{form}; checked against independent quadrature, largest relative deviation {deviation}"
