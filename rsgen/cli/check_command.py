@@ -68,15 +68,11 @@ def _describe(plan: dict[str, Any]) -> str:
     names = ", ".join(plan["identifies"])
     levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
     if plan["kind"] == "simulated":
-        return (
-            f"{plan['case']}: {levels} x {plan['frequencies']} frequencies = {plan['points']} "
-            f"points to simulate; {_takes(plan)}; identifies {names}"
-        )
-    band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
-    return (
-        f"{plan['case']}: {plan['points']} measured points at {levels}, {band}, "
-        f"sweep {', '.join(plan['sweeps'])}; {_takes(plan)}; identifies {names}"
-    )
+        what = f"{levels} x {plan['frequencies']} frequencies = {plan['points']} points to simulate"
+    else:
+        band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
+        what = f"{plan['points']} measured points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
+    return f"{plan['case']}: {what}; {_takes(plan)}; identifies {names}"
 
 
 def check_command(cases: list[Path], data: Path | None, json: bool) -> int:

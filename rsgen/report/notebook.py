@@ -27,6 +27,10 @@ from rsgen.surface import ResponseSurface
 __all__ = ["build_notebook", "known_results", "literal", "prose", "write_notebook"]
 
 _SURFACE_FILE = "surface.h5"
+_METADATA = {
+    "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
+    "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
+}
 _CELL = re.compile(r"^--- (?P<kind>markdown|code) (?P<id>[a-z0-9-]+)\n", flags=re.MULTILINE)
 # what markdown, mathematics in markdown, or HTML gives a meaning to inside a line
 _MARKED = re.compile(r"[\\`*_{}\[\]<>&$~#|!@:]")
@@ -134,17 +138,12 @@ def build_notebook(
     )
     pieces = _CELL.split(text)[1:]
     write: Any = nbformat.v4  # its functions have no types
-    cells = []
-    for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True):
-        make = write.new_code_cell if kind == "code" else write.new_markdown_cell
-        cells.append(make(body.strip("\n"), id=name))
-    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells)
-    notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
-    notebook.metadata["language_info"] = {
-        "name": "python",
-        "file_extension": ".py",
-        "mimetype": "text/x-python",
-    }
+    make = {"code": write.new_code_cell, "markdown": write.new_markdown_cell}
+    cells = [
+        make[kind](body.strip("\n"), id=name)
+        for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
+    ]
+    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
     return notebook
 
 
