@@ -65,6 +65,17 @@ def test_bands_are_as_wide_as_the_noise_makes_them() -> None:
     assert 0.4 < np.median(np.abs(np.concatenate(pulls))) < 1.0
 
 
+@pytest.mark.parametrize("zeta", [0.01, 0.02, 0.03])
+def test_a_decay_of_a_few_percent_of_damping_is_followed(zeta: float) -> None:
+    t = np.arange(0, 0.16 / zeta, 1 / RATE)
+    natural = 2 * np.pi * 10
+    x = np.exp(-zeta * natural * t) * np.cos(natural * np.sqrt(1 - zeta**2) * t)
+    found = follow_decay(TimeHistory(RATE, None, x), mass=1.0)
+    np.testing.assert_allclose(found.stiffness, natural**2, rtol=1e-4)
+    np.testing.assert_allclose(found.damping, 2 * zeta * natural, rtol=1e-3)
+    assert np.max(found.amplitude) > 3 * np.min(found.amplitude)
+
+
 def test_without_mass_all_is_per_mass_and_no_force_is_made_up() -> None:
     history = TimeHistory(RATE, None, decay("linear"), label="tap.csv")
     found = follow_decay(history)
