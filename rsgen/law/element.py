@@ -21,8 +21,23 @@ UNNAMED = "law"
 """Name of the element that a formula without a name becomes."""
 
 
+class _Summand:
+    """A force n(x, v) that can be added to others and shows itself in a notebook."""
+
+    __slots__ = ()
+
+    def __add__(self, other: LawLike) -> Law:
+        return _sum(self, other)
+
+    def __radd__(self, other: LawLike) -> Law:
+        return _sum(other, self)
+
+    def _repr_latex_(self) -> str:
+        return f"$n(x, v) = {latex(_as_law(self).force)}$"
+
+
 @dataclass(frozen=True, slots=True)
-class Element:
+class Element(_Summand):
     """A spring or damper: its name and its force law [N] in x [m] and v [m/s]; symbolic only.
 
     ``parameters`` are the free symbols of the law other than x and v, sorted by name. ``+`` adds two elements
@@ -32,15 +47,6 @@ class Element:
     name: str
     force: sympy.Expr
     parameters: tuple[str, ...]
-
-    def __add__(self, other: LawLike) -> Law:
-        return _sum(self, other)
-
-    def __radd__(self, other: LawLike) -> Law:
-        return _sum(other, self)
-
-    def _repr_latex_(self) -> str:
-        return f"$n(x, v) = {latex(self.force)}$"
 
 
 def make_element(name: str, force: str | sympy.Expr) -> Element:
@@ -144,7 +150,7 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Law:
+class Law(_Summand):
     """A force law n(x, v) [N] in displacement x [m] and velocity v [m/s]; every other name is a parameter.
 
     ``law + other`` adds two laws, where ``other`` may also be a formula or an element. Parameters of one name
@@ -255,24 +261,15 @@ class Law:
         places = {symbol(old): symbol(check_name(new)) for old, new in renames.items()}
         return make_element(name or self.name or UNNAMED, self.force.xreplace(places))
 
-    def __add__(self, other: LawLike) -> Law:
-        return _sum(self, other)
-
-    def __radd__(self, other: LawLike) -> Law:
-        return _sum(other, self)
-
     def __repr__(self) -> str:
         return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''})"
-
-    def _repr_latex_(self) -> str:
-        return f"$n(x, v) = {latex(self.force)}$"
 
 
 LawLike = str | Element | Law
 """What can be taken as a law: a formula, an element, a law."""
 
 
-def _as_law(law: LawLike) -> Law:
+def _as_law(law: object) -> Law:
     if isinstance(law, Law):
         return law
     if isinstance(law, Element):
@@ -282,7 +279,7 @@ def _as_law(law: LawLike) -> Law:
     raise RsgenError(f"law: {law!r:.80} is none; a formula, an Element or a Law is needed")
 
 
-def _sum(first: LawLike, second: LawLike) -> Law:
+def _sum(first: object, second: object) -> Law:
     a, b = _as_law(first), _as_law(second)
     return Law(
         f"{a.formula} + {b.formula}",
