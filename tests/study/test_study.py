@@ -295,7 +295,8 @@ def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
 def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
     run = run_case(write_case(tmp_path, accept="-1"), tmp_path / "out")
     assert run.passed is None
-    assert run.faults == ("small.toml: accept.k: is -1; a number above 0 is needed",)
+    (fault,) = run.faults
+    assert fault.startswith("small.toml: accept.k: is -1; a number above 0 ")
     assert not (tmp_path / "out").exists()
 
 
