@@ -10,6 +10,7 @@ from rsgen.errors import RsgenError
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.ranking import Ranking, rank
+from rsgen.report.wording import sentence
 from rsgen.study import obtain_surface
 from rsgen.surface import ResponseSurface, load_surface
 from rsgen.units import parameter_units
@@ -35,7 +36,8 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
             {
                 "case": name,
                 "fits": ranking.fits,
-                "verdict": list(ranking.verdict),
+                "verdict": [sentence(finding) for finding in ranking.findings],
+                "findings": [finding.to_dict() for finding in ranking.findings],
                 "noise": ranking.noise,
                 "unexplained": ranking.unexplained,
                 "candidates": [
@@ -54,8 +56,8 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
         )
         return ACCEPTED
     print_block("", str(ranking))
-    for line in ranking.verdict:
-        print_line(line)
+    for finding in ranking.findings:
+        print_line(sentence(finding))
     print_line(f"best: {ranking.candidates[0].force}")
     print_line(f"with {_values(ranking)}")
     return ACCEPTED

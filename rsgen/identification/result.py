@@ -18,7 +18,7 @@ from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 
 if TYPE_CHECKING:
-    from rsgen.ranking.ranking_result import Ranking
+    pass
 
 __all__ = [
     "Background",
@@ -270,7 +270,7 @@ class Identification(Printed):
     restoring
         Forces without a law; None where the points do not suffice.
     ranking
-        Candidate laws compared on the same test; None where none were.
+        The ``rsgen.ranking.Ranking`` that chose the law; None where the law was given.
     solution
         (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
         parameters that are not identifiable. Predictions use it.
@@ -294,7 +294,7 @@ class Identification(Printed):
     outcome: Finding
     findings: tuple[Finding, ...] = ()
     restoring: RestoringForce | None = None
-    ranking: Ranking | None = None
+    ranking: Any = None
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
 

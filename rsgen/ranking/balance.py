@@ -126,14 +126,14 @@ class Rows:
         (n, 2H+1) of a unit mass.
     right
         (n, 2H+1) what laws and inertia have to balance.
-    told
+    compared
         (2H+1,) False for rows that only serve to find a harmonic that was not measured.
     """
 
     trajectory: tuple[Array, Array, Array, Array]
     inertia: Array
     right: Array
-    told: NDArray[np.bool_]
+    compared: NDArray[np.bool_]
     _project: Array
     _known: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
 
@@ -160,7 +160,7 @@ class Rows:
         """Keep some points."""
         x, v, a, step = (part[chosen] for part in self.trajectory)
         return Rows(
-            (x, v, a, step), self.inertia[chosen], self.right[chosen], self.told, self._project[chosen]
+            (x, v, a, step), self.inertia[chosen], self.right[chosen], self.compared, self._project[chosen]
         )
 
 

@@ -18,9 +18,11 @@ __all__ = ["Fitted", "Guess", "fit_rows"]
 Array = NDArray[np.float64]
 
 _STEPS = 8
+"""Gauss-Newton steps: candidates start near, and a ranking needs no more digits than its noise."""
+
 _HALVINGS = 4
-_TOLD = 1e-13
-"""Eigenvalue of scaled normal equations, relative to the largest, beneath which a direction is not told."""
+_SINGULAR = 1e-13
+"""Eigenvalue of scaled normal equations, relative to the largest, below which it counts as zero."""
 
 _GAIN = 0.05
 """A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""
@@ -73,24 +75,24 @@ class Fitted:
         (n, 2H+1) what is left of the balance, in units of the noise.
     unseen
         (n, 2H+1) the same with each level predicted by the parameters that the other levels give.
-    told
+    compared
         (2H+1,) which rows count.
     """
 
     guess: Guess
     residual: Array
     unseen: Array
-    told: NDArray[np.bool_]
+    compared: NDArray[np.bool_]
 
     @property
     def misfit(self) -> float:
         """Sum of squares."""
-        return float(np.sum(self.residual[:, self.told] ** 2))
+        return float(np.sum(self.residual[:, self.compared] ** 2))
 
     @property
     def bic(self) -> float:
         """Bayesian information criterion (Schwarz 1978) for noise of known size."""
-        return self.misfit + len(self.guess.values) * float(np.log(self.residual[:, self.told].size))
+        return self.misfit + len(self.guess.values) * float(np.log(self.residual[:, self.compared].size))
 
 
 class _Balance:
@@ -114,8 +116,7 @@ class _Balance:
         if self.mass is None:
             matrix[:, :, -1] = rows.inertia
         for law, place in zip(self.laws, self.places, strict=True):
-            own = values[place]
-            force, slopes = rows.along(law, own)
+            force, slopes = rows.along(law, values[place])
             residual = residual - force
             # an element may share a parameter with another
             for i, j in enumerate(place):
@@ -181,7 +182,7 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
     fitted = Guess(guess.name, guess.elements, values, guess.limits, guess.dissipates)
-    return Fitted(fitted, residual, _unseen(residual, matrix, rows, level), rows.told)
+    return Fitted(fitted, residual, _unseen(residual, matrix, rows, level), rows.compared)
 
 
 def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
@@ -195,20 +196,20 @@ def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> 
 
 def _normal(residual: Array, matrix: Array, rows: Rows) -> tuple[Array, Array]:
     """Normal equations (q, q), (q,) of a Gauss-Newton step."""
-    flat = matrix[:, rows.told].reshape(residual[:, rows.told].size, matrix.shape[2])
-    return flat.T @ flat, flat.T @ residual[:, rows.told].reshape(-1)
+    flat = matrix[:, rows.compared].reshape(residual[:, rows.compared].size, matrix.shape[2])
+    return flat.T @ flat, flat.T @ residual[:, rows.compared].reshape(-1)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solve scaled normal equations, with the smallest step where they do not tell."""
+    """Solve scaled normal equations, with the smallest step where they are singular."""
     size = np.sqrt(np.diag(matrix))
     size = np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=_TOLD, hermitian=True)
+    inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=_SINGULAR, hermitian=True)
     return np.asarray(inverse @ (right / size)) / size
 
 
 def _cost(residual: Array, rows: Rows) -> float:
-    cost = float(np.sum(residual[:, rows.told] ** 2))
+    cost = float(np.sum(residual[:, rows.compared] ** 2))
     return cost if np.isfinite(cost) else np.inf
 
 

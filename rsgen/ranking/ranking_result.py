@@ -1,19 +1,17 @@
-"""What a comparison of laws hands on: candidates, best first, and a verdict in words."""
+"""The result of a ranking: candidates, best first, with findings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
+from rsgen.identification import Identification, identify
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
-
-if TYPE_CHECKING:
-    from rsgen.identification.result import Identification
 
 __all__ = ["Candidate", "Ranking"]
 
@@ -25,7 +23,7 @@ class Candidate:
     Parameters
     ----------
     name
-        Laws of the library in it; all have a linear spring and a viscous damper.
+        Laws of the library that it adds to a linear spring and damper; or as it was given.
     force
         The whole law in x and v, in rsgen's language.
     parameters
@@ -35,7 +33,7 @@ class Candidate:
     bic
         Bayesian information criterion, relative to the lowest; 6 and more is strong evidence against.
     tied
-        True where the test does not tell it from the best.
+        True where the test does not separate it from the best.
     values
         Of the parameters, SI, "m" where the mass is free: good to start from, without intervals.
     """
@@ -63,11 +61,11 @@ class Ranking(Printed):
     model
         The best law as a model for ``identify``.
     fits
-        False where even the best leaves more than noise, beside a few points that the verdict counts, or
+        False where even the best leaves more than noise, except at a few points that a finding counts, or
         where its mass is negative or the structure would feed energy into the exciter.
-    verdict
-        Sentences: what no passive structure does; the best, what cannot be told from it, or that none fits
-        and where; what makes the ranking less certain.
+    findings
+        What no passive structure does; the best law, and those the test does not separate from it, or that
+        none fits and where; what makes the ranking less certain.
     noise
         Relative noise of force and response on which the comparison rests [1]: what neighbours in frequency
         do not share.
@@ -80,7 +78,7 @@ class Ranking(Printed):
     candidates: tuple[Candidate, ...]
     model: Model
     fits: bool
-    verdict: tuple[str, ...]
+    findings: tuple[Finding, ...]
     noise: float
     unexplained: float
     surface: ResponseSurface | None = None
@@ -98,14 +96,9 @@ class Ranking(Printed):
         if self.surface is None:
             raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
-            # imported here: the flow of an identification imports this record
-            from rsgen.identification.identify import identify
-
-            found = replace(identify(self.surface, self.model), ranking=self)
-            if not self.fits:
-                doubts = (Finding("note", "error", names={"text": text}) for text in self.verdict)
-                found = replace(found, findings=(*doubts, *found.findings))
-            self._best.append(found)
+            found = identify(self.surface, self.model)
+            findings = found.findings if self.fits else (*self.findings, *found.findings)
+            self._best.append(replace(found, ranking=self, findings=findings))
         return self._best[0]
 
     def __getitem__(self, name: str) -> Candidate:

@@ -18,7 +18,7 @@ from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_mot
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
-__all__ = ["LEAST", "Reference", "first_rows", "follow", "neighbour_noise", "standing_out"]
+__all__ = ["NOISE_FLOOR", "Reference", "first_rows", "follow", "neighbour_noise", "outlying"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -33,6 +33,8 @@ SAMPLES = 128
 """A period; laws are compared along one waveform, so that coarse sampling cancels."""
 
 _STEPS = 12
+"""Gauss-Newton steps of a candidate that is to lead: one that needs more is not near."""
+
 _ACCURACY = 3e-5
 """Of the simulated amplitude, far less than the least noise of a ranking."""
 
@@ -40,24 +42,32 @@ _AGAIN = 2
 """Times that a law is fitted along its simulated motion and simulated anew."""
 
 _NOISE = 1e-2
-_MOVE = 1e-3
-_FLAT = 1e-2
-_FARTHEST = 0.2
-_NEAR = 0.02
-"""The force that holds an amplitude is found by one secant step; a response farther from it is left out."""
+"""Relative noise before any is known."""
 
+_MOVE = 1e-3
+"""Relative change of the force for the secant step that finds the force which holds an amplitude."""
+
+_FLAT = 1e-2
+"""Least growth of the amplitude with the force at which that step is taken."""
+
+_FARTHEST = 0.2
+"""Largest such step, in the logarithm of the force."""
+
+_NEAR = 0.02
+"""Points whose simulated amplitude is farther from the measured one take no part."""
 
 _CLEARLY = 0.7
+"""Second differences smaller than this share of the first ones measure the noise better."""
 
 _HOPELESS = 0.02
 """Where a law leaves more of the force than any truncated waveform does, it need not be simulated."""
 
-LEAST = 1e-3
-"""Relative noise below which laws are not told apart: what is left of corners and of the simulation."""
+NOISE_FLOOR = 1e-3
+"""Least relative noise of a ranking: corners and the simulation leave as much."""
 
 _FAR = 8.0
 _FEW = 0.05
-"""Points so many standard deviations off decide nothing as long as they are so few."""
+"""Points farther off than this many standard deviations decide nothing while they are at most this share."""
 
 _OUTER = 0.2
 """Share of the points on either side that do not decide whether a law is hopeless."""
@@ -72,7 +82,7 @@ class Reference:
 
     Parameters
     ----------
-    kept
+    chosen
         Indices of these points.
     motion
         Predicted, nearest to the measured.
@@ -80,7 +90,7 @@ class Reference:
         Whose motion it is.
     """
 
-    kept: NDArray[np.intp]
+    chosen: NDArray[np.intp]
     motion: ReferenceMotion
     law: ForceLaw
     values: Array
@@ -96,8 +106,8 @@ class Reference:
         return make_rows(self.motion, self.law, self.values, self.mass, noise, samples=SAMPLES, balanced=True)
 
     def select(self, chosen: NDArray[np.intp]) -> Reference:
-        """Keep some of the points kept."""
-        return replace(self, kept=self.kept[chosen], motion=self.motion.select(chosen))
+        """Keep some of the points chosen."""
+        return replace(self, chosen=self.chosen[chosen], motion=self.motion.select(chosen))
 
     @property
     def feeds(self) -> bool:
@@ -168,17 +178,17 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
         exact = _simulated(points, best, found, mass)
         if exact is not None:
             return exact
-    kept = np.flatnonzero(_followed(found))
-    if len(kept) < _FOLLOWED * len(points):
+    chosen = np.flatnonzero(_followed(found))
+    if len(chosen) < _FOLLOWED * len(points):
         return None
     motion = predicted_motion(
-        points.select(kept), found.harmonics[kept], found.force[kept], found.turn[kept], ORDER
+        points.select(chosen), found.harmonics[chosen], found.force[chosen], found.turn[chosen], ORDER
     )
-    return Reference(kept, motion, law, found.values, found.mass)
+    return Reference(chosen, motion, law, found.values, found.mass)
 
 
 def _shared(points: Points, found: Fit) -> float:
-    """Root mean square of the relative misfit of the force that neighbours share, beside a few points."""
+    """Root mean square of the relative misfit of the force that neighbours share, without extreme points."""
     misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
     first, second = misfit[points.neighbours].T
     common = np.sort((first * np.conj(second)).real)
@@ -202,10 +212,10 @@ def _simulated(points: Points, best: Guess, found: Fit, mass: float | None) -> R
         if reference is None:
             return None
         noise = np.full(ORDER + 1, _NOISE)
-        rows, level = reference.rows(noise), points.level[reference.kept]
+        rows, level = reference.rows(noise), points.level[reference.chosen]
         guess = replace(best, values=reference.named(mass))
         own = fit_rows(guess, rows, level, mass)
-        out = None if own is None else standing_out(own, noise)
+        out = None if own is None else outlying(own, noise)
         if out is not None and out.any():
             inside = np.flatnonzero(~out)
             own = fit_rows(guess, rows.select(inside), level[inside], mass)
@@ -252,36 +262,38 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -
     except RsgenError:
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < _NEAR
-    kept = np.flatnonzero(good & states.settled & near)
-    if len(kept) < _FOLLOWED * len(points):
+    chosen = np.flatnonzero(good & states.settled & near)
+    if len(chosen) < _FOLLOWED * len(points):
         return None
     # to a fundamental of phase zero
-    lag = np.angle(states.harmonics[kept, 1])
-    harmonics = states.harmonics[kept] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
+    lag = np.angle(states.harmonics[chosen, 1])
+    harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
     motion = predicted_motion(
-        points.select(kept), harmonics, drive[kept] * np.exp(-1j * lag), found.turn[kept] + lag, ORDER
+        points.select(chosen), harmonics, drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag, ORDER
     )
-    return Reference(kept, motion, law, values, mass)
+    return Reference(chosen, motion, law, values, mass)
 
 
-def standing_out(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
+def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
     """(n,) True for a few points that a law leaves far more of than of the others; none where they are many.
 
     Such a point tells of itself, a spike or a motion that the simulation misses, not of the law.
     """
-    size = np.abs(fitted.residual[:, fitted.told])
-    least = (LEAST / np.repeat(noise, 2)[1:])[fitted.told]
+    size = np.abs(fitted.residual[:, fitted.compared])
+    least = (NOISE_FLOOR / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
     out = np.asarray((size > _FAR * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
     return out if np.mean(out) <= _FEW else np.zeros_like(out)
 
 
-def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.bool_]) -> tuple[Array, Array]:
+def neighbour_noise(
+    residual: Array, pairs: NDArray[np.intp], compared: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     """Root mean square of mean, fundamental and harmonics (H+1,), and the part that neighbours do not share.
 
     Neighbours in frequency of one run share what a law leaves; noise they do not share. Where second
     differences are clearly smaller than first ones, the grid is coarse for the misfit: they tell the noise.
-    Without neighbours nothing is told: NaN.
+    Without neighbours nothing is compared: NaN.
     """
     if not len(pairs):
         unknown = np.full((residual.shape[1] + 1) // 2, np.nan)
@@ -297,6 +309,6 @@ def neighbour_noise(residual: Array, pairs: NDArray[np.intp], told: NDArray[np.b
     orders = np.repeat(np.arange((residual.shape[1] + 1) // 2), 2)[1:]
     result = []
     for power in (total, apart):
-        power = np.where(told, power, np.nan)
+        power = np.where(compared, power, np.nan)
         result.append(np.sqrt([np.mean(power[orders == h]) for h in range(orders[-1] + 1)]))
     return result[0], result[1]

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from rsgen.expression import parse
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.candidate_terms import Sum, Term
+from rsgen.ranking.sums import Sum, Term
 
 __all__ = ["Trial", "search_sums"]
 
 Array = NDArray[np.float64]
 
 _RIDGE = 1e-10
-"""Columns have unit size; beneath this share of it a combination of them is not told."""
+"""Columns have unit size; beneath this share of it a combination of them is not compared."""
 
 _BEAM = 24
-"""So many sums of the best are tried with one term more."""
+"""Best sums of each size that are tried with one term more."""
 
 _BASE = compile_law(parse("c*v + k*x"))
 
@@ -103,10 +103,10 @@ class _Columns:
                 variant = _Variant(trial, room, tuple(range(count, middle)), tuple(range(middle, end)))
                 self.variants[term.name].append(variant)
                 count = end
-        told = rows.told
-        matrix = np.concatenate(blocks, axis=2)[:, told].reshape(-1, count)
+        compared = rows.compared
+        matrix = np.concatenate(blocks, axis=2)[:, compared].reshape(-1, count)
         right = rows.right - (0.0 if mass is None else mass) * rows.inertia
-        flat = right[:, told].reshape(-1)
+        flat = right[:, compared].reshape(-1)
         norm = np.sqrt(np.sum(matrix**2, axis=0))
         self.norm = np.where(norm > 0, norm, 1.0)
         matrix = matrix / self.norm

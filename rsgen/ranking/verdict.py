@@ -1,4 +1,4 @@
-"""Does even the best law fit? What it leaves, beyond noise, and where; in sentences."""
+"""Does even the best law fit? What it leaves beyond noise, and where, as findings."""
 
 from __future__ import annotations
 
@@ -8,58 +8,53 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
-from rsgen.ranking.candidate_terms import library_terms
 from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.ranking_result import Candidate
-from rsgen.ranking.reference import neighbour_noise, standing_out
+from rsgen.ranking.reference import NOISE_FLOOR, neighbour_noise, outlying
+from rsgen.ranking.sums import library_terms
 
 __all__ = ["Judgement", "judge"]
 
 Array = NDArray[np.float64]
 
-_SURE = 5.0
+_SIGNIFICANT = 5.0
 """Standard deviations of the correlation between neighbours beyond which it is no accident."""
 
 _FUNDAMENTAL = 5e-3
-"""A law that leaves less of force and response is said to fit."""
+"""A law that leaves less of force and response fits: sensors are calibrated no better."""
 
 _HARMONIC = 1e-3
-_SHARE = 0.1
-"""A law that leaves less of a higher harmonic, relative to that harmonic, is said to fit."""
-
-_TOLD = 1e-3
-"""Noise below this is not told from what a ranking itself leaves."""
+_HARMONIC_SHARE = 0.1
+"""A law fits a higher harmonic of which it leaves less, relative to the fundamental or to that harmonic."""
 
 _MOST = 0.6
-"""The range is told in which so much of what is unexplained lies."""
-
-_WORSE = 1.5
-"""Levels predicted so many times worse than fitted are told."""
-
-_NAMED = 5
-"""Laws in a list."""
-
-_POINTS_EACH = 6
-"""Fewer points a parameter are few."""
+"""The reported range holds this share of what is unexplained."""
 
 _WHOLE = 0.75
-"""A range as wide as this share of the tested one tells nothing."""
+"""A range as wide as this share of the tested one says nothing."""
+
+_WORSE = 1.5
+"""Levels whose prediction is this many times worse than their fit are reported."""
+
+_POINTS_A_PARAMETER = 6
+"""Fewer points a parameter are few."""
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Whether the best law fits, what is unexplained (relative), and all that in sentences."""
+    """Whether the best law fits, what is unexplained (relative), and the findings."""
 
     fits: bool
     unexplained: float
-    sentences: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def judge(
     best: Fitted, points: Points, noise: Array, candidates: Sequence[Candidate], aside: int, feeds: bool
 ) -> Judgement:
-    """Put a ranking into words.
+    """Judge a ranking.
 
     Parameters
     ----------
@@ -76,67 +71,66 @@ def judge(
     feeds
         True where the structure would work on the exciter over most cycles.
     """
-    out = standing_out(best, noise)
+    out = outlying(best, noise)
     pairs = points.neighbours
     pairs = pairs[~out[pairs].any(axis=1)]
-    total, apart = neighbour_noise(best.residual, pairs, best.told)
+    total, apart = neighbour_noise(best.residual, pairs, best.compared)
     shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
     left = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
-    sure = correlation * np.sqrt(2 * max(len(pairs), 1)) > _SURE
-    count = min(len(left), points.harmonics.shape[1])
-    size = np.zeros(len(left))
-    size[:count] = np.sqrt(
-        np.mean(np.abs(points.harmonics[:, :count]) ** 2 / points.amplitude[:, None] ** 2, axis=0)
-    )
-    limit = np.maximum(_HARMONIC, _SHARE * size)
-    limit[:2] = _FUNDAMENTAL
-    missing = sure & (left > limit)
+    significant = correlation * np.sqrt(2 * max(len(pairs), 1)) > _SIGNIFICANT
+    missing = significant & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
-    sentences = list(absurd)
+    findings = list(absurd)
     if missing.any():
-        sentences += [
-            f"none of these fits: even the best, {candidates[0].name}, leaves {_percent(unexplained)} of "
-            "force and response unexplained (what neighbours do not share, noise or too fine for the grid: "
-            f"{_percent(float(noise[1]))})",
+        findings += [
+            Finding(
+                "no-law-fits",
+                "error",
+                numbers={"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))},
+                names={"law": candidates[0].name},
+            ),
             _where(best, points, pairs, missing, left),
-            "all of them assume one mode and a force of displacement and velocity alone: hysteresis, a "
-            "second mode, a background or a drift would leave this",
         ]
     else:
-        sentences += _fitting(
-            candidates, float(noise[1]), len(points), told=len(pairs) > 0, absurd=bool(absurd)
-        )
-    sentences += _flexible(best, noise, candidates)
-    sentences += _warned(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
-    fits = len(pairs) > 0 and not absurd and not missing.any()
-    return Judgement(fits, unexplained, tuple(sentences))
+        findings += _fitting(candidates, float(noise[1]), points, sure=len(pairs) > 0 and not absurd)
+    findings += _flexible(best, noise, candidates)
+    findings += _uncertain(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
+    return Judgement(len(pairs) > 0 and not absurd and not missing.any(), unexplained, tuple(findings))
 
 
-def _absurd(best: Candidate, feeds: bool) -> list[str]:
-    """Say what no passive structure does."""
-    wrong = []
-    if best.values.get("m", 1.0) <= 0:
-        wrong.append(f"the mass comes out negative ({best.values['m']:.3g} kg)")
+def _limits(points: Points, count: int) -> Array:
+    """(count,) what a law that fits may leave of mean, fundamental and harmonics, relative."""
+    known = min(count, points.harmonics.shape[1])
+    size = np.zeros(count)
+    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
+    size[:known] = np.sqrt(np.mean(relative, axis=0))
+    limits = np.maximum(_HARMONIC, _HARMONIC_SHARE * size)
+    limits[:2] = _FUNDAMENTAL
+    return np.asarray(limits)
+
+
+def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
+    """Find what no passive structure does."""
+    found = []
+    mass = best.values.get("m", 1.0)
+    if mass <= 0:
+        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(mass, "kg")}))
     if feeds:
-        wrong.append("the structure would feed energy into the exciter")
-    if not wrong:
-        return []
-    return [f"{' and '.join(wrong)}: is the sense of the phase right, and the sign of the sensor?"]
+        found.append(Finding("structure-feeds-exciter", "error"))
+    return found
 
 
-def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[str]:
-    """Say where the first predicts levels clearly worse than it fits them, or than others predict them."""
+def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
+    """Find where the first predicts levels clearly worse than it fits them, or than others predict them."""
     scale = np.repeat(noise, 2)[1:]
-    fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.told] ** 2)))
+    fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
-    if not first.held_out_error > _WORSE * max(fitted, _TOLD):
+    if not first.held_out_error > _WORSE * max(fitted, NOISE_FLOOR):
         return []
-    sentences = [
-        f"a level predicted from the others is off by {_percent(first.held_out_error)}, fitted with them by "
-        f"{_percent(fitted)}: some values rest on a single level, or the law is too flexible"
-    ]
+    numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
+    found = [Finding("levels-predicted-worse", "warning", numbers=numbers)]
     better = [
         candidate
         for candidate in candidates
@@ -145,93 +139,73 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     ]
     if better:
         least = min(better, key=lambda candidate: candidate.held_out_error)
-        sentences.append(f"{least.name} predicts levels better: off by {_percent(least.held_out_error)}")
-    return sentences
+        error = {"predicted": Quantity(least.held_out_error)}
+        found.append(Finding("other-law-predicts-better", "info", numbers=error, names={"law": least.name}))
+    return found
 
 
-def _warned(points: Points, parameters: int, out: int, aside: int) -> list[str]:
-    """Say what makes a ranking less certain than it looks."""
-    sentences = []
+def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Finding]:
+    """Find what makes a ranking less certain than it looks."""
+    found = []
     if out:
-        sentences.append(f"{out} of {len(points) + aside} points are left aside: no law follows them")
-    if len(points) < _POINTS_EACH * parameters:
-        sentences.append(
-            f"{len(points)} points are few for {parameters} parameters: more would tell more laws apart"
-        )
+        numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
+        found.append(Finding("ranking-points-aside", "warning", numbers=numbers))
+    if len(points) < _POINTS_A_PARAMETER * parameters:
+        numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
+        found.append(Finding("ranking-few-points", "warning", numbers=numbers))
     if len(np.unique(points.level)) < 2:
-        sentences.append("one level only: other levels would tell more laws apart")
-    return sentences
+        found.append(Finding("ranking-one-level", "warning"))
+    return found
 
 
-def _fitting(
-    candidates: Sequence[Candidate], noise: float, count: int, *, told: bool, absurd: bool
-) -> list[str]:
+def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, sure: bool) -> list[Finding]:
+    """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
-    size = f"looks like noise of {noise:.2g}" if noise > _TOLD else f"is less than {_TOLD:g}"
-    sentences = [
-        f"{best} {'comes nearest' if absurd else 'fits best'}: what it leaves of {count} points {size}"
-    ]
-    if not told:
-        sentences = [f"{best} comes nearest: points without neighbours do not tell whether it fits"]
+    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "floor": Quantity(NOISE_FLOOR)}
+    law = {"law": best}
+    if sure:
+        found = [Finding("law-fits-best", "info", numbers=numbers, names=law)]
+    elif len(points.neighbours):
+        found = [Finding("law-nearest", "info", numbers=numbers, names=law)]
+    else:
+        found = [Finding("law-nearest-unproved", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
-    sentences += [
-        f"{term.name} beside a linear spring is also {' and '.join(term.how.same)}"
+    found += [
+        Finding("laws-equal", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
         for term in library_terms()
         if term.how.same and term.name in inside
     ]
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]
-    # what contains another tied law says nothing new
+    # what contains another tied law adds nothing
     other = [
         name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
     ]
     if other:
-        sentences.append(f"cannot be told from it by this test: {_listed(other)}")
+        found.append(Finding("laws-not-separated", "info", names={"laws": "; ".join(other)}))
     if more:
-        sentences.append(f"adds nothing that the test shows: {_listed(more)}")
-    return sentences
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _percent(share: float) -> str:
-    return f"{share:.1%}" if share < 1 else "more than 100%"
+        found.append(Finding("laws-add-nothing", "info", names={"laws": "; ".join(more)}))
+    return found
 
 
 def _where(
     best: Fitted, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], left: Array
-) -> str:
-    """Say in which harmonic, at which frequencies and amplitudes what is unexplained lies."""
-    names = [f"{_order(h)} ({_percent(left[h])})" for h in np.flatnonzero(missing).tolist()]
+) -> Finding:
+    """Find in which harmonics, at which frequencies and amplitudes the unexplained part lies."""
+    numbers = {f"harmonic {h}": Quantity(float(left[h])) for h in np.flatnonzero(missing).tolist()}
     orders = np.repeat(np.arange(len(missing)), 2)[1:]
-    rows = best.told & missing[orders]
-    # noise is not shared by neighbours: their product is what the law leaves
+    rows = best.compared & missing[orders]
+    # neighbours do not share noise: their product is what the law leaves
     power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
-    frequency = points.omega / (2 * np.pi)
-    parts = [f"it is unexplained in the {_joined(names)}"]
-    span = _range(frequency[pairs].mean(axis=1), power)
-    if span is not None:
-        low, high = (f"{end:.4g}" for end in span)
-        parts.append(f"mostly near {low} Hz" if low == high else f"mostly between {low} and {high} Hz")
-    span = _range(points.amplitude[pairs].mean(axis=1), power)
-    if span is not None:
-        low, high = (f"{end:.3g}" for end in span)
-        parts.append(
-            f"at amplitudes near {low} m" if low == high else f"at amplitudes from {low} to {high} m"
-        )
-    return ", ".join(parts)
-
-
-def _order(h: int) -> str:
-    return "mean" if h == 0 else "fundamental" if h == 1 else f"harmonic {h}"
-
-
-def _joined(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    for name, values, unit in (
+        ("frequency", points.omega / (2 * np.pi), "Hz"),
+        ("amplitude", points.amplitude, "m"),
+    ):
+        span = _range(values[pairs].mean(axis=1), power)
+        if span is not None:
+            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
+    return Finding("misfit-place", "warning", numbers=numbers)
 
 
 def _range(values: Array, power: Array) -> tuple[float, float] | None:

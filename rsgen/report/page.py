@@ -29,7 +29,7 @@ from rsgen.report.page_tables import (
 )
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.subject import Subject
-from rsgen.report.wording import full_sentence
+from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence, verdict_sentence
 from rsgen.surface import ResponseSurface
 
@@ -143,7 +143,7 @@ def render_page(
         "resonance_table": resonance_table(identification),
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
-        "ranking_verdict": identification.ranking.verdict if identification.ranking is not None else (),
+        "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
         "provenance": list(provenance.items()),
         "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,

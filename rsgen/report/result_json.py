@@ -97,7 +97,8 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
         return None
     return {
         "fits": ranking.fits,
-        "verdict": list(ranking.verdict),
+        "verdict": [sentence(finding) for finding in ranking.findings],
+        "findings": [finding.to_dict() for finding in ranking.findings],
         "noise": _finite(ranking.noise),
         "unexplained": _finite(ranking.unexplained),
         "candidates": [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,11 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking import Ranking, identify_best, rank
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.candidate_terms import Sum, library_terms
 from rsgen.ranking.fitting import Guess, fit_rows
 from rsgen.ranking.reference import follow
 from rsgen.ranking.selection import search_sums
+from rsgen.ranking.sums import Sum, library_terms
+from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface, save_surface
 from tests.conftest import Answer
 from tests.oracles.memory import bouc_wen, two_masses
@@ -115,7 +117,7 @@ def test_none_fits_where_the_structure_is_another(beyond: ResponseSurface, noise
     ranking = rank(noisy(beyond, noise, 1) if noise else beyond, BASE)
     assert not ranking.fits
     assert ranking.unexplained > 0.01
-    text = "; ".join(ranking.verdict)
+    text = "; ".join(map(sentence, ranking.findings))
     assert "none of these fits" in text
     assert "Hz" in text
     assert "fundamental" in text
@@ -129,9 +131,8 @@ def test_the_misfit_is_looked_for_where_it_is() -> None:
     spoilt = changed(table, force=table.force * np.where(inside, 1.15, 1.0))
     ranking = rank(spoilt, BASE)
     assert not ranking.fits
-    (where,) = [sentence for sentence in ranking.verdict if "between" in sentence]
-    low, high = (float(part) for part in where.split("between ")[1].split(" Hz")[0].split(" and "))
-    assert 8.9 < low < high < 10.9
+    (place,) = [finding for finding in ranking.findings if finding.code == "misfit-place"]
+    assert 8.9 < place["frequency from"] < place["frequency to"] < 10.9
 
 
 # ---------------------------------------------------------------- what the numbers mean
@@ -144,7 +145,7 @@ def along() -> tuple[Points, Rows, Guess]:
     guess = Guess("own", model("combined").elements, truth("combined"))
     reference = follow(points, guess, None)
     assert reference is not None
-    assert len(reference.kept) == len(points)
+    assert len(reference.chosen) == len(points)
     return points, reference.rows(np.full(10, NOISE)), guess
 
 
@@ -153,7 +154,7 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) ->
     fitted = fit_rows(guess, rows, points.level, None)
     assert fitted is not None
     # the sum of squares of N unit normals is N, give or take sqrt(2 N)
-    count = fitted.residual[:, rows.told].size
+    count = fitted.residual[:, rows.compared].size
     assert abs(fitted.misfit - count) < 5 * np.sqrt(2 * count)
 
 
@@ -205,6 +206,24 @@ def test_friction_never_feeds_energy() -> None:
     friction = [c.values["Ff"] for c in ranking.candidates if "Ff" in c.values]
     assert friction
     assert min(friction) >= 0
+
+
+@pytest.mark.parametrize("friction", [0.2, -0.2])
+def test_a_candidate_whose_friction_feeds_energy_is_dropped(
+    along: tuple[Points, Rows, Guess], friction: float
+) -> None:
+    points, rows, guess = along
+    damper = make_element("friction", "Ff*sign(v)")
+    force, _ = rows.along(compile_law(damper.force), np.array([friction]))
+    candidate = Guess(
+        "with friction", (*guess.elements, damper), {**guess.values, "Ff": 0.0}, dissipates=(("Ff",),)
+    )
+    fitted = fit_rows(candidate, replace(rows, right=rows.right + force), points.level, None)
+    if friction < 0:
+        assert fitted is None
+    else:
+        assert fitted is not None
+        assert fitted.guess.values["Ff"] == pytest.approx(friction, rel=0.1)
 
 
 def test_every_law_of_the_library_takes_part() -> None:
@@ -342,3 +361,32 @@ def test_no_memoryless_law_fits_the_hysteretic_benchmark(
     ranking = rank(read_measurement(case.test), case.model)
     assert not ranking.fits
     assert ranking.unexplained > 0.01
+
+
+# ---------------------------------------------------------------- candidates of a user
+
+
+def test_candidates_of_a_user_compete() -> None:
+    ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
+    assert [candidate.name for candidate in ranking] == ["c*v + k*x + k3*x**3", "c*v + k*x"]
+    assert ranking.fits
+    assert ranking.best["k3"].value == pytest.approx(LAWS["cubic"][1]["kn"], rel=0.05)
+    assert ranking.best.ranking is ranking
+
+
+@pytest.mark.slow
+def test_candidates_of_a_user_compete_with_the_library() -> None:
+    ranking = rank(measured("cubic"), [rsgen.Law("k*x + k5*x**5 + c*v", "mine"), *laws])
+    assert ranking.candidates[0].name == "cubic-spring"
+    assert "mine" in {candidate.name for candidate in ranking}
+
+
+def test_laws_of_the_library_stand_on_a_linear_base() -> None:
+    ranking = rank(measured("coulomb"), [laws["coulomb"], laws["cubic-spring"]], mass=MASS)
+    assert ranking.candidates[0].name == "coulomb"
+    assert set(ranking.candidates[0].values) == {"k", "c", "Ff"}
+
+
+def test_no_candidate_is_refused() -> None:
+    with pytest.raises(RsgenError, match="no candidate given"):
+        rank(measured("cubic"), [])

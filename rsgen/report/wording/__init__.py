@@ -11,6 +11,7 @@ from rsgen.report.wording import (
     identification_sentences,
     law_sentences,
     prediction_sentences,
+    ranking_sentences,
     surface_sentences,
 )
 from rsgen.report.wording.sentences import CODES, full_sentence, sentence
@@ -21,6 +22,7 @@ __all__ = [
     "identification_sentences",
     "law_sentences",
     "prediction_sentences",
+    "ranking_sentences",
     "sentence",
     "surface_sentences",
 ]

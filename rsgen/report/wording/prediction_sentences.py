@@ -1,4 +1,4 @@
-"""Sentences about rankings and predictions."""
+"""Sentences about predictions."""
 
 from __future__ import annotations
 

@@ -1,0 +1,297 @@
+"""Which law? Candidates compared with the test and with each other.
+
+All candidates are compared along one motion, that of the best law so far; with a better law found the motion
+is taken anew, until the best law is the one whose motion it is. Along it every candidate is a fit of maximum
+likelihood, to second order in its distance from the best; a ranking of near candidates needs no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError
+from rsgen.expression import parse, symbol, write
+from rsgen.identification import Identification, identify
+from rsgen.identification.data import Points, select_points
+from rsgen.law.element import LawLike, make_element
+from rsgen.law.numeric import compile_law
+from rsgen.observation import Observation
+from rsgen.oscillator import Model
+from rsgen.ranking.balance import Rows
+from rsgen.ranking.competitors import MODEL, Entries, competitors, start_guess
+from rsgen.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.ranking.ranking_result import Candidate, Ranking
+from rsgen.ranking.reference import (
+    NOISE_FLOOR,
+    ORDER,
+    Reference,
+    first_rows,
+    follow,
+    neighbour_noise,
+    outlying,
+)
+from rsgen.ranking.verdict import judge
+from rsgen.surface import ResponseSurface
+
+__all__ = ["identify_best", "rank"]
+
+Array = NDArray[np.float64]
+
+_POINTS = 500
+"""Points, spread over the amplitude, that separate laws; more of them only narrow intervals."""
+
+_ROUNDS = 5
+"""Motions tried; the best law is nearly always the same from the second on."""
+
+_CLOSE = 3
+"""References tried where the best candidate cannot follow the measured motion."""
+
+_TIE = 6.0
+"""Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
+
+_SAME = 1e-3
+"""Forces that differ by less, relative to the largest, over the tested range are one law."""
+
+_FLEXIBLE = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
+"""Follows any law roughly: the background is fitted with it where a linear law would put its misfit there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Round:
+    """Candidates along the motion of one of them: ``leader`` is that one, fitted along it."""
+
+    reference: Reference
+    noise: Array
+    rows: Rows
+    leader: Fitted
+
+    def without(self, out: NDArray[np.bool_]) -> _Round:
+        """Leave some points aside."""
+        inside = np.flatnonzero(~out)
+        leader = replace(
+            self.leader, residual=self.leader.residual[inside], unseen=self.leader.unseen[inside]
+        )
+        return _Round(self.reference.select(inside), self.noise, self.rows.select(inside), leader)
+
+    def left(self, points: Points) -> float:
+        """What the leader leaves beyond noise, relative to force and response."""
+        pairs = _trusted(self.leader, self.noise, points.select(self.reference.chosen))
+        total, apart = neighbour_noise(self.leader.residual, pairs, self.leader.compared)
+        return float(np.sqrt(np.nansum(self.noise**2 * np.maximum(total**2 - apart**2, 0.0))))
+
+
+def rank(
+    surface: ResponseSurface,
+    candidates: Model | LawLike | Sequence[LawLike] | None = None,
+    observation: Observation | None = None,
+    *,
+    mass: float | None = None,
+) -> Ranking:
+    """Compare laws on a test.
+
+    Parameters
+    ----------
+    surface
+        Settled points of any test; held-out levels are left aside.
+    candidates
+        Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are tried beside a linear
+        spring and a linear damper, alone and in sums of up to three. A model competes with all of the
+        library. None: the library.
+    observation
+        How the structure was observed; None: as a model says.
+    mass
+        m [kg] where it is known; None: as a model says, and to be identified where that says nothing.
+
+    Returns
+    -------
+    Ranking
+        Best first, with findings; *none fits* where even the best leaves more than noise.
+
+    Raises
+    ------
+    RsgenError
+        No candidate, too few points, one frequency without a mass, no phase recorded, or no candidate
+        follows the test.
+    """
+    laws, terms, base = competitors(candidates)
+    base = replace(
+        base,
+        mass=base.mass if mass is None else mass,
+        observation=base.observation if observation is None else observation,
+    )
+    points = _points(surface, base)
+    if base.mass is None and np.ptp(points.omega) == 0:
+        raise RsgenError(
+            "ranking: tests at one frequency do not determine the mass: give it, or test at more frequencies"
+        )
+    given = tuple(start_guess(name, elements, points, base.mass) for name, elements in laws.items())
+    entries = Entries(given, terms, base.mass)
+    found = entries.fit(first_rows(points, compile_law(parse("c*v + k*x")), base.mass), points, first=True)
+    rounds: list[tuple[_Round, list[Fitted]]] = []
+    tried: list[str] = []
+    for _ in range(_ROUNDS):
+        current = _next_round(points, found, base.mass, rounds[-1][0].noise if rounds else None)
+        if current is None:
+            break
+        current, found = _compared(points, current, entries, found)
+        rounds.append((current, found))
+        name = current.leader.guess.name
+        if found[0].guess.name in (name, *tried):
+            break
+        tried.append(name)
+    if not rounds:
+        raise RsgenError("ranking: no candidate has steady states near the measured ones")
+    # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
+    left = [each.left(points) for each, _ in rounds]
+    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_FLOOR)
+    return _ranking(points, *rounds[best], base, surface)
+
+
+def identify_best(surface: ResponseSurface, model: Model) -> Identification:
+    """Rank, and identify the best law with intervals; the ranking is in the result.
+
+    Parameters
+    ----------
+    surface, model
+        As for ``rank``.
+
+    Raises
+    ------
+    RsgenError
+        As for ``rank`` and ``identify``.
+    """
+    return rank(surface, model).best
+
+
+def _points(surface: ResponseSurface, model: Model) -> Points:
+    """Part of the points, without the background that is fitted with the model's own law."""
+    if not surface.phase_known:
+        raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
+    points = select_points(surface, model)
+    if model.observation.background != "none":
+        if _is_linear(model.force):
+            model = replace(model, elements=(make_element("flexible", _FLEXIBLE),))
+        background = identify(surface, model).background
+        if background is not None:
+            points = background.shape(points.omega).subtract(points, background.values)
+    return points.select(points.spread(_POINTS))
+
+
+def _is_linear(force: sympy.Expr) -> bool:
+    """Whether a force is linear in displacement and velocity."""
+    states = symbol("x"), symbol("v")
+    return bool(force.is_polynomial(*states)) and sympy.Poly(force, *states).total_degree() <= 1
+
+
+def _next_round(
+    points: Points, candidates: list[Fitted], mass: float | None, before: Array | None
+) -> _Round | None:
+    """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
+    for fit in candidates[:_CLOSE]:
+        reference = follow(points, fit.guess, mass)
+        found = None if reference is None else _round(points, fit.guess, reference, mass, before)
+        if found is not None:
+            return found
+    return None
+
+
+def _round(
+    points: Points, guess: Guess, reference: Reference, mass: float | None, before: Array | None
+) -> _Round | None:
+    """Fit the law whose motion it is, and estimate the noise."""
+    noise = np.full(ORDER + 1, 1e-2) if before is None else before
+    chosen = points.select(reference.chosen)
+    guess = replace(guess, values=reference.named(mass))
+    for last in (False, False, True):
+        rows = reference.rows(noise)
+        leader = fit_rows(guess, rows, chosen.level, mass)
+        if leader is None or last:
+            break
+        _, apart = neighbour_noise(leader.residual, _trusted(leader, noise, chosen), rows.compared)
+        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOISE_FLOOR)
+    return None if leader is None else _Round(reference, noise, rows, leader)
+
+
+def _trusted(fitted: Fitted, noise: Array, points: Points) -> NDArray[np.intp]:
+    """Pairs of neighbours without those few points that stand out."""
+    pairs = points.neighbours
+    return pairs[~outlying(fitted, noise)[pairs].any(axis=1)]
+
+
+def _compared(
+    points: Points, current: _Round, entries: Entries, known: Sequence[Fitted]
+) -> tuple[_Round, list[Fitted]]:
+    """Fit the candidates; a few points that even the best cannot explain are left aside, at most twice."""
+    for last in (False, False, True):
+        known = entries.fit(current.rows, points.select(current.reference.chosen), first=False, known=known)
+        out = outlying(known[0], current.noise)
+        if last or not out.any():
+            break
+        current = current.without(out)
+    return current, list(known)
+
+
+def _ranking(
+    points: Points, current: _Round, candidates: list[Fitted], base: Model, surface: ResponseSurface
+) -> Ranking:
+    """Order the candidates, merge given laws with their like of the library, and judge the best."""
+    candidates = _merged(candidates, current.rows)
+    lowest = min(fit.bic for fit in candidates)
+    tied = [fit for fit in candidates if fit.bic - lowest < _TIE]
+    tied.sort(key=lambda fit: (len(fit.guess.values), fit.bic))
+    others = sorted((fit for fit in candidates if fit.bic - lowest >= _TIE), key=lambda fit: fit.bic)
+    ordered = [*tied, *others]
+    scale = np.repeat(current.noise, 2)[1:]
+    rows = [
+        Candidate(
+            fit.guess.name,
+            write(fit.guess.force),
+            len(fit.guess.values),
+            float(np.sqrt(np.mean((fit.unseen * scale)[:, fit.compared] ** 2))),
+            fit.bic - lowest,
+            fit.bic - lowest < _TIE,
+            dict(fit.guess.values),
+        )
+        for fit in ordered
+    ]
+    chosen = points.select(current.reference.chosen)
+    aside = len(points) - len(chosen)
+    judgement = judge(ordered[0], chosen, current.noise, rows, aside, current.reference.feeds)
+    return Ranking(
+        tuple(rows),
+        replace(base, elements=ordered[0].guess.elements),
+        judgement.fits,
+        judgement.findings,
+        float(current.noise[1]),
+        judgement.unexplained,
+        surface,
+    )
+
+
+def _merged(candidates: list[Fitted], rows: Rows) -> list[Fitted]:
+    """Drop sums of the library that are the model's law under another name, which that law takes."""
+    given = next((fit for fit in candidates if fit.guess.name == MODEL), None)
+    if given is None:
+        return candidates
+    x, v, a, step = (part[::7] for part in rows.trajectory)
+
+    def force(fit: Fitted) -> Array:
+        law = fit.guess.law
+        return law.sample(x, v, a, step, np.array([fit.guess.values[n] for n in law.parameters])).force
+
+    reference = force(given)
+    largest = float(np.max(np.abs(reference)))
+    like = [
+        fit for fit in candidates if fit is not given and len(fit.guess.values) == len(given.guess.values)
+    ]
+    apart = [float(np.max(np.abs(force(fit) - reference))) for fit in like]
+    if not apart or min(apart) > _SAME * largest:
+        return candidates
+    twin = like[int(np.argmin(apart))]
+    named = replace(given, guess=replace(given.guess, name=twin.guess.name))
+    return [named if each is given else each for each in candidates if each is not twin]

@@ -1,0 +1,126 @@
+"""Sentences about rankings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rsgen.finding import Finding
+from rsgen.report.wording.sentences import number, says
+
+_LISTED = 5
+"""Names in a list; the others are counted."""
+
+
+def _percent(share: float) -> str:
+    return f"{share:.1%}" if share < 1 else "more than 100 %"
+
+
+def _joined(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _listed(laws: str) -> str:
+    names = laws.split("; ")
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _between(low: float, high: float, unit: str) -> str:
+    one, two = number(low, 4), number(high, 4)
+    return f"near {one} {unit}" if one == two else f"between {one} and {two} {unit}"
+
+
+@says("mass-negative")
+def _(f: Finding) -> str:
+    return f"the mass comes out negative ({f['mass']:.3g} kg): {_SENSE}"
+
+
+@says("structure-feeds-exciter")
+def _(f: Finding) -> str:
+    return f"the structure would feed energy into the exciter: {_SENSE}"
+
+
+_SENSE = "is the sense of the phase right, and the sign of the sensor?"
+
+
+@says("no-law-fits")
+def _(f: Finding) -> str:
+    return (
+        f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
+        "and response unexplained (what neighbours do not share, noise or too fine for the grid: "
+        f"{_percent(f['noise'])}); all candidates assume one mode and a force of displacement and velocity "
+        "alone: hysteresis, a second mode, a background or a drift would leave this"
+    )
+
+
+@says("misfit-place")
+def _(f: Finding) -> str:
+    orders = [name for name in f.numbers if name.startswith("harmonic ")]
+    named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
+    parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in orders]
+    text = f"it is unexplained in the {_joined(parts or ['response'])}"
+    if "frequency from" in f.numbers:
+        text += f", mostly {_between(f['frequency from'], f['frequency to'], 'Hz')}"
+    if "amplitude from" in f.numbers:
+        text += f", at amplitudes {_between(f['amplitude from'], f['amplitude to'], 'm')}"
+    return text
+
+
+@says("law-fits-best")
+def _(f: Finding) -> str:
+    small = f["noise"] <= f["floor"]
+    size = f"is less than {f['floor']:g}" if small else f"looks like noise of {f['noise']:.2g}"
+    return f"{f.names['law']} fits best: what it leaves of {f['points']:g} points {size}"
+
+
+@says("law-nearest")
+def _(f: Finding) -> str:
+    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {f['points']:g} points"
+
+
+@says("law-nearest-unproved")
+def _(f: Finding) -> str:
+    return f"{f.names['law']} comes nearest: points without neighbours do not show whether it fits"
+
+
+@says("laws-equal")
+def _(f: Finding) -> str:
+    return f"{f.names['law']} with a linear spring is also {f.names['same']}"
+
+
+@says("laws-not-separated")
+def _(f: Finding) -> str:
+    return f"this test does not separate it from: {_listed(f.names['laws'])}"
+
+
+@says("laws-add-nothing")
+def _(f: Finding) -> str:
+    return f"these add nothing that the test shows: {_listed(f.names['laws'])}"
+
+
+@says("levels-predicted-worse")
+def _(f: Finding) -> str:
+    return (
+        f"a level predicted from the others is off by {_percent(f['predicted'])}, fitted with them by "
+        f"{_percent(f['fitted'])}: some values rest on a single level, or the law is too flexible"
+    )
+
+
+@says("other-law-predicts-better")
+def _(f: Finding) -> str:
+    return f"{f.names['law']} predicts levels better: off by {_percent(f['predicted'])}"
+
+
+@says("ranking-points-aside")
+def _(f: Finding) -> str:
+    return f"{f['aside']:g} of {f['points']:g} points are set aside: no law follows them"
+
+
+@says("ranking-few-points")
+def _(f: Finding) -> str:
+    return f"{f['points']:g} points are few for {f['parameters']:g} parameters: more would separate more laws"
+
+
+@says("ranking-one-level")
+def _(f: Finding) -> str:
+    return "one level only: other levels would separate more laws"
