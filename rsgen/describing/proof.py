@@ -83,7 +83,7 @@ def draw_trial(
             slot = np.arange(n) % (edges.shape[1] - 1)
             low, high = edges[np.arange(n), slot], edges[np.arange(n), slot + 1]
             spread = (low + (high - low) * rng.uniform(0.05, 0.95, n)) * min(1.0, shrink**0.5)
-            # coinciding thresholds leave no room between them
+            # coinciding thresholds leave nothing between them
             amplitude = np.where(high - low > 1e-6 * high, spread, amplitude)
             cycle = cycle._replace(X=amplitude)
         found = project(force, form, parameters, cycle)
