@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.grid import Progress, in_parts, swept
+from rsgen.simulation.point_grid import Progress, in_parts, swept
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 

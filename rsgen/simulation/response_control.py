@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.errors import RsgenError
 from rsgen.kernel import Kernel, compile_kernel
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.grid import Progress, in_parts
 from rsgen.simulation.harmonic_balance import first_order_force
+from rsgen.simulation.point_grid import Progress, in_parts
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 from rsgen.steady_state.batches import map_batches

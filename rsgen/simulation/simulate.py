@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.grid import Progress, grid_of
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
+from rsgen.simulation.point_grid import Progress, grid_of
 from rsgen.simulation.response_control import ControlledStates, control_grid
 from rsgen.simulation.time_integration import integrate
 from rsgen.simulation.virtual_test import SimulatedTest

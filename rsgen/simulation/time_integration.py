@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.oscillator import Oscillator
-from rsgen.simulation.grid import Progress, in_parts, swept
+from rsgen.simulation.point_grid import Progress, in_parts, swept
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
