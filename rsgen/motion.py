@@ -54,7 +54,7 @@ class Motion:
     def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
         """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, samples), from t = 0 on.
 
-        ``samples`` must be at least 2 H.
+        ``samples`` must be more than 2 H.
         """
         spectrum = np.zeros((len(self), samples // 2 + 1), dtype=complex)
         spectrum[:, : len(self.orders)] = self.harmonics * (samples / 2)

@@ -223,13 +223,14 @@ class _Descent:
         problem, lag = self.problem, np.angle(response.harmonics[:, 1])
         values = problem.split(regression.parameters)[2]
         motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
+        # without a phase the points get the one in which the fundamental of the mode is real
         known = problem.observed.phase_known
         return Fit(
             problem,
             regression,
             response.force * np.exp(-1j * lag),
             motion.harmonics,
-            (regression.nuisance[:, 1] if known else np.zeros(len(lag))) + lag,
+            regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
             np.abs(problem.observed.seen(response, values)),
         )
 

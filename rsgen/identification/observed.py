@@ -290,10 +290,8 @@ class Observed:
         ]
 
     def phase_curvature(self, nuisance: Array, scale: Array, compared: Sequence[int]) -> Array:
-        """(n, M) second derivative of the prediction by the phase."""
+        """(n, M) second derivative of the prediction by the phase, where that was recorded."""
         none = np.zeros(len(nuisance))
-        if not self.phase_known:
-            return np.zeros((len(nuisance), 2))
         back = np.exp(-1j * nuisance[:, 1])
         twice = [none, none]
         twice += [h**2 * self.points.harmonics[:, h] * back**h / scale for h in compared]

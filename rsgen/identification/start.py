@@ -20,7 +20,7 @@ from rsgen.identification.forward import Response, following_harmonics, hold_amp
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
-from rsgen.identification.tolerances import NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import ANY_LAW, NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
@@ -52,9 +52,6 @@ _STRONG = 0.2
 
 _SOME = 3
 """At least as many points are no accident."""
-
-_ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
-"""Any law at one harmonic, roughly: enough to find phase error and background before the law is tried."""
 
 _TRIES = 12
 """Phase errors around the circle, places of a neighbour, steps of a fit that only compares starts, and times
@@ -224,7 +221,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     if not observed.background.names:
         return [np.zeros(0)]
     points = observed.points
-    law = compile_law(make_element("any", _ANY_LAW).force)
+    law = compile_law(make_element("any", ANY_LAW).force)
     few = replace(problem.select(points.spread(QUICK)), law=law)
     scanned = points.select(points.spread(_SCANNED))
     turns = 2 * np.pi * np.arange(_TRIES) / _TRIES - np.pi

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 __all__ = [
-    "CONFIDENCE", "DRAWN", "NOISY", "NULL_PART", "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED",
-    "SIGNIFICANT", "STIFFENING",
+    "ANY_LAW", "CONFIDENCE", "DRAWN", "NOISY", "NULL_PART", "QUICK", "ROUND_OFF", "SAMPLES",
+    "SAMPLES_SWITCHED", "SIGNIFICANT", "STIFFENING",
 ]  # fmt: skip
+
+ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
+"""Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
 
 CONFIDENCE = 0.975
 """One-sided probability of every interval and band: 95 % between both ends."""

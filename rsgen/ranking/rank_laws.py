@@ -18,7 +18,8 @@ from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol, write
 from rsgen.identification import Identification, identify
 from rsgen.identification.data import Points, select_points
-from rsgen.law.element import LawLike, make_element
+from rsgen.identification.tolerances import ANY_LAW
+from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
@@ -57,8 +58,8 @@ _TIE = 6.0
 _SAME = 1e-3
 """Forces that differ by less, relative to the largest, over the tested range are one law."""
 
-_FLEXIBLE = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
-"""Follows any law roughly: the background is fitted with it where a linear law would put its misfit there."""
+_FLEXIBLE = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
+"""Follow other laws roughly, with friction and without: where no law is given, they fit the background."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +125,7 @@ def rank(
         mass=base.mass if mass is None else mass,
         observation=base.observation if observation is None else observation,
     )
-    points = _points(surface, base)
+    points = _points(surface, base, tuple(laws.values()))
     if base.mass is None and np.ptp(points.omega) == 0:
         raise RsgenError(
             "ranking: tests at one frequency do not determine the mass: give it, or test at more frequencies"
@@ -168,15 +169,18 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     return rank(surface, model).best
 
 
-def _points(surface: ResponseSurface, model: Model) -> Points:
-    """Part of the points, without the background that is fitted with the model's own law."""
+def _points(surface: ResponseSurface, base: Model, given: Sequence[tuple[Element, ...]]) -> Points:
+    """Part of the points, without the background that is fitted with the law that leaves least."""
     if not surface.phase_known:
         raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
-    points = select_points(surface, model)
-    if model.observation.background != "none":
-        if _is_linear(model.force):
-            model = replace(model, elements=(make_element("flexible", _FLEXIBLE),))
-        background = identify(surface, model).background
+    points = select_points(surface, base)
+    if base.observation.background != "none":
+        # a linear law would put its misfit into the background
+        laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
+        if _is_linear(base.force):
+            laws += [as_elements(law) for law in _FLEXIBLE]
+        fits = [identify(surface, replace(base, elements=elements)) for elements in laws]
+        background = min(fits, key=lambda found: found.residual).background
         if background is not None:
             points = background.shape(points.omega).subtract(points, background.values)
     return points.select(points.spread(_POINTS))

@@ -381,6 +381,17 @@ def test_candidates_of_a_user_compete_with_the_library() -> None:
     assert "mine" in {candidate.name for candidate in ranking}
 
 
+def test_the_background_does_not_take_what_only_a_candidate_explains() -> None:
+    table = measured("coulomb", 0.0)
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 1] += 2e-4 * table.force
+    seen = changed(table, harmonics=harmonics)
+    candidates = ["k*x + c*v", "k*x + c*v + Ff*sign(v)"]
+    ranking = rank(seen, candidates, Observation(background="constant"))
+    assert ranking.fits
+    assert ranking.candidates[0].values["Ff"] == pytest.approx(LAWS["coulomb"][1]["Ff"], rel=1e-3)
+
+
 def test_laws_of_the_library_stand_on_a_linear_base() -> None:
     ranking = rank(measured("coulomb"), [laws["coulomb"], laws["cubic-spring"]], mass=MASS)
     assert ranking.candidates[0].name == "coulomb"
