@@ -1,4 +1,4 @@
-"""Every sentence that rsgen says about a result, one function a finding, a file a layer.
+"""Every sentence that rsgen says about a result: a file a layer, with a table of texts and a few functions.
 
 The numerical layers make findings (``rsgen.finding``); pages, notebooks, ``result.json`` and the command line
 take their sentences from here. Nothing reads a sentence back.
@@ -7,7 +7,7 @@ take their sentences from here. Nothing reads a sentence back.
 from __future__ import annotations
 
 # importing registers the sentences
-from rsgen.report.wording import (
+from rsgen.report.wording import (  # noqa: F401
     identification_sentences,
     law_sentences,
     prediction_sentences,
@@ -16,13 +16,4 @@ from rsgen.report.wording import (
 )
 from rsgen.report.wording.sentences import CODES, full_sentence, sentence
 
-__all__ = [
-    "CODES",
-    "full_sentence",
-    "identification_sentences",
-    "law_sentences",
-    "prediction_sentences",
-    "ranking_sentences",
-    "sentence",
-    "surface_sentences",
-]
+__all__ = ["CODES", "full_sentence", "sentence"]

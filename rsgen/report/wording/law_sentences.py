@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from rsgen.figures.scale import number_text, quantity_text
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import number, quantity, says
+from rsgen.report.wording.sentences import say_plainly, says
+
+say_plainly(
+    {
+        "mean-moves": "the mean moves to {mean:.2q} at {amplitude:.2q}, {share:.2p} of the amplitude",
+        "element-not-identifiable": "not identifiable from this test: {parameters}",
+        "element-without-force": "no force over the tested amplitudes",
+    }
+)
+
+
+def _quantity(found: Finding, name: str, digits: int = 3) -> str:
+    return quantity_text(*found.numbers[name], digits)
 
 
 def _at(found: Finding, end: str) -> str:
     """Value and amplitude of a point of the course."""
-    return f"{quantity(found, f'value_{end}')} at {quantity(found, f'amplitude_{end}', 2)}"
+    return f"{_quantity(found, f'value_{end}')} at {_quantity(found, f'amplitude_{end}', 2)}"
 
 
 def _frequency(found: Finding) -> str:
-    return f" (at {quantity(found, 'frequency')})" if "frequency" in found.numbers else ""
+    return f" (at {_quantity(found, 'frequency')})" if "frequency" in found.numbers else ""
 
 
 def _verb(found: Finding, start: str = "first", end: str = "last") -> str:
@@ -40,9 +53,9 @@ def _from_to(found: Finding) -> str:
 def _(found: Finding) -> str:
     linear = found.names["linear"] == "yes"
     word = "linear" if linear else "the same at every amplitude, though the law is not linear"
-    low, high = (quantity(found, f"amplitude_{end}", 2) for end in ("first", "last"))
+    low, high = (_quantity(found, f"amplitude_{end}", 2) for end in ("first", "last"))
     return (
-        f"{word}: {found.names['kind']} stays at {quantity(found, 'value', 4)} from {low} to {high}"
+        f"{word}: {found.names['kind']} stays at {_quantity(found, 'value', 4)} from {low} to {high}"
         f"{_frequency(found)}"
     )
 
@@ -62,8 +75,8 @@ def _(found: Finding) -> str:
 def _(found: Finding) -> str:
     return (
         f"no change with amplitude that this test resolves: {found.names['kind']} is {_at(found, 'first')} "
-        f"and {_at(found, 'last')}, a difference of {quantity(found, 'change', 2)} ± "
-        f"{quantity(found, 'half_width', 2)}{_frequency(found)}"
+        f"and {_at(found, 'last')}, a difference of {_quantity(found, 'change', 2)} ± "
+        f"{_quantity(found, 'half_width', 2)}{_frequency(found)}"
     )
 
 
@@ -91,33 +104,15 @@ def _(found: Finding) -> str:
 
 @says("course-by-share")
 def _(found: Finding) -> str:
-    share = f"{number(100 * found['share'], 2)} %"
+    share = f"{number_text(100 * found['share'], 2)} %"
     return f"{_head(found)} {_verb(found)} by {share}, {_from_to(found)}{_frequency(found)}"
-
-
-@says("mean-moves")
-def _(found: Finding) -> str:
-    return (
-        f"the mean moves to {quantity(found, 'mean', 2)} at {quantity(found, 'amplitude', 2)}, "
-        f"{number(100 * found['share'], 2)} % of the amplitude"
-    )
-
-
-@says("element-not-identifiable")
-def _(found: Finding) -> str:
-    return f"not identifiable from this test: {found.names['parameters']}"
-
-
-@says("element-without-force")
-def _(_: Finding) -> str:
-    return "no force over the tested amplitudes"
 
 
 @says("swing-about-mean")
 def _(found: Finding) -> str:
     swing = (
-        f"at the largest response the displacement swings from {quantity(found, 'low')} to "
-        f"{quantity(found, 'high')} about a mean of {quantity(found, 'mean')}"
+        f"at the largest response the displacement swings from {_quantity(found, 'low')} to "
+        f"{_quantity(found, 'high')} about a mean of {_quantity(found, 'mean')}"
     )
     if "stiffness_ratio" not in found.numbers:
         return swing

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
-from rsgen.report.wording.sentences import quantity, says
+from rsgen.report.wording.sentences import say_plainly
 
-
-@says("curve-extrapolated")
-def _(found: Finding) -> str:
-    return (
-        f"the curve of {quantity(found, 'level')} leaves the tested amplitudes ({quantity(found, 'low')} to "
-        f"{quantity(found, 'high')}): nothing is known of the law there"
-    )
-
-
-@says("no-steady-state")
-def _(found: Finding) -> str:
-    return f"no steady state in the tested frequencies under {quantity(found, 'level')}"
-
-
-@says("held-out-points-missing")
-def _(found: Finding) -> str:
-    return (
-        f"{found['missing']:.0f} of {found['points']:.0f} points of the held-out level "
-        f"{quantity(found, 'level')} (sweep {found.names['sweep']}) have no predicted steady state near the "
-        "measured one"
-    )
+say_plainly(
+    {
+        "curve-extrapolated": (
+            "the curve of {level:.3q} leaves the tested amplitudes ({low:.3q} to {high:.3q}): nothing is "
+            "known of the law there"
+        ),
+        "no-steady-state": "no steady state in the tested frequencies under {level:.3q}",
+        "held-out-points-missing": (
+            "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
+            "predicted steady state near the measured one"
+        ),
+    }
+)

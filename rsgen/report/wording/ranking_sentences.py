@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rsgen.figures.scale import number_text
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import number, says
+from rsgen.report.wording.sentences import say_plainly, says
 
 _LISTED = 5
 """Names in a list; the others are counted."""
@@ -26,21 +27,30 @@ def _listed(laws: str) -> str:
 
 
 def _between(low: float, high: float, unit: str) -> str:
-    one, two = number(low, 4), number(high, 4)
+    one, two = number_text(low, 4), number_text(high, 4)
     return f"near {one} {unit}" if one == two else f"between {one} and {two} {unit}"
 
 
-@says("mass-negative")
-def _(f: Finding) -> str:
-    return f"the mass comes out negative ({f['mass']:.3g} kg): {_SENSE}"
-
-
-@says("structure-feeds-exciter")
-def _(f: Finding) -> str:
-    return f"the structure would feed energy into the exciter: {_SENSE}"
-
-
-_SENSE = "is the sense of the phase right, and the sign of the sensor?"
+say_plainly(
+    {
+        "mass-negative": (
+            "the mass comes out negative ({mass:.3g} kg): is the sense of the phase right, and the sign of "
+            "the sensor?"
+        ),
+        "structure-feeds-exciter": (
+            "the structure would feed energy into the exciter: is the sense of the phase right, and the "
+            "sign of the sensor?"
+        ),
+        "law-nearest": "{law} comes nearest, with a noise of {noise:.2g} at {points:g} points",
+        "law-nearest-unproved": "{law} comes nearest: points without neighbours do not show whether it fits",
+        "laws-equal": "{law} with a linear spring is also {same}",
+        "ranking-points-aside": "{aside:g} of {points:g} points are set aside: no law follows them",
+        "ranking-few-points": (
+            "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
+        ),
+        "ranking-one-level": "one level only: other levels would separate more laws",
+    }
+)
 
 
 @says("no-law-fits")
@@ -73,21 +83,6 @@ def _(f: Finding) -> str:
     return f"{f.names['law']} fits best: what it leaves of {f['points']:g} points {size}"
 
 
-@says("law-nearest")
-def _(f: Finding) -> str:
-    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {f['points']:g} points"
-
-
-@says("law-nearest-unproved")
-def _(f: Finding) -> str:
-    return f"{f.names['law']} comes nearest: points without neighbours do not show whether it fits"
-
-
-@says("laws-equal")
-def _(f: Finding) -> str:
-    return f"{f.names['law']} with a linear spring is also {f.names['same']}"
-
-
 @says("laws-not-separated")
 def _(f: Finding) -> str:
     return f"this test does not separate it from: {_listed(f.names['laws'])}"
@@ -109,18 +104,3 @@ def _(f: Finding) -> str:
 @says("other-law-predicts-better")
 def _(f: Finding) -> str:
     return f"{f.names['law']} predicts levels better: off by {_percent(f['predicted'])}"
-
-
-@says("ranking-points-aside")
-def _(f: Finding) -> str:
-    return f"{f['aside']:g} of {f['points']:g} points are set aside: no law follows them"
-
-
-@says("ranking-few-points")
-def _(f: Finding) -> str:
-    return f"{f['points']:g} points are few for {f['parameters']:g} parameters: more would separate more laws"
-
-
-@says("ranking-one-level")
-def _(f: Finding) -> str:
-    return "one level only: other levels would separate more laws"

@@ -1,13 +1,15 @@
-"""How a finding becomes a sentence: one function a code, numbers printed as in a book."""
+"""How a finding becomes a sentence: a text or a function a code, numbers printed as in a book."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Self
 
 from rsgen.figures.scale import number_text, quantity_text
 from rsgen.finding import Finding, Quantity
 
-__all__ = ["CODES", "full_sentence", "number", "quantity", "says", "sentence"]
+__all__ = ["CODES", "full_sentence", "say_plainly", "says", "sentence"]
 
 Say = Callable[[Finding], str]
 
@@ -16,13 +18,42 @@ CODES: dict[str, Say] = {}
 
 
 class _Number(float):
-    """A number that formats as a book prints it: a power of ten in place of 1e-8, a space before per cent."""
+    """A number that formats as a book prints it: a power of ten in place of 1e-8, a space before per cent.
+
+    Two kinds of its own: ``.3q`` is the number with its unit, ``.2p`` a ratio in per cent.
+    """
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str = "") -> Self:
+        number = super().__new__(cls, value)
+        number.unit = unit
+        return number
 
     def __format__(self, form: str) -> str:
-        if form.endswith("g"):
-            return number_text(float(self), int(form[1:-1] or 6) if form[:1] == "." else 6)
-        text = format(float(self), form)
+        value, digits = float(self), int(form[1:-1] or 6) if form[:1] == "." else 6
+        match form[-1:]:
+            case "g":
+                return number_text(value, digits)
+            case "p":
+                return f"{number_text(100 * value, digits)} %"
+            case "q":
+                return quantity_text(value, self.unit, digits)
+        text = format(value, form)
         return f"{text[:-1]} %" if form.endswith("%") else text
+
+
+@dataclass(frozen=True, slots=True)
+class _Fields:
+    """What a text names in braces: "parameter", and the names and numbers of its finding."""
+
+    finding: Finding
+
+    def __getitem__(self, name: str) -> str | _Number:
+        if name == "parameter":
+            return self.finding.parameter
+        names = self.finding.names
+        return names[name] if name in names else _Number(*self.finding.numbers[name])
 
 
 def says(code: str) -> Callable[[Say], Say]:
@@ -38,12 +69,18 @@ def says(code: str) -> Callable[[Say], Say]:
     return register
 
 
+def say_plainly(texts: Mapping[str, str]) -> None:
+    """Register sentences without logic: format strings by code, with the fields of ``_Fields``."""
+    for code, text in texts.items():
+        CODES[code] = lambda finding, text=text: text.format_map(_Fields(finding))
+
+
 def sentence(finding: Finding) -> str:
     """Say a finding in one sentence; a code without a sentence is shown as data."""
     say = CODES.get(finding.code)
     if say is None:
         return repr(finding)
-    numbers = {name: Quantity(_Number(value), unit) for name, (value, unit) in finding.numbers.items()}
+    numbers = {name: Quantity(_Number(*number), number.unit) for name, number in finding.numbers.items()}
     return say(Finding(finding.code, finding.severity, finding.parameter, numbers, finding.names))
 
 
@@ -53,14 +90,3 @@ def full_sentence(finding: Finding) -> str:
     if not any(name and text.startswith(name) for name in (finding.parameter, *finding.names.values())):
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?")) else f"{text}."
-
-
-def number(value: float, digits: int = 3) -> str:
-    """Print a number with few digits."""
-    return number_text(value, digits)
-
-
-def quantity(found: Finding, name: str, digits: int = 3) -> str:
-    """Print a number of a finding with its unit."""
-    value, unit = found.numbers[name]
-    return quantity_text(value, unit, digits)

@@ -3,26 +3,52 @@
 from __future__ import annotations
 
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import says
+from rsgen.report.wording.sentences import say_plainly, says
 
-
-@says("points-not-measured")
-def _(f: Finding) -> str:
-    return f"{f['points']:g} of {f['all']:g} points have no measured force or response and are left out"
-
-
-@says("note")
-def _(found: Finding) -> str:
-    return found.names["text"]
-
-
-@says("record-clipped")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['record']}: the {found.names['signal']} is cut off at the end of its range in "
-        f"{found['samples']:.0f} samples; amplitudes are too small there: measure with a wider range, or use "
-        "start and stop"
-    )
+say_plainly(
+    {
+        "points-not-measured": (
+            "{points:g} of {all:g} points have no measured force or response and are left out"
+        ),
+        "note": "{text}",
+        "record-clipped": (
+            "{record}: the {signal} is cut off at the end of its range in {samples:.0f} samples; amplitudes "
+            "are too small there: measure with a wider range, or use start and stop"
+        ),
+        "sweep-not-corrected": (
+            "the force was not corrected for the pace of the sweep: over this band the sweeps do not "
+            "determine a moving mass, as they would with one mode in it; choose a band around one mode, or "
+            "give the mass"
+        ),
+        "another-maximum": (
+            "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
+            "perhaps; choose a band around one mode, or fit a background"
+        ),
+        "force-distorted": (
+            "{record}: harmonics of the force reach {harmonics:.0%} of its fundamental; laws are fitted as "
+            "if it were a sine"
+        ),
+        "force-of-decay": (
+            "{record}: points of a free decay; the force of each is the one that would have held its "
+            "motion, computed with the given mass"
+        ),
+        "force-not-recorded": (
+            "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
+            "which then looks like damping and stiffness of the structure"
+        ),
+        "force-from-ratio": (
+            "the files hold response over force, so the level stands for the force; where the real one "
+            "fell, so did the amplitude, and laws of amplitude are off by as much"
+        ),
+        "unit-of-file": (
+            "{file}: {column} was read in {unit}, as the file says ({source}); a unit in the case would win"
+        ),
+        "unit-of-file-unusable": (
+            "{file}: {column} was read in {assumed}; the file says {unit}, which is another dimension: name "
+            "the unit and the factor in the case"
+        ),
+    }
+)
 
 
 @says("response-stands-still")
@@ -47,70 +73,6 @@ def _(found: Finding) -> str:
         f"rate/(half width)^2 = {found['pace']:.2g}, which shifts it by {found['shift']:.2g} half widths. "
         f"The force was corrected for that, by {found['correction']:.1%} at the resonance, with the mass "
         f"{found['mass']:.4g} kg ({found.names['mass']}){beyond}"
-    )
-
-
-@says("sweep-not-corrected")
-def _(_: Finding) -> str:
-    return (
-        "the force was not corrected for the pace of the sweep: over this band the sweeps do not determine "
-        "a moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
-    )
-
-
-@says("another-maximum")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['record']}: response over force has another maximum near {found['frequency']:.4g} Hz, "
-        "of another mode perhaps; choose a band around one mode, or fit a background"
-    )
-
-
-@says("force-distorted")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['record']}: harmonics of the force reach {found['harmonics']:.0%} of its fundamental; "
-        "laws are fitted as if it were a sine"
-    )
-
-
-@says("force-of-decay")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['record']}: points of a free decay; the force of each is the one that would have held "
-        "its motion, computed with the given mass"
-    )
-
-
-@says("force-not-recorded")
-def _(_: Finding) -> str:
-    return (
-        "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
-        "which then looks like damping and stiffness of the structure"
-    )
-
-
-@says("force-from-ratio")
-def _(_: Finding) -> str:
-    return (
-        "the files hold response over force, so the level stands for the force; where the real one fell, so "
-        "did the amplitude, and laws of amplitude are off by as much"
-    )
-
-
-@says("unit-of-file")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['file']}: {found.names['column']} was read in {found.names['unit']}, as the file says "
-        f"({found.names['source']}); a unit in the case would win"
-    )
-
-
-@says("unit-of-file-unusable")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['file']}: {found.names['column']} was read in {found.names['assumed']}; the file says "
-        f"{found.names['unit']}, which is another dimension: name the unit and the factor in the case"
     )
 
 
