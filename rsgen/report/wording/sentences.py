@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 from rsgen.figures.scale import number_text, quantity_text
@@ -72,7 +73,11 @@ def says(code: str) -> Callable[[Say], Say]:
 def say_plainly(texts: Mapping[str, str]) -> None:
     """Register sentences without logic: format strings by code, with the fields of ``_Fields``."""
     for code, text in texts.items():
-        CODES[code] = lambda finding, text=text: text.format_map(_Fields(finding))
+        CODES[code] = partial(_fill, text)
+
+
+def _fill(text: str, finding: Finding) -> str:
+    return text.format_map(_Fields(finding))
 
 
 def sentence(finding: Finding) -> str:
