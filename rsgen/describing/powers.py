@@ -2,7 +2,7 @@
 
 The quarter integral is half a beta function,
 integral_0^(pi/2) sin**p cos**q = Gamma((p+1)/2) Gamma((q+1)/2) / (2 Gamma((p+q)/2 + 1))
-(Abramowitz and Stegun, 6.2.1 and 6.2.2); with q = 0 it is the factor of METHOD.md 3 for |x|**(p-1) x.
+(Abramowitz and Stegun, 6.2.1 and 6.2.2); with q = 0 it is the factor of docs/method.md, 3 for |x|**(p-1) x.
 """
 
 from __future__ import annotations

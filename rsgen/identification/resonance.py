@@ -57,7 +57,7 @@ def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
 def mass_from_slices(points: Points) -> tuple[float, float] | None:
     """Mass and its standard error: slope of the inverse receptance over omega^2 at constant amplitude.
 
-    A slice of constant X is a linear receptance also where the response folds (METHOD.md 4, beyond 2).
+    A slice of constant X is a linear receptance also where the response folds (docs/method.md, 4).
     None where too few slices cross both sides of the resonance.
     """
     stiffness = (points.force / points.harmonics[:, 1]).real

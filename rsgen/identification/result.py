@@ -161,7 +161,7 @@ class EquivalentCurve:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RestoringForce:
-    """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (METHOD.md 4).
+    """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (docs/method.md, 4).
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float, co
 
     Examples
     --------
-    A bilinear spring has exactly omega = 2 w6 w7/(w6 + w7) (METHOD.md 2):
+    A bilinear spring has exactly omega = 2 w6 w7/(w6 + w7) (docs/method.md, 2):
 
     >>> bilinear = free_frequency(lambda x: 4.0 * x if x > 0 else 9.0 * x, 1.0, 1.0)
     >>> round(bilinear * 2 * np.pi, 9), round(2 * 2.0 * 3.0 / 5.0, 9)

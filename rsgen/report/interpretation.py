@@ -282,7 +282,7 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
         Without it only the swing is described.
 
     With light damping the energy at the two turning points is the same: for a bilinear spring
-    k6 Xp^2 = k7 Xn^2 (METHOD.md 2, from Liu et al., Sec. 2.5).
+    k6 Xp^2 = k7 Xn^2 (docs/method.md, 2, from Liu et al., Sec. 2.5).
     """
     settled = np.flatnonzero(surface.settled)
     if not settled.size:

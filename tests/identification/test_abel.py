@@ -39,7 +39,7 @@ def test_smooth_springs_come_back(stiffness, spring) -> None:
 def test_a_gap_comes_back() -> None:
     k4, k5, b = 5920, 8000, 0.01
 
-    def stiffness(X):  # twice the root of the printed Eq. (20), see METHOD.md 2
+    def stiffness(X):  # twice the root of the printed Eq. (20), see docs/method.md, 2
         s = np.minimum(b / X, 1)
         return k5 - (k5 - k4) / np.pi * (2 * np.arcsin(s) + 2 * s * np.sqrt(1 - s**2))
 
