@@ -283,7 +283,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:
-    """Tell whether the force has a part that is not linear in v and does not depend on x."""
+    """Find whether the force has a part that is not linear in v and does not depend on x."""
     v = symbol("v")
     damper = force - force.subs(v, 0)
     # evaluated as text is enough: an x that would cancel leaves the axis as it is

@@ -70,7 +70,7 @@ def amplitudes_tested(identification: Identification, points: int = 160) -> Floa
 
 
 def solution_of(identification: Identification) -> dict[str, float]:
-    """Give the refined values; where the test does not tell one, the value with which the fit reproduces it.
+    """Give the refined values; where one is not identifiable, the value of the fit.
 
     The curve over what was tested is known also where single parameters are not.
     """

@@ -107,9 +107,9 @@ class AmplitudeBalance:
             omega = np.where(np.isfinite(new), new, omega)
             if change < _CLOSE:
                 break
-        told = (stiffness > 0) & (middle > 0)
+        known = (stiffness > 0) & (middle > 0)
         least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
-        return np.where(told, omega, np.nan), np.where(told, least, np.nan)
+        return np.where(known, omega, np.nan), np.where(known, least, np.nan)
 
     def _tabulate(self, largest: float) -> None:
         """Keep the backbone up to an amplitude [m]."""
@@ -120,8 +120,10 @@ class AmplitudeBalance:
     def _near(self, size: Array) -> Array:
         """Frequency [rad/s] of the resonance from the table: a good first guess."""
         table, omega, _ = self._table
-        told = np.isfinite(omega)
-        return np.interp(size, table[told], omega[told]) if told.any() else np.full(len(size), self._centre)
+        known = np.isfinite(omega)
+        return (
+            np.interp(size, table[known], omega[known]) if known.any() else np.full(len(size), self._centre)
+        )
 
     def _typical(self, size: float) -> float:
         """Some frequency near the resonance at an amplitude."""
@@ -178,8 +180,8 @@ class AmplitudeBalance:
             stiffness, damping, start = self._equivalent(size, omega, start)
             # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 while k and c stay
             middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
-            room = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
-            square = middle + side * np.sqrt(np.maximum(room, 0.0))
+            root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
+            square = middle + side * np.sqrt(np.maximum(root, 0.0))
             new = np.sqrt(np.where(square > 0, square, np.nan))
             change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
             omega = np.where(np.isfinite(new), new, omega)
@@ -193,11 +195,11 @@ class AmplitudeBalance:
         size, ok = self._descend(level, omega, np.array(near))
         if not ok.all():
             size[~ok] = self._scan(level[~ok], omega[~ok], near[~ok])
-        told = np.isfinite(size)
+        known = np.isfinite(size)
         result = np.full(len(size), np.nan + 0j)
-        if told.any():
-            at = self.solve(size[told], omega[told])
-            result[told] = size[told] * force[told] / level[told] * np.exp(-1j * np.angle(at.force))
+        if known.any():
+            at = self.solve(size[known], omega[known])
+            result[known] = size[known] * force[known] / level[known] * np.exp(-1j * np.angle(at.force))
         return result
 
     def _descend(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -93,7 +93,7 @@ def _levels(found: Identification | Oscillator, levels: float | Sequence[float] 
     if levels is not None:
         chosen = [float(level) for level in np.atleast_1d(np.asarray(levels, dtype=np.float64))]
     elif isinstance(found, Oscillator):
-        raise RsgenError("levels: an oscillator has none of its own; give the force levels [N] to predict")
+        raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
     elif found.curve.level_unit == "N":
         chosen = sorted({*map(float, found.levels), *found.model.observation.hold_out})
     else:
@@ -168,7 +168,7 @@ def _curve(
             if column:
                 column.append(np.array([np.nan]))
             column.append(value)
-    frequency, amplitude, phase, gain, lower, upper, own = (
+    frequency, amplitude, phase, gain, lower, upper, sizes = (
         np.concatenate(column) if column else np.zeros(0) for column in columns
     )
     return ResonanceCurve(
@@ -177,7 +177,7 @@ def _curve(
         amplitude=amplitude,
         phase=phase,
         stable=gain > 0,
-        extrapolated=(own > tested[1] * _BEYOND) | (own < tested[0] / _BEYOND),
+        extrapolated=(sizes > tested[1] * _BEYOND) | (sizes < tested[0] / _BEYOND),
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 2),

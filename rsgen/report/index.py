@@ -42,10 +42,10 @@ class _Entry:
 
     @property
     def status(self) -> str:
-        """Give "passed" or "missed" where something was judged, else "identified"."""
+        """Give "within" or "outside" where something was judged, else "identified"."""
         if not any(row.get("tolerance") is not None for row in self.rows):
             return "identified"
-        return "passed" if self.result["passed"] else "missed"
+        return "within" if self.result["passed"] else "outside"
 
 
 def read_result(path: Path) -> _Entry | None:
@@ -135,7 +135,7 @@ def table_of_results(entries: list[_Entry]) -> str:
         for row in entry.rows:
             known = row["tolerance"] is not None
             tolerance = float(row["tolerance"]) if known else None
-            verdict = "–" if not known else "passed" if row["passed"] else "**missed**"
+            verdict = "–" if not known else "within" if row["passed"] else "**outside**"
             parameter = plain_text(_FORCE_NAMES.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
             cells = (
                 name,
@@ -169,7 +169,7 @@ def write_index(folder: Path | str) -> None:
     contexts = [_context(entry, number) for number, entry in enumerate(entries)]
     page = page_environment().get_template("index/index.html")
     counts = {
-        status: sum(c["status"] == status for c in contexts) for status in ("passed", "missed", "identified")
+        status: sum(c["status"] == status for c in contexts) for status in ("within", "outside", "identified")
     }
     write_atomic(place / "index.html", page.render(cases=contexts, counts=counts, version=rsgen.__version__))
     write_atomic(place / "table1.md", table_of_results(entries))

@@ -134,7 +134,7 @@ def _shape(force: sympy.Expr) -> str:
 def _linear_within(
     element: Element, values: dict[str, float], high: float, fast: float, mean: float
 ) -> tuple[bool, bool]:
-    """Tell whether the force is a straight line over the tested displacements, and over the velocities."""
+    """Find whether the force is a straight line over the tested displacements, and over the velocities."""
     law = compile_law(element.force)
     point = np.array([values[name] for name in law.parameters])
     reach, rest = np.linspace(-1, 1, 101), np.zeros(101)
@@ -194,7 +194,7 @@ def _courses(element: Element, identification: Identification, values: dict[str,
     lines = _linear_within(element, values, high, omega * high, float(mean[-1]))
     spring = element.force.subs(symbol("v"), 0)
     findings = []
-    # an element has a share in stiffness or damping when it is not round-off beside the whole
+    # an element has a share in stiffness or damping when it is not round-off of the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
     kinds = (
         ("stiffness", "N/m", 1.0, function.stiffness, spring),
@@ -254,7 +254,7 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
 
 
 def _one_sided(identification: Identification, low: float, high: float) -> bool:
-    """Tell whether the identified spring is without force at rest and no straight line from low to high."""
+    """Find whether the identified spring is without force at rest and no straight line from low to high."""
     law = compile_law(identification.model.force)
     if law.odd:
         # the same on both sides: motion in one well of two has a mean as well

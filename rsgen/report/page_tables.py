@@ -240,7 +240,7 @@ def background_table(identification: Identification) -> Table | None:
     low, high = background.band
     share = f", {error_text(background.share)} of the response" if background.share else ""
     return Table(
-        f"Besides the mode, {low:.4g} to {high:.4g} Hz: subtracted before k(X) and c(X) are drawn{share}",
+        f"Background, {low:.4g} to {high:.4g} Hz: subtracted before k(X) and c(X) are drawn{share}",
         ("Background", "Unit", "Value", "Standard error"),
         rows,
     )

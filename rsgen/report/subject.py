@@ -68,7 +68,7 @@ class Subject:
         return cls(name, title or f"n(x, v) = {write(model.force)}", source, model.elements)
 
     def with_units(self, result: R) -> R:
-        """Give every estimate of a result the unit that the case knows and the law alone does not tell."""
+        """Give every estimate of a result the unit that the case knows and the law does not determine."""
 
         def known(estimate: Estimate) -> Estimate:
             return replace(estimate, unit=estimate.unit or self.units.get(estimate.name, ""))

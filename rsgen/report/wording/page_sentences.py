@@ -44,9 +44,9 @@ def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str
             size = error_text(misfit)
             return f"The law misses the test by {size}: {counted} identified, their intervals do not hold"
         return f"Identified: {counted}, {why}"
-    missed = [row.name for row in judged if not row.passed]
-    if missed:
-        return f"Not accepted: {', '.join(missed)} outside tolerance"
+    outside = [row.name for row in judged if not row.passed]
+    if outside:
+        return f"Not accepted: {', '.join(outside)} outside tolerance"
     worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
     counted = {1: "the one judged value", 2: "both judged values"}.get(
         len(judged), f"all {len(judged)} values"
