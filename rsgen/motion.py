@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FourierSeries", "Motion", "cycle_work", "fourier_series", "project"]
+from rsgen.arrays import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+__all__ = ["FourierSeries", "Motion", "cycle_work", "fourier_series", "project"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,18 +93,9 @@ def project(signals: Array, order: int) -> ComplexArray:
 class FourierSeries:
     """Signals Re sum_h X_h exp(i h theta) at s samples, d real coordinates: re X_h, im X_h; of the mean X_0.
 
-    Parameters
-    ----------
-    orders
-        The harmonics h, in the order of the coordinates.
-    order_of
-        (d,) the harmonic of each coordinate.
-    step
-        Phase from sample to sample [rad].
-    shape, rate, bend
-        (d, s) the signal of a unit of each coordinate, its first and second derivative by the phase.
-    project
-        (s, d) sampled signal to coordinates.
+    ``order_of`` (d,) is the harmonic of each coordinate and ``step`` the phase from sample to sample [rad].
+    ``shape``, ``rate`` and ``bend`` (d, s) are the signal of a unit of each coordinate and its first and
+    second derivative by the phase; ``project`` (s, d) turns a sampled signal into coordinates.
     """
 
     orders: tuple[int, ...]
@@ -149,17 +139,10 @@ class FourierSeries:
 
 @lru_cache(maxsize=16)
 def fourier_series(orders: tuple[int, ...], samples: int, half: bool) -> FourierSeries:
-    """Prepare a series.
+    """Prepare a series of different harmonics, none negative, from more than 4 times the highest in samples.
 
-    Parameters
-    ----------
-    orders
-        Different harmonics, none negative.
-    samples
-        A period; more than four times the highest harmonic.
-    half
-        Take the first half of the period only: for odd harmonics, whose other half is the same with the
-        other sign.
+    ``samples`` are those of a period; with ``half`` the first half of them is enough: odd harmonics, whose
+    other half is the same with the other sign.
     """
     highest = max(orders)
     phase = 2 * np.pi * np.arange(samples // 2 if half else samples) / samples

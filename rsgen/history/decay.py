@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.history.envelope import PERIODS, demodulate, independent_instants, place_windows
@@ -26,8 +27,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 4
 """Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
@@ -146,12 +145,9 @@ def from_free_decay(
 
     Parameters
     ----------
-    histories
-        One or several, as ``follow_decay`` takes them.
-    mass
-        Modal mass [kg]; 1 where it is not known: all parameters are then per kg.
-    band, harmonics
-        As ``follow_decay`` takes them.
+    histories, mass, band, harmonics
+        One history or several, and the rest, as ``follow_decay`` takes them. Give the mass as 1 where it is
+        not known: all parameters are then per kg.
 
     Raises
     ------
@@ -234,7 +230,7 @@ def follow_decay(
 
 
 def _tracked(
-    samples: NDArray[np.float64], history: TimeHistory, first: float, harmonics: int
+    samples: Array, history: TimeHistory, first: float, harmonics: int
 ) -> tuple[Array, ComplexArray, PchipInterpolator]:
     """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
     time, frequency = _follow(samples, history.rate, first)
@@ -256,7 +252,7 @@ def _tracked(
 
 
 def _demodulated(
-    samples: NDArray[np.float64], history: TimeHistory, curve: PchipInterpolator, time: Array, harmonics: int
+    samples: Array, history: TimeHistory, curve: PchipInterpolator, time: Array, harmonics: int
 ) -> tuple[Array, ComplexArray]:
     """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
     rate, turns = history.rate, curve.antiderivative()
@@ -282,7 +278,7 @@ def _release(history: TimeHistory) -> int:
     return int(np.argmax(np.abs(history.response)))
 
 
-def _strongest(samples: NDArray[np.float64], history: TimeHistory, band: tuple[float, float] | None) -> float:
+def _strongest(samples: Array, history: TimeHistory, band: tuple[float, float] | None) -> float:
     """Find the strongest line of the decay in the band [Hz]."""
     taper = np.hanning(2 * len(samples) + 1)[len(samples) + 1 :]
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
@@ -295,7 +291,7 @@ def _strongest(samples: NDArray[np.float64], history: TimeHistory, band: tuple[f
     return float(line[allowed][np.argmax(power[allowed])])
 
 
-def _follow(samples: NDArray[np.float64], rate: float, first: float) -> tuple[Array, Array]:
+def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
     """Follow the strongest line near the first one through short spectra."""
     length = int(_LOOK * rate / first)
     starts = np.arange(0, max(len(samples) - length, 1), max(length // 2, 1))

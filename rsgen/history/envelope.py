@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.history.record import BLOCK
 
 __all__ = [
@@ -28,8 +29,6 @@ __all__ = [
     "place_windows",
 ]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 PERIODS = 10.0
 """Window in periods: the shortest whose taper separates the harmonics by 100 dB."""
@@ -63,17 +62,7 @@ NOISE_WIDTH = _noise_width()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Windows:
-    """Where envelopes are taken.
-
-    Parameters
-    ----------
-    first
-        (n,) first sample of each window.
-    step
-        (n,) samples that are added up before the fit.
-    count
-        (n,) sums in each window.
-    """
+    """Where envelopes are taken: (n,) first samples, samples added up before the fit, sums in a window."""
 
     first: NDArray[np.int64]
     step: NDArray[np.int64]
@@ -89,16 +78,10 @@ class Windows:
 
 
 def place_windows(middle: Array, length: Array, period: Array, orders: int, size: int) -> Windows:
-    """Lay windows around given places.
+    """Lay windows around given places, for harmonics up to ``orders``, in a signal of ``size`` samples.
 
-    Parameters
-    ----------
-    middle, length, period
-        (n,) wanted middle and length of the windows, and period of the reference there, in samples.
-    orders
-        Highest harmonic that will be asked for.
-    size
-        Samples of the signal; windows that do not fit inside are left out.
+    ``middle``, ``length`` and ``period`` of the reference (n,) are in samples; windows that do not fit inside
+    are left out.
     """
     middle, length, period = np.broadcast_arrays(middle, length, period)
     finest = np.minimum(period / (_PER_PERIOD * max(orders, 1)), length / _FEWEST)
@@ -120,9 +103,10 @@ def independent_instants(
     """
     dense = np.linspace(begin, end, DENSE)
     count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * NOISE_WIDTH / length(dense)[1:])])
-    if most is None:
-        return np.asarray(np.interp(np.arange(int(count[-1]) + 1), count, dense))
-    return np.asarray(np.interp(np.linspace(0, count[-1], int(min(max(count[-1], 2), most))), count, dense))
+    wanted = np.arange(int(count[-1]) + 1)
+    if most is not None:
+        wanted = np.linspace(0, count[-1], int(min(max(count[-1], 2), most)))
+    return np.asarray(np.interp(wanted, count, dense))
 
 
 def _batches(windows: Windows) -> list[NDArray[np.intp]]:
@@ -140,28 +124,12 @@ def _batches(windows: Windows) -> list[NDArray[np.intp]]:
 
 
 def demodulate(
-    signal: NDArray[Any],
-    phase: Callable[[Array], Array],
-    windows: Windows,
-    orders: tuple[int, ...],
+    signal: NDArray[Any], phase: Callable[[Array], Array], windows: Windows, orders: tuple[int, ...]
 ) -> ComplexArray:
-    """Take envelopes of a real signal at some windows.
+    """Take envelopes of a real signal (n,) at windows in ascending order.
 
-    Parameters
-    ----------
-    signal
-        (n,) samples.
-    phase
-        Reference phase [rad] of sample numbers.
-    windows
-        In ascending order.
-    orders
-        Harmonics, ascending; 0 is the mean.
-
-    Returns
-    -------
-    (windows, orders, 3) envelope and its first and second derivative, per sample; the signal is
-    Re sum_h Y_h exp(i h phi).
+    ``phase`` gives the reference [rad] of sample numbers; ``orders`` are harmonics, ascending, 0 the mean.
+    Returns (windows, orders, 3): the envelope and its first and second derivative, per sample.
     """
     out = np.zeros((len(windows), len(orders), 3), dtype=np.complex128)
     for batch in _batches(windows):

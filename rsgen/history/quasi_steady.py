@@ -21,15 +21,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.history.record import FAINT
 from rsgen.history.sensor import Kinematics
 
 __all__ = ["Inertia", "estimate_mass", "steady_force"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _KNOTS = 12
 """Most knots of the free functions k(X) and c(X): straight lines between them follow any curve to 1 %."""
@@ -63,23 +61,13 @@ def _hats(amplitude: Array) -> Array:
 def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
     """Find the mass from F = k(X) X + c(X) V + m A with k and c free; None if it is not identifiable.
 
-    Parameters
-    ----------
-    force
-        (n,) complex [N].
-    motion
-        Of the fundamental, n points of one or several levels.
+    ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one or several levels.
     """
     if len(force) < 2 * _ROWS_A_KNOT:
         return None
     hats = _hats(np.abs(motion.displacement))
-    columns = np.concatenate(
-        [
-            hats * motion.displacement[:, None],
-            hats * motion.velocity[:, None],
-            motion.acceleration[:, None],
-        ],
-        axis=1,
+    columns = np.column_stack(
+        [hats * motion.displacement[:, None], hats * motion.velocity[:, None], motion.acceleration]
     )
     scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * FAINT)
     weight = scale.copy()
@@ -105,17 +93,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
 
 
 def steady_force(force: ComplexArray, motion: Kinematics, mass: float) -> tuple[ComplexArray, Array]:
-    """Find the force that would hold the motion steady, and the damping c(X) [N s/m].
-
-    Parameters
-    ----------
-    force
-        (n,) measured complex amplitude [N].
-    motion
-        Of the fundamental.
-    mass
-        [kg]
-    """
+    """Find the force (n,) [N] that would hold the motion steady, and the damping c(X) (n,) [N s/m]."""
     x, omega = motion.displacement, motion.omega
     # unknown where nothing moved, as in a drop-out
     with np.errstate(invalid="ignore", divide="ignore"):

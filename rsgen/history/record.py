@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
+from rsgen.surface.directions import group_forces
 
 __all__ = [
     "BLOCK",
@@ -23,6 +25,7 @@ __all__ = [
     "as_histories",
     "blocks",
     "check_options",
+    "name_levels",
     "sampling_rate",
 ]
 
@@ -40,6 +43,8 @@ _LARGEST = 1e30
 """Samples beyond this are no measurement; their squares would overflow."""
 _UNEVEN = 0.1
 """An instant may be off by this fraction of a step, as rounded times in a text are."""
+_SPREAD = 0.1
+"""Sweeps whose forces differ by less than this, relatively, are one level."""
 
 
 def blocks(values: NDArray[Any]) -> list[NDArray[Any]]:
@@ -72,19 +77,19 @@ def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
 
 
 def _number(value: Any, name: str, unit: str, label: str) -> float:
+    """Check a number: finite, and positive unless it is the ``start``."""
     try:
-        return float(value)
+        number = float(value)
     except (TypeError, ValueError):
         raise MeasurementError(f"{label}: {name}: {value!r}; a number of {unit} is needed") from None
+    if not isfinite(number) or (number <= 0 and name != "start"):
+        asked = "finite" if name == "start" else "positive and finite"
+        raise MeasurementError(f"{label}: {name}: {number!r} {unit}; must be {asked}")
+    return number
 
 
 def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
-    """Find sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s].
-
-    Parameters
-    ----------
-    name
-        Of the instants, for messages.
+    """Find sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], in messages ``name``.
 
     Raises
     ------
@@ -182,12 +187,6 @@ class TimeHistory:
         for name, unit in (("rate", "Hz"), ("level", "N"), ("start", "s")):
             if getattr(self, name) is not None or name != "level":
                 object.__setattr__(self, name, _number(getattr(self, name), name, unit, self.label))
-        if not (isfinite(self.rate) and self.rate > 0):
-            raise MeasurementError(f"{self.label}: rate: {self.rate!r} Hz; must be positive and finite")
-        if self.level is not None and not (isfinite(self.level) and self.level > 0):
-            raise MeasurementError(f"{self.label}: level: {self.level!r} N; must be positive and finite")
-        if not isfinite(self.start):
-            raise MeasurementError(f"{self.label}: start: {self.start!r} s; must be finite")
         if self.quantity not in tuple(DERIVATIVES):
             raise MeasurementError(
                 f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(DERIVATIVES)}"
@@ -249,3 +248,25 @@ def check_options(
         raise MeasurementError(f"{label}: harmonics: {harmonics!r}; must be 1 or more")
     if points < 2:
         raise MeasurementError(f"{label}: points: {points!r}; must be 2 or more")
+
+
+def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
+    """Name the level of each sweep: as given, or the mean force of its group rounded to three digits.
+
+    Parameters
+    ----------
+    levels
+        (given [N] or None, typical force [N]) of each.
+
+    Examples
+    --------
+    >>> name_levels([(None, 4.8213), (None, 4.79), (None, 28.84), (67.0, 66.1)]).tolist()
+    [4.81, 4.81, 28.8, 67.0]
+    """
+    named = np.array([np.nan if level is None else level for level, _ in levels], dtype=np.float64)
+    unnamed = np.flatnonzero(np.isnan(named))
+    force = np.array([typical for _, typical in levels])[unnamed]
+    group = group_forces(force, _SPREAD)
+    for number in np.unique(group):
+        named[unnamed[group == number]] = float(f"{np.mean(force[group == number]):.3g}")
+    return named

@@ -13,12 +13,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.history.record import DERIVATIVES
 
 __all__ = ["HARMONICS", "Kinematics", "differentiate", "displacement_harmonics", "highest_order"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 HARMONICS = 5
 """Harmonics of the displacement unless asked otherwise; those of smooth laws are in the noise beyond."""
@@ -63,16 +62,8 @@ class Kinematics:
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
     """Turn the envelope of a measured quantity into the kinematics of its harmonic.
 
-    Parameters
-    ----------
-    envelope
-        (n, 3) envelope of what was measured and its first and second time derivative [SI].
-    omega
-        (n,) rate h phi' of the reference [rad/s].
-    slope
-        (n,) its change h phi'' [rad/s^2].
-    quantity
-        "displacement", "velocity" or "acceleration".
+    ``envelope`` (n, 3) is what was measured and its first and second time derivative [SI], ``omega`` (n,) the
+    rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
     """
     y = envelope[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -81,30 +72,20 @@ def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: 
         change = envelope[:, 2] / y - growth**2 + 1j * slope
         if quantity == "displacement":
             return Kinematics(y, s * y, (s**2 + change) * y)
-        velocity = y if quantity == "velocity" else y / s * (1 + change / s**2)
-        slower = s if quantity == "velocity" else s - change / s
-        return Kinematics(
-            velocity / slower * (1 + change / slower**2),
-            velocity,
-            s * y if quantity == "velocity" else y,
-        )
+        if quantity == "velocity":
+            velocity, acceleration, slower = y, s * y, s
+        else:
+            velocity, acceleration, slower = y / s * (1 + change / s**2), y, s - change / s
+        return Kinematics(velocity / slower * (1 + change / slower**2), velocity, acceleration)
 
 
 def displacement_harmonics(
     measured: ComplexArray, omega: Array, quantity: str, harmonics: int
 ) -> ComplexArray:
-    """Integrate steady harmonics of a measured quantity.
+    """Integrate mean and steady harmonics (n, k+1) [SI] of a measured quantity at ``omega`` (n,) [rad/s].
 
-    Parameters
-    ----------
-    measured
-        (n, k+1) mean and harmonics [SI].
-    omega
-        (n,) [rad/s].
-
-    Returns
-    -------
-    (n, harmonics + 1) displacement [m]; NaN above k, and for the mean of a velocity or an acceleration.
+    Returns (n, harmonics + 1) displacement [m]; NaN above k, and for the mean of a velocity or an
+    acceleration.
     """
     table = np.full((len(measured), harmonics + 1), np.nan, dtype=complex)
     order = np.arange(1, measured.shape[1])

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.history.record import BLOCK, blocks
 
 __all__ = ["fit_sine", "refine_frequency"]
 
-ComplexArray = NDArray[np.complex128]
 
 _ROUNDS = 12
 """Corrections of the frequency at most; three are usual, each squares the error."""
@@ -20,9 +20,7 @@ _EXACT = 1e-13
 """Relative correction of the frequency that rounding leaves."""
 
 
-def _columns(
-    first: int, count: int, omega: float, orders: int, drift: bool, middle: float
-) -> NDArray[np.float64]:
+def _columns(first: int, count: int, omega: float, orders: int, drift: bool, middle: float) -> Array:
     i = np.arange(first, first + count, dtype=np.float64)
     turn = np.exp(1j * omega * i)
     columns, power = [np.ones(count)], np.ones(count, dtype=complex)
@@ -34,7 +32,7 @@ def _columns(
     return np.stack(columns, axis=1)
 
 
-def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tuple[NDArray[np.float64], float]:
+def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tuple[Array, float]:
     """Solve the normal equations (the columns are nearly orthogonal); parameters and sum of squares left."""
     n = len(signal)
     middle = (n - 1) / 2
@@ -56,17 +54,10 @@ def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tupl
 def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> tuple[ComplexArray, float]:
     """Fit mean, fundamental and harmonics at a known frequency.
 
-    Returns (orders + 1,) harmonics Y of Re sum_h Y_h exp(i h omega t), t = 0 at the first sample, and the
-    root mean square of the rest, both in the unit of the signal.
-
-    Parameters
-    ----------
-    signal
-        (n,) samples, at least two periods.
-    omega
-        Angle a sample [rad].
-    orders
-        Highest harmonic, below the Nyquist frequency.
+    ``omega`` is the angle a sample [rad]; ``signal`` (n,) lasts at least two periods; the highest of
+    ``orders`` is below the Nyquist frequency. Returns (orders + 1,) harmonics Y of
+    Re sum_h Y_h exp(i h omega t), t = 0 at the first sample, and the root mean square of the rest, both in
+    the unit of the signal.
     """
     p, left = _solve(signal, omega, orders, False)
     harmonics = np.concatenate([[p[0]], p[1::2] + 1j * p[2::2]])
@@ -76,24 +67,15 @@ def fit_sine(signal: NDArray[Any], omega: float, orders: int) -> tuple[ComplexAr
 def refine_frequency(signal: NDArray[Any], omega: float, orders: int) -> float:
     """Refine the frequency of a sine: the phase may not drift along the samples (Gauss and Newton).
 
-    Parameters
-    ----------
-    signal
-        (n,) samples.
-    omega
-        First value, angle a sample [rad]; off by less than half a turn over the samples.
-    orders
-        Harmonics fitted with it.
+    ``omega``, the angle a sample [rad], is at first off by less than half a turn over all samples.
     """
     for _ in range(_ROUNDS):
         p, _ = _solve(signal, omega, orders, True)
-        fundamental = complex(p[1], p[2])
-        drift = complex(p[-2], p[-1])
+        fundamental, drift = complex(p[1], p[2]), complex(p[-2], p[-1])
         if fundamental == 0:
             break
         # Y (1 + i d (t - middle)): the imaginary part of drift over fundamental is the error of omega
-        step = (drift / fundamental).imag
-        step = float(np.clip(step, -pi / len(signal), pi / len(signal)))
+        step = float(np.clip((drift / fundamental).imag, -pi / len(signal), pi / len(signal)))
         omega += step
         if abs(step) < _EXACT * omega:
             break

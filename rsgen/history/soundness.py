@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.history.record import BLOCK, TimeHistory, blocks
 
@@ -28,7 +29,7 @@ def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return edges[::2], edges[1::2] - edges[::2]
 
 
-def _clipped(values: NDArray[np.float32] | NDArray[np.float64], sign: int) -> int:
+def _clipped(values: NDArray[np.float32] | Array, sign: int) -> int:
     """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
     top = max(float((sign * block).max()) for block in blocks(values))
     next_top, count, on_flat = -np.inf, 0, 0
@@ -59,13 +60,7 @@ def _stands(history: TimeHistory) -> list[tuple[float, float]]:
 
 
 def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
-    """Find where samples are cut off or missing, which a fit to amplitudes alone does not show.
-
-    Parameters
-    ----------
-    history
-        Of a forced test, or a free decay.
-    """
+    """Find where samples are cut off or missing, which a fit to amplitudes alone does not show."""
     findings = []
     for name, values in (("force", history.force), ("response", history.response)):
         cut = 0 if values is None else _clipped(values, 1) + _clipped(values, -1)
@@ -75,10 +70,7 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
     stands = [] if history.force is None else _stands(history)
     if stands:
         begin, length = max(stands, key=lambda stand: stand[1])
-        numbers = {
-            "times": Quantity(len(stands)),
-            "begin": Quantity(begin, "s"),
-            "length": Quantity(length, "s"),
-        }
+        times = Quantity(len(stands))
+        numbers = {"times": times, "begin": Quantity(begin, "s"), "length": Quantity(length, "s")}
         findings.append(Finding("response-stands-still", "warning", "", numbers, {"record": history.label}))
     return tuple(findings)

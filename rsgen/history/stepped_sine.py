@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
-from rsgen.history.levels import name_levels
-from rsgen.history.record import QUIET, TimeHistory, as_histories, blocks, check_options
+from rsgen.history.record import QUIET, TimeHistory, as_histories, blocks, check_options, name_levels
 from rsgen.history.sensor import HARMONICS, displacement_harmonics, highest_order
 from rsgen.history.sine import fit_sine, refine_frequency
 from rsgen.surface import ResponseSurface
 
 __all__ = ["from_stepped_sine"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _SIDE = 8
 """Periods compared on either side of an instant, and that a step must last: each half then has four."""

@@ -9,13 +9,12 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Quantity
 from rsgen.history.sensor import Kinematics
 
 __all__ = ["SweptPoints", "distorted_forces", "fast_sweeps", "other_modes"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _OTHER = 0.3
 """Another maximum this high, relative to the highest, is reported ..."""
@@ -37,22 +36,10 @@ _DISTORTED = 0.05
 class SweptPoints:
     """The n points of one sweep.
 
-    Parameters
-    ----------
-    label, level, direction
-        Of the history: its name, nominal level [N] or None, "up" or "down".
-    force
-        (n,) fundamental of the force [N].
-    motion
-        Of the fundamental.
-    harmonics
-        (n, H+1) displacement [m].
-    rate
-        (n,) of the sweep [Hz/s], positive.
-    flattened, smoothed
-        (n,) relative difference of A/X and of X between two windows.
-    distortion
-        Harmonics of the force over its fundamental.
+    ``force`` (n,) [N] and ``motion`` are of the fundamental, ``harmonics`` (n, H+1) the displacement [m],
+    ``rate`` (n,) of the sweep [Hz/s] is positive. ``flattened`` and ``smoothed`` (n,) are the relative
+    differences of A/X and of X between two windows, ``distortion`` the harmonics of the force over its
+    fundamental.
     """
 
     label: str
@@ -95,14 +82,8 @@ def fast_sweeps(
 ) -> list[Finding]:
     """Judge the sweeps at their resonances: a finding about the fastest, none where all are slow.
 
-    Parameters
-    ----------
-    parts
-        The sweeps; their points one after the other are those of the arrays.
-    steady, damping, good
-        (n,) corrected force [N], c(X) [N s/m], and which points are used.
-    mass
-        [kg], ``given`` or from the sweeps.
+    The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
+    [N s/m]; ``good`` ones are used. The mass [kg] is ``given``, or from the sweeps.
     """
     worst, findings = _SLOW, []
     for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):

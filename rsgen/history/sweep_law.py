@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from math import inf, isfinite, log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 
 __all__ = ["LAWS", "SweepLaw"]
 
-Array = NDArray[np.float64]
 
 LAWS = ("linear", "logarithmic")
 

@@ -8,6 +8,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.history.envelope import (
@@ -18,9 +19,8 @@ from rsgen.history.envelope import (
     independent_instants,
     place_windows,
 )
-from rsgen.history.levels import name_levels
 from rsgen.history.quasi_steady import estimate_mass, steady_force
-from rsgen.history.record import FAINT, TimeHistory, as_histories, check_options
+from rsgen.history.record import FAINT, TimeHistory, as_histories, check_options, name_levels
 from rsgen.history.sensor import HARMONICS, Kinematics, differentiate, displacement_harmonics, highest_order
 from rsgen.history.sweep_checks import SweptPoints, distorted_forces, fast_sweeps, other_modes
 from rsgen.history.sweep_law import SweepLaw
@@ -30,8 +30,6 @@ from rsgen.surface.response_surface import SWEPT_TOO_FAST
 
 __all__ = ["from_swept_sine"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 POINTS = 400
 """Points of a sweep; more repeat what their neighbours say and make every later stage slower."""
@@ -170,12 +168,8 @@ def _demodulated(
 
     def kinematics(windows: Windows, envelope: ComplexArray) -> Kinematics:
         t = windows.middle / rate
-        return differentiate(
-            envelope * np.array([1.0, rate, rate**2]),
-            2 * pi * law.frequency_at(t),
-            2 * pi * law.slope_at(t),
-            history.quantity,
-        )
+        omega, slope = 2 * pi * law.frequency_at(t), 2 * pi * law.slope_at(t)
+        return differentiate(envelope * np.array([1.0, rate, rate**2]), omega, slope, history.quantity)
 
     force = demodulate(history.reference, phase, narrow, (1, 2, 3) if reach >= 3 else (1,))[:, :, 0]
     envelope = demodulate(history.response, phase, narrow, tuple(range(reach + 1)))
@@ -206,7 +200,7 @@ def _demodulated(
 
 
 def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
-    def column(name: str) -> NDArray[np.complex128]:
+    def column(name: str) -> ComplexArray:
         return np.concatenate([getattr(part, name) for part in parts])
 
     force, flattened = column("force"), column("flattened").real

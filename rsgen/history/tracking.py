@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.history.record import TimeHistory, blocks
@@ -18,7 +19,6 @@ from rsgen.surface.directions import monotone_runs
 
 __all__ = ["Sweep", "find_sweeps"]
 
-Array = NDArray[np.float64]
 
 _LOOKS = 128
 """Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
@@ -54,13 +54,8 @@ class Sweep:
 def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tuple[Sweep, ...]:
     """Find the sweeps of a history from its force.
 
-    Parameters
-    ----------
-    history
-        With a force.
-    given
-        The law if known: the history is then one sweep. Or its kind, "linear" or "logarithmic"; otherwise the
-        one that fits better.
+    ``given`` is the law if known, and the history then one sweep; or its kind, "linear" or "logarithmic";
+    where None, the kind that fits better.
 
     Raises
     ------
@@ -103,10 +98,9 @@ def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float
         frequency[i] = float(power[near] @ place) / total if total > 0 else 0.0
         size[i] = np.sqrt(total)
     frequency *= history.rate / length
-    time = (starts + (length - 1) / 2) / history.rate
-    loud = (size > _FAINT * size.max(initial=0.0)) & (frequency > 0)
-    line = history.rate / length
-    return np.asarray(time, dtype=np.float64), frequency, np.asarray(loud, dtype=np.bool_), line
+    time = np.asarray((starts + (length - 1) / 2) / history.rate)
+    loud = np.asarray((size > _FAINT * size.max(initial=0.0)) & (frequency > 0))
+    return time, frequency, loud, history.rate / length
 
 
 def _typical(history: TimeHistory) -> float:
@@ -153,8 +147,6 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
         fit = least_squares(misfit, first, loss="soft_l1", f_scale=2e-3, x_scale=np.abs(first) + 1e-12)
         if fit.x[0] > 0 and fit.x[1] != 0 and (best is None or fit.cost < best[0]):
             best = float(fit.cost), SweepLaw(name, float(fit.x[0]), float(fit.x[1]))
-        elif not logarithmic and fit.x[0] <= 0:
-            continue
     if best is None:
         raise MeasurementError("sweep law: no law fits the frequency of the force; give it")
     return best[1]
@@ -162,9 +154,11 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
 
 def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
     """Refine a law by the phase that the force has against it."""
-    force = history.reference
-    rate = history.rate
-    time = _instants(law, begin, end, _PERIODS)
+    force, rate = history.reference, history.rate
+    # as far apart as windows are independent
+    dense = np.linspace(begin, end, DENSE)
+    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _PERIODS / NOISE_WIDTH)
+    time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
     for count in range(_ROUNDS):
         if count:
             # the phase no longer drifts by turns, so that few places are enough
@@ -196,10 +190,8 @@ def _shifted(
         scale[2] /= float(law.frequency_at(instant).max())
 
     def candidate(p: Array) -> SweepLaw:
-        step = p * scale
-        return SweepLaw(
-            law.kind, law.frequency + float(step[1]), law.rate + float(step[2]), law.phase + float(step[0])
-        )
+        phase, frequency, rate = (p * scale).tolist()
+        return SweepLaw(law.kind, law.frequency + frequency, law.rate + rate, law.phase + phase)
 
     def misfit(p: Array) -> Array:
         try:
@@ -211,10 +203,3 @@ def _shifted(
 
     fit = least_squares(misfit, np.zeros(3), loss="soft_l1", f_scale=0.3)
     return candidate(fit.x), float(np.max(np.abs(fit.x)))
-
-
-def _instants(law: SweepLaw, begin: float, end: float, periods: float) -> Array:
-    """Lay instants as far apart as windows of n ``periods`` are independent."""
-    dense = np.linspace(begin, end, DENSE)
-    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * periods / NOISE_WIDTH)
-    return np.asarray(np.interp(np.arange(int(passed[-1]) + 1), passed, dense))

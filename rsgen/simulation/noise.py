@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import ComplexArray
 from rsgen.surface import ResponseSurface
 
 __all__ = ["add_noise"]
@@ -17,16 +17,7 @@ def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseS
 
     The standard deviation of the complex noise is ``relative`` |F| on the force and ``relative`` |X1| on
     every harmonic: real and imaginary part have 1/sqrt(2) of it each, and so have the mean and the peaks,
-    which are real.
-
-    Parameters
-    ----------
-    surface
-        Without noise.
-    relative
-        Zero leaves the surface as it is.
-    seed
-        The same seed gives the same noise.
+    which are real. The same seed gives the same noise; zero leaves the surface as it is.
     """
     if relative == 0:
         return surface
@@ -35,11 +26,10 @@ def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseS
     deviation = relative / np.sqrt(2)
     F, X = np.abs(surface.force), surface.amplitude
 
-    def complex_noise(generator: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
+    def complex_noise(generator: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
         # point by point: more points do not change the noise of the first ones
         parts = generator.standard_normal((*shape, 2))
-        noise: NDArray[np.complex128] = parts[..., 0] + 1j * parts[..., 1]
-        return noise
+        return np.asarray(parts[..., 0] + 1j * parts[..., 1])
 
     on_harmonics = complex_noise(of_harmonics, surface.harmonics.shape)
     on_harmonics[:, 0] = on_harmonics[:, 0].real

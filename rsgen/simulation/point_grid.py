@@ -6,14 +6,13 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 
 __all__ = ["Progress", "grid_of", "in_parts", "swept"]
 
-Floats = NDArray[np.float64]
 States = TypeVar("States", bound=SteadyStates)
 Progress = Callable[[float], None] | None
 """Called with the share that is done, from 0 to 1."""
@@ -22,12 +21,12 @@ _PART = 65536
 """Points between two reports of the progress: a second or so."""
 
 
-def grid_of(test: SimulatedTest) -> tuple[Floats, Floats]:
+def grid_of(test: SimulatedTest) -> tuple[Array, Array]:
     """Level and frequency (n,) of every point, level by level."""
     return np.repeat(test.level, len(test.frequency)), np.tile(test.frequency, len(test.level))
 
 
-def in_parts(solve: Callable[[Floats, Floats], States], test: SimulatedTest, progress: Progress) -> States:
+def in_parts(solve: Callable[[Array, Array], States], test: SimulatedTest, progress: Progress) -> States:
     """Solve the grid part by part, by ``solve(levels, frequencies)``."""
     level, frequency = grid_of(test)
     parts = []
@@ -40,7 +39,7 @@ def in_parts(solve: Callable[[Floats, Floats], States], test: SimulatedTest, pro
 
 
 def swept(
-    solve: Callable[[Floats, SteadyStates | None], SteadyStates], test: SimulatedTest, progress: Progress
+    solve: Callable[[Array, SteadyStates | None], SteadyStates], test: SimulatedTest, progress: Progress
 ) -> SteadyStates:
     """Solve the grid frequency by frequency in the order of the sweep, all levels at once.
 

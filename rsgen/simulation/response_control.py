@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.kernel import Kernel, compile_kernel
 from rsgen.oscillator import Oscillator
@@ -26,7 +27,6 @@ from rsgen.steady_state.solver import LOCATED
 
 __all__ = ["ControlledStates", "control_grid", "solve_response_control"]
 
-Floats = NDArray[np.float64]
 
 _OFFSET = 1e-6
 """Of X and of the typical force: neighbouring orbits; truncation and rounding are both small there."""
@@ -54,7 +54,7 @@ class ControlledStates(SteadyStates):
         (n,) True where the motion attracts its neighbours when this force is held constant.
     """
 
-    force: NDArray[np.complex128]
+    force: ComplexArray
     stable: NDArray[np.bool_]
 
 
@@ -64,18 +64,17 @@ class _Shooting:
 
     kernel: Kernel
     mass: float
-    values: Floats
-    amplitude: Floats
-    omega: Floats
+    values: Array
+    amplitude: Array
+    omega: Array
 
-    def unit(self, points: NDArray[np.intp]) -> Floats:
+    def unit(self, points: NDArray[np.intp]) -> Array:
         """Force of one unit of the unknowns: what the inertia of the fundamental amplitude needs."""
-        unit: Floats = self.mass * self.omega[points] ** 2
-        return unit
+        return np.asarray(self.mass * self.omega[points] ** 2)
 
     def orbit(
-        self, points: NDArray[np.intp], w: Floats, steps: int, harmonics: int
-    ) -> tuple[Floats, NDArray[np.complex128], Floats]:
+        self, points: NDArray[np.intp], w: Array, steps: int, harmonics: int
+    ) -> tuple[Array, ComplexArray, Array]:
         force = w[:, 2:] * self.unit(points)[:, None]
         orbit = self.kernel.integrate(
             np.arange(len(points)), w[:, :2].T, force, self.omega[points], self.mass, self.values,
@@ -83,23 +82,18 @@ class _Shooting:
         )  # fmt: skip
         return orbit.state.T, orbit.harmonics, orbit.peak
 
-    def conditions(self, points: NDArray[np.intp], w: Floats, steps: int) -> Floats:
+    def conditions(self, points: NDArray[np.intp], w: Array, steps: int) -> Array:
         end, harmonics, _ = self.orbit(points, w, steps, 1)
         X = harmonics[:, 1]
         return np.column_stack([end - w[:, :2], X.real - self.amplitude[points], X.imag])
 
-    def linearised(self, points: NDArray[np.intp], w: Floats, steps: int) -> tuple[Floats, Floats]:
+    def linearised(self, points: NDArray[np.intp], w: Array, steps: int) -> tuple[Array, Array]:
         """Conditions (k, 4) and their Jacobian (k, 4, 4) from four neighbouring orbits."""
         offset = _OFFSET * self.amplitude[points]
         trials = [w] + [w + offset[:, None] * np.eye(4)[i] for i in range(4)]
         found = np.split(self.conditions(np.tile(points, 5), np.concatenate(trials), steps), 5)
         columns = [(there - found[0]) / offset[:, None] for there in found[1:]]
         return found[0], np.stack(columns, axis=2)
-
-
-def _complex(w: Floats) -> NDArray[np.complex128]:
-    pair: NDArray[np.complex128] = np.ascontiguousarray(w[:, 2:]).view(np.complex128)[:, 0]
-    return pair
 
 
 def solve_response_control(
@@ -114,12 +108,8 @@ def solve_response_control(
 
     Parameters
     ----------
-    oscillator
-        The structure.
-    amplitude
-        (n,) X [m], positive.
-    frequency
-        (n,) [Hz].
+    amplitude, frequency
+        (n,) X [m] and [Hz], positive.
     harmonics
         H, how many harmonics of the displacement are returned, in addition to the mean.
     accuracy
@@ -160,7 +150,7 @@ def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     if test.method != "time":
         raise RsgenError("test.method: 'harmonic-balance' has no control 'response'; must be 'time'")
 
-    def solve(amplitude: Floats, frequency: Floats) -> ControlledStates:
+    def solve(amplitude: Array, frequency: Array) -> ControlledStates:
         return solve_response_control(
             oscillator, amplitude, frequency, harmonics=test.harmonics, accuracy=test.accuracy
         )
@@ -168,7 +158,7 @@ def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     return in_parts(solve, test, progress)
 
 
-def _refine(shooting: _Shooting, w: Floats, H: int, accuracy: float) -> ControlledStates:
+def _refine(shooting: _Shooting, w: Array, H: int, accuracy: float) -> ControlledStates:
     n = len(w)
     result = SimpleNamespace(
         force=np.full(n, complex(np.nan, np.nan)),
@@ -200,14 +190,14 @@ def _record(
     shooting: _Shooting,
     result: SimpleNamespace,
     points: NDArray[np.intp],
-    w: Floats,
+    w: Array,
     steps: int,
     H: int,
-    error: Floats,
-    jacobian: Floats,
+    error: Array,
+    jacobian: Array,
 ) -> None:
     end, waves, peak = shooting.orbit(points, w, steps, H)
-    result.force[points] = _complex(w) * shooting.unit(points)
+    result.force[points] = (w[:, 2] + 1j * w[:, 3]) * shooting.unit(points)
     result.harmonics[points], result.peak[points], result.error[points] = waves, peak, error
     result.state[points] = np.column_stack([w[:, 0], w[:, 1] * shooting.omega[points]])
     result.residual[points] = np.hypot(*(end - w[:, :2]).T) / shooting.amplitude[points]
@@ -217,8 +207,8 @@ def _record(
 
 
 def _newton(
-    shooting: _Shooting, points: NDArray[np.intp], w: Floats, steps: int, tolerance: float
-) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    shooting: _Shooting, points: NDArray[np.intp], w: Array, steps: int, tolerance: float
+) -> tuple[Array, NDArray[np.bool_], Array]:
     w = w.copy()
     found = np.zeros(len(points), dtype=bool)
     jacobian = np.zeros((len(points), 4, 4))

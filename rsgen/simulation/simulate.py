@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from rsgen.arrays import Array
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
-from rsgen.simulation.point_grid import Progress, grid_of
+from rsgen.simulation.point_grid import Progress, grid_of, in_parts, swept
 from rsgen.simulation.response_control import ControlledStates, control_grid
-from rsgen.simulation.time_integration import integrate
 from rsgen.simulation.virtual_test import SimulatedTest
-from rsgen.steady_state import SteadyStates
+from rsgen.steady_state import SteadyStates, solve_steady_states
 from rsgen.surface import ResponseSurface
 
 __all__ = ["simulate"]
@@ -20,10 +22,6 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
 
     Parameters
     ----------
-    oscillator
-        The structure.
-    test
-        Levels, frequencies, sweep, accuracy, noise and method.
     progress
         Called with the share that is done, from 0 to 1, on long work.
 
@@ -45,7 +43,7 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     elif test.method == "harmonic-balance":
         states = balance_grid(oscillator, test, progress)
     else:
-        states = integrate(oscillator, test, progress)
+        states = _integrate(oscillator, test, progress)
     controlled = states if isinstance(states, ControlledStates) else None
     surface = ResponseSurface(
         level=level,
@@ -62,3 +60,19 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
         stable=controlled.stable if controlled else None,
     )
     return add_noise(surface, test.noise_relative, test.seed)
+
+
+def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
+    """Solve the grid by time integration: points from rest, or sweeps that go on from the last state."""
+
+    def solve(force: Array, frequency: Array, start: Array | None = None) -> SteadyStates:
+        return solve_steady_states(
+            oscillator, force, frequency, harmonics=test.harmonics, accuracy=test.accuracy, start=start
+        )
+
+    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
+        # a motion without bound ends the run; the test engineer starts again from rest
+        start = None if last is None else np.where(np.isfinite(last.state), last.state, 0.0)
+        return solve(test.level, frequency, start)
+
+    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
@@ -26,18 +27,12 @@ _REPEATS = 1e-9
 class Verification:
     """What brute force said about k points of a surface.
 
-    Parameters
-    ----------
-    points
-        (k,) rows of the surface.
-    difference
-        (k,) |X1 - X1 by brute force| relative to the latter; inf where only one of the two has settled.
-    periods
-        The longest transient that was carried.
+    ``points`` (k,) are its rows, ``difference`` (k,) is |X1 - X1 by brute force| relative to the latter (inf
+    where only one of the two has settled), ``periods`` the longest transient that was carried.
     """
 
     points: NDArray[np.intp]
-    difference: NDArray[np.float64]
+    difference: Array
     periods: int
 
     @property
@@ -55,14 +50,10 @@ def verify(
 
     Parameters
     ----------
-    oscillator
-        The structure that the surface was simulated with.
-    surface
-        Simulated from rest, without noise.
-    sample
-        How many points; all when there are fewer.
-    seed
-        Of the choice of points.
+    oscillator, surface
+        The structure, and its surface simulated from rest, without noise.
+    sample, seed
+        How many points, all when there are fewer, and the seed of their choice.
 
     Raises
     ------
@@ -71,8 +62,7 @@ def verify(
     """
     if not (surface.sweep == "rest").all():
         raise RsgenError("verify: only points from rest can be found again from rest; sweep must be 'rest'")
-    choice = np.random.default_rng(seed).permutation(len(surface))[:sample]
-    points = np.sort(choice)
+    points = np.sort(np.random.default_rng(seed).permutation(len(surface))[:sample])
     kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=True)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     F, omega = surface.force[points], surface.omega[points]

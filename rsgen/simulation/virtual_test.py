@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rsgen.arrays import Array
 from rsgen.declaration import Rule, check, declare, documented
 from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
@@ -15,7 +16,7 @@ from rsgen.steady_state.solver import ACCURACY, HARMONICS
 __all__ = ["SimulatedTest"]
 
 
-def _grid(values: ArrayLike, name: str, unit: str) -> NDArray[np.float64]:
+def _grid(values: ArrayLike, name: str, unit: str) -> Array:
     array = np.array(values, dtype=np.float64, ndmin=1)
     if array.ndim != 1 or not array.size:
         raise RsgenError(f"test.{name}: must be one or more values in {unit}")
@@ -36,10 +37,10 @@ class SimulatedTest:
     """
 
     level: Annotated[
-        NDArray[np.float64],
+        Array,
         Rule("Force amplitudes F; amplitudes X of the displacement [m] under response control.", unit="N"),
     ]
-    frequency: Annotated[NDArray[np.float64], Rule("Frequencies.", unit="Hz")]
+    frequency: Annotated[Array, Rule("Frequencies.", unit="Hz")]
     sweep: Literal["rest", "up", "down"] = declare(
         "rest", "rest: every point from rest. up, down: the state is carried from frequency to frequency."
     )

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+from rsgen.arrays import Array
+from rsgen.steady_state.period_map import Indices, PeriodMap
 
 __all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm", "times"]
 
@@ -20,18 +21,17 @@ _SINGULAR = 1e-12  # determinant of I - J that is rounding
 class FixedPoints:
     """What Newton's method made of k points: ``y`` (2, k), ``jacobian`` (2, 2, k), ``found`` (k,)."""
 
-    y: Floats
-    jacobian: Floats
+    y: Array
+    jacobian: Array
     found: NDArray[np.bool_]
 
 
-def norm(y: Floats) -> Floats:
+def norm(y: Array) -> Array:
     """Length of k states (2, k)."""
-    length: Floats = np.sqrt(y[0] * y[0] + y[1] * y[1])
-    return length
+    return np.asarray(np.sqrt(y[0] * y[0] + y[1] * y[1]))
 
 
-def correction(jacobian: Floats, residual: Floats) -> Floats:
+def correction(jacobian: Array, residual: Array) -> Array:
     """Solve (I - J) d = P(y) - y for k points; where it is singular, d = the residual itself."""
     a, b = 1 - jacobian[0, 0], jacobian[0, 1]
     c, d = jacobian[1, 0], 1 - jacobian[1, 1]
@@ -47,17 +47,16 @@ def correction(jacobian: Floats, residual: Floats) -> Floats:
     return move
 
 
-def attraction(jacobian: Floats) -> Floats:
+def attraction(jacobian: Array) -> Array:
     """How far inside the unit circle the eigenvalues of J are (Jury's conditions); negative: outside."""
     trace = jacobian[0, 0] + jacobian[1, 1]
     det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
-    margin: Floats = np.minimum(1 - np.abs(det), 1 + det - np.abs(trace))
-    return margin
+    return np.asarray(np.minimum(1 - np.abs(det), 1 + det - np.abs(trace)))
 
 
 def jacobians(
-    period_map: PeriodMap, points: Indices, y: Floats, steps: NDArray[np.int64], offset: Floats
-) -> tuple[Floats, Floats]:
+    period_map: PeriodMap, points: Indices, y: Array, steps: NDArray[np.int64], offset: Array
+) -> tuple[Array, Array]:
     """Images P(y) and Jacobians of k points, from neighbouring orbits ``offset`` (k,) [m] away."""
     k = len(points)
     trial = np.concatenate([y, y, y], axis=1)
@@ -70,7 +69,7 @@ def jacobians(
     return image, slope
 
 
-def times(jacobian: Floats, y: Floats) -> Floats:
+def times(jacobian: Array, y: Array) -> Array:
     """J y for k points."""
     product = np.empty_like(y)
     product[0] = jacobian[0, 0] * y[0] + jacobian[0, 1] * y[1]
@@ -81,10 +80,10 @@ def times(jacobian: Floats, y: Floats) -> Floats:
 def find_fixed_points(
     period_map: PeriodMap,
     points: Indices,
-    y: Floats,
+    y: Array,
     steps: NDArray[np.int64],
     tolerance: float,
-    least: Floats,
+    least: Array,
 ) -> FixedPoints:
     """Look for fixed points near ``y``; found: the last correction is below ``tolerance`` of the size.
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.kernel import Integrated, Kernel
 
 __all__ = ["PeriodMap"]
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
@@ -25,23 +25,22 @@ class PeriodMap:
 
     kernel: Kernel
     mass: float
-    values: Floats
-    force: Floats
-    omega: Floats
+    values: Array
+    force: Array
+    omega: Array
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""
         return replace(self, force=self.force[points], omega=self.omega[points])
 
-    def scale(self) -> Floats:
+    def scale(self) -> Array:
         """(n,) displacement [m] below which a motion is none at all: a millionth of |F| / (m omega^2)."""
-        smallest: Floats = 1e-6 * np.hypot(self.force[:, 0], self.force[:, 1]) / (self.mass * self.omega**2)
-        return smallest
+        return np.asarray(1e-6 * np.hypot(*self.force.T) / (self.mass * self.omega**2))
 
     def carry(
         self,
         points: Indices,
-        y: Floats,
+        y: Array,
         steps: NDArray[np.int64],
         periods: int,
         harmonics: int | None = None,
@@ -77,7 +76,7 @@ class PeriodMap:
         return whole
 
     def _integrate(
-        self, points: Indices, y: Floats, steps: int, periods: int, harmonics: int | None, peaks: bool
+        self, points: Indices, y: Array, steps: int, periods: int, harmonics: int | None, peaks: bool
     ) -> Integrated:
         return self.kernel.integrate(
             points, y, self.force, self.omega, self.mass, self.values,

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.steady_state.fixed_point import correction, find_fixed_points, norm
-from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+from rsgen.steady_state.period_map import Indices, PeriodMap
 from rsgen.steady_state.settling import SETTLED, UNSETTLED, Settling
 
 __all__ = ["Refined", "refine"]
@@ -31,11 +32,11 @@ _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 class Refined:
     """Steady states of n points: ``y`` (2, n), harmonics, peaks, residual and error relative to X."""
 
-    y: Floats
-    harmonics: NDArray[np.complex128]
-    peak: Floats
-    residual: Floats
-    error: Floats
+    y: Array
+    harmonics: ComplexArray
+    peak: Array
+    residual: Array
+    error: Array
     outcome: NDArray[np.int8]
 
     def replace(self, points: Indices, better: Refined) -> None:
@@ -80,13 +81,12 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
     return result
 
 
-def _grid_above(wanted: float | Floats) -> NDArray[np.int64]:
+def _grid_above(wanted: float | Array) -> NDArray[np.int64]:
     """The next number of steps on offer: few different ones fill the batches."""
-    offered: NDArray[np.int64] = _GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)]
-    return offered
+    return np.asarray(_GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)])
 
 
-def _estimate(result: Refined, points: Indices, last: NDArray[np.complex128], ratio: Floats) -> Floats:
+def _estimate(result: Refined, points: Indices, last: ComplexArray, ratio: Array) -> Array:
     """Relative error of the fundamental, from what the finer steps changed."""
     change = np.abs(result.harmonics[points, : last.shape[1]] - last)
     # a fundamental that hardly moved by chance does not hide the change of the other harmonics
@@ -94,14 +94,13 @@ def _estimate(result: Refined, points: Indices, last: NDArray[np.complex128], ra
     amplitude = np.abs(result.harmonics[points, 1])
     relative = np.divide(largest, amplitude, out=np.zeros_like(largest), where=amplitude > 0)
     # one order less than between events: crossings located in different steps do not cancel
-    estimate: Floats = relative / (ratio ** (_ORDER - 1) - 1) + result.residual[points]
-    return estimate
+    return np.asarray(relative / (ratio ** (_ORDER - 1) - 1) + result.residual[points])
 
 
 def _solve(
     period_map: PeriodMap,
     result: Refined,
-    jacobian: Floats,
+    jacobian: Array,
     points: Indices,
     steps: NDArray[np.int64],
     tolerance: float,

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm, times
-from rsgen.steady_state.period_map import Floats, Indices, PeriodMap
+from rsgen.steady_state.period_map import Indices, PeriodMap
 
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
 
@@ -39,13 +40,13 @@ _FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7
 class Settling:
     """Where n points settled on the coarse map: ``y`` (2, n), ``jacobian`` (2, 2, n), steps, outcome."""
 
-    y: Floats
-    jacobian: Floats
+    y: Array
+    jacobian: Array
     steps: NDArray[np.int64]
     outcome: NDArray[np.int8]
 
 
-def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int = COARSE) -> Settling:
+def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE) -> Settling:
     """Carry n points from ``start`` (2, n) until each has settled or is known not to."""
     n = start.shape[1]
     result = Settling(
@@ -67,7 +68,7 @@ def settle(period_map: PeriodMap, start: Floats, *, from_rest: bool, steps: int 
 
 
 def _one_round(
-    period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Array
 ) -> Indices:
     before, steps = result.y[:, active], result.steps[active]
     moved = period_map.carry(active, before, steps, periods)
@@ -99,7 +100,7 @@ def _one_round(
 
 
 def _accept(
-    period_map: PeriodMap, result: Settling, active: Indices, y: Floats, history: Floats, least: Floats
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
     """Record the points whose fixed point is certain; True for these."""
     steps = result.steps[active]
@@ -120,16 +121,10 @@ def _accept(
         sure[faint] = attraction(jacobian) > _NEUTRAL
     wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
     if len(wide):
-        sure[wide] = _is_linear_around(
-            period_map,
-            active[wide],
-            fixed.y[:, wide],
-            fixed.jacobian[:, :, wide],
-            away[:, wide],
-            steps[wide],
-        )
+        around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
+        sure[wide] = _is_linear_around(period_map, active[wide], around, slope, away[:, wide], steps[wide])
     still = ~sure & (norm(y - history[1]) <= _STILL * size) & (norm(y - history[0]) <= _STILL * size)
-    settled: NDArray[np.bool_] = sure | still
+    settled = np.asarray(sure | still)
     if sure.all():
         result.y[:, active], result.jacobian[:, :, active] = fixed.y, fixed.jacobian
     else:
@@ -142,9 +137,9 @@ def _accept(
 def _is_linear_around(
     period_map: PeriodMap,
     points: Indices,
-    center: Floats,
-    jacobian: Floats,
-    away: Floats,
+    center: Array,
+    jacobian: Array,
+    away: Array,
     steps: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
     """Find where the map is linear on the whole circle around a fixed point that the motion will spiral on.
@@ -156,5 +151,4 @@ def _is_linear_around(
     rays = np.concatenate([center - away, center + turned, center - turned], axis=1)
     predicted = np.concatenate([center - along, center + across, center - across], axis=1)
     departure = norm(period_map.carry(points, rays, steps, 1).state - predicted).reshape(3, -1).max(axis=0)
-    linear: NDArray[np.bool_] = departure <= _CIRCLE * norm(away)
-    return linear
+    return np.asarray(departure <= _CIRCLE * norm(away))

@@ -9,6 +9,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
+
 __all__ = ["SteadyStates"]
 
 
@@ -33,12 +35,12 @@ class SteadyStates:
         (n,) estimated relative error of the fundamental [1].
     """
 
-    harmonics: NDArray[np.complex128]
-    peak: NDArray[np.float64]
-    state: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    harmonics: ComplexArray
+    peak: Array
+    state: Array
+    residual: Array
     outcome: NDArray[np.int8]
-    error: NDArray[np.float64]
+    error: Array
 
     def __post_init__(self) -> None:
         for entry in fields(self):

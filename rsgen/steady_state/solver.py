@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule
 from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
@@ -36,12 +37,8 @@ def solve_steady_states(
 
     Parameters
     ----------
-    oscillator
-        The structure; its parameter values are run-time arguments of the compiled law.
-    force
-        (n,) complex amplitude F [N].
-    frequency
-        (n,) [Hz], positive.
+    force, frequency
+        (n,) complex amplitude F [N], and [Hz], positive.
     harmonics
         H, how many harmonics of the displacement are returned, in addition to the mean.
     accuracy
@@ -75,9 +72,7 @@ def solve_steady_states(
     return done[0] if len(done) == 1 else SteadyStates.joined(done)
 
 
-def _check(
-    force: NDArray[np.complex128], frequency: NDArray[np.float64], harmonics: int, accuracy: float
-) -> None:
+def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: float) -> None:
     if force.shape != frequency.shape or force.ndim != 1:
         raise RsgenError(f"force, frequency: shapes {force.shape}, {frequency.shape}; must be (n,) both")
     if not np.isfinite(force).all():
@@ -89,9 +84,7 @@ def _check(
             raise RsgenError(f"{name}: {fault}")
 
 
-def _solve_batch(
-    period_map: PeriodMap, start: NDArray[np.float64] | None, harmonics: int, accuracy: float
-) -> SteadyStates:
+def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, accuracy: float) -> SteadyStates:
     omega = period_map.omega
     y = np.zeros((2, len(omega))) if start is None else np.array([start[:, 0], start[:, 1] / omega])
     # far unstable motions overflow on their way; their outcome is not settled

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.text_table import data_frame
 
@@ -41,7 +42,7 @@ class _Table:
             raise RsgenError(f"from_frame: no column {name!r}; there are {', '.join(self.names)}")
         return np.asarray(self._frame[name])
 
-    def complex(self, name: str) -> NDArray[np.complex128] | None:
+    def complex(self, name: str) -> ComplexArray | None:
         """Give ``name``, or ``name_real`` + i ``name_imag``; None where there is neither."""
         if self.has(name):
             column = self.read(name)
@@ -73,7 +74,7 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     if force is None:
         force = table.read("force")
     fundamental, phase_known = _fundamental(table, force, degrees)
-    higher: list[NDArray[np.complex128]] = []
+    higher: list[ComplexArray] = []
     while (column := table.complex(f"harmonic_{len(higher) + 2}")) is not None:
         higher.append(column)
     mean = table.read("mean") if table.has("mean") else np.zeros(len(fundamental))
@@ -89,9 +90,7 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
 
 
-def _fundamental(
-    table: _Table, force: NDArray[np.complex128], degrees: bool
-) -> tuple[NDArray[np.complex128], bool]:
+def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[ComplexArray, bool]:
     name = "amplitude"
     if table.has("response") and not np.iscomplexobj(table.read("response")) and table.has("phase"):
         name = "response"

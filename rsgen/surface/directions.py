@@ -7,6 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
+
 __all__ = ["group_forces", "monotone_runs", "recognise_directions"]
 
 TURN = 0.02
@@ -17,7 +19,7 @@ MOST_RUNS = 8
 """Up to this number of runs may be short all the same: a few points at some levels."""
 
 
-def group_forces(force: NDArray[np.float64], spread: float) -> NDArray[np.intp]:
+def group_forces(force: Array, spread: float) -> NDArray[np.intp]:
     """Number the groups of like forces (n,) [N]; in ascending order, a gap of more than ``spread`` parts two.
 
     Examples
@@ -32,7 +34,7 @@ def group_forces(force: NDArray[np.float64], spread: float) -> NDArray[np.intp]:
     return group
 
 
-def monotone_runs(frequency: NDArray[np.float64], turn: float) -> list[tuple[int, int, str]]:
+def monotone_runs(frequency: Array, turn: float) -> list[tuple[int, int, str]]:
     """Split where the frequency (n,) turns back by a fraction of its range: (start, stop, direction).
 
     Examples
@@ -60,9 +62,9 @@ def monotone_runs(frequency: NDArray[np.float64], turn: float) -> list[tuple[int
 
 
 def recognise_directions(
-    frequency: NDArray[np.float64], level: NDArray[np.float64], block: NDArray[np.int64] | None = None
+    frequency: Array, level: Array, block: NDArray[np.int64] | None = None
 ) -> NDArray[np.str_]:
-    """Tell the sweep direction of each point from the order of the frequencies.
+    """Recognise the sweep direction of each point by the order of the frequencies.
 
     A new run begins where the block or the level changes and where the frequency turns back.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
 from rsgen.surface.data_frame import columns_of_frame, frame_of_surface
@@ -124,10 +125,9 @@ class ResponseSurface:
         (n,) index into OUTCOMES; 0 is settled. Unsettled points are never used for identification.
         None: settled, but for rows whose force or response is not finite; these count as not measured, and a
         finding says how many they are.
-    residual
-        (n,) how far the state is from repeating, relative to the amplitude [1]; NaN where unknown.
-    error
-        (n,) estimated relative error of the amplitude [1]; NaN where unknown.
+    residual, error
+        (n,) how far the state is from repeating, relative to the amplitude, and the estimated relative error
+        of the amplitude [1]; NaN where unknown.
     origin
         "simulated" or "measured".
     phase_known
@@ -152,15 +152,15 @@ class ResponseSurface:
     ResponseSurface: 3 points, 1 level of 2 N, 9 to 11 Hz, 1 harmonic, measured
     """
 
-    level: NDArray[np.float64]
-    frequency: NDArray[np.float64]
-    force: NDArray[np.complex128]
-    harmonics: NDArray[np.complex128]
-    peak: NDArray[np.float64]
+    level: Array
+    frequency: Array
+    force: ComplexArray
+    harmonics: ComplexArray
+    peak: Array
     sweep: NDArray[np.str_]
     outcome: NDArray[np.int8]
-    residual: NDArray[np.float64]
-    error: NDArray[np.float64]
+    residual: Array
+    error: Array
     origin: str
     phase_known: bool
     control: str
@@ -230,17 +230,17 @@ class ResponseSurface:
         return len(self.frequency)
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Array:
         """(n,) angular frequency [rad/s]."""
         return 2 * np.pi * self.frequency
 
     @property
-    def amplitude(self) -> NDArray[np.float64]:
+    def amplitude(self) -> Array:
         """(n,) X, amplitude of the fundamental of the displacement [m]."""
         return np.abs(self.harmonics[:, 1])
 
     @property
-    def phase(self) -> NDArray[np.float64]:
+    def phase(self) -> Array:
         """(n,) lag of the displacement behind the force [rad], in [0, 2 pi)."""
         return np.angle(self.force / self.harmonics[:, 1]) % (2 * np.pi)
 
@@ -250,7 +250,7 @@ class ResponseSurface:
         return np.equal(self.outcome, 0)
 
     @property
-    def levels(self) -> NDArray[np.float64]:
+    def levels(self) -> Array:
         """The distinct nominal levels, ascending, in ``level_unit``."""
         return np.unique(self.level)
 
@@ -260,7 +260,7 @@ class ResponseSurface:
         return "N" if self.control == "force" else "m"
 
     @property
-    def answer(self) -> NDArray[np.float64]:
+    def answer(self) -> Array:
         """(n,) what the test found at its levels: X [m], or |F| [N] where the response was held."""
         return self.amplitude if self.control == "force" else np.abs(self.force)
 
@@ -335,17 +335,11 @@ class ResponseSurface:
         return f"ResponseSurface: {', '.join(part for part in parts if part)}"
 
     def _repr_html_(self) -> str:
-        rows = [
-            (
-                short(level),
-                int(np.sum(at)),
-                short(np.min(self.frequency[at])),
-                short(np.max(self.frequency[at])),
-                short(np.max(self.amplitude[at], initial=0.0, where=np.isfinite(self.amplitude[at]))),
-            )
-            for level in self.levels
-            for at in [self.level == level]
-        ]
+        rows = []
+        for level in self.levels:
+            f, X = self.frequency[self.level == level], self.amplitude[self.level == level]
+            top = np.max(X, initial=0.0, where=np.isfinite(X))
+            rows.append((short(level), len(f), short(f.min()), short(f.max()), short(top)))
         heads = (f"level [{self.level_unit}]", "points", "from [Hz]", "to [Hz]", "largest amplitude [m]")
         return TextTable(heads, tuple(rows), caption=repr(self)).html()
 

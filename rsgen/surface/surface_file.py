@@ -17,7 +17,7 @@ from rsgen.surface.response_surface import COLUMN_UNITS, OUTCOMES, ResponseSurfa
 
 __all__ = ["load_surface", "save_surface"]
 
-_SCHEMA = 1
+_FORMAT, _SCHEMA = "rsgen response surface", 1
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -33,31 +33,22 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
-        file.attrs["format"] = "rsgen response surface"
+        file.attrs["format"] = _FORMAT
         file.attrs["schema"] = _SCHEMA
-        file.attrs["origin"] = surface.origin
-        file.attrs["phase_known"] = surface.phase_known
-        file.attrs["control"] = surface.control
+        for name in ("origin", "phase_known", "control"):
+            file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
         columns = {name: getattr(surface, name) for name in COLUMN_UNITS}
         columns["sweep"] = columns["sweep"].astype("S4")
         columns["settled"] = surface.settled.astype(np.uint8)
         columns["stable"] = columns["stable"].astype(np.uint8)
-        columns["findings"] = np.bytes_(
-            json.dumps([found.to_dict() for found in surface.findings], default=float)
-        )
+        found = [finding.to_dict() for finding in surface.findings]
+        columns["findings"] = np.bytes_(json.dumps(found, default=float))
         for name, values in columns.items():
             # no time stamps: the same surface gives the same bytes
             data = file.create_dataset(name, data=values, track_times=False)
             data.attrs["units"] = surface.level_unit if name == "level" else COLUMN_UNITS.get(name, "")
     write_atomic(path, buffer.getvalue())
-
-
-def _findings(values: dict[str, Any], notes: Any) -> tuple[Finding, ...]:
-    """Give the findings of the file; the plain sentences of earlier versions become notes."""
-    if "findings" in values:
-        return tuple(map(Finding.from_dict, json.loads(bytes(values["findings"]))))
-    return tuple(Finding.note(str(text)) for text in notes)
 
 
 def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
@@ -70,7 +61,7 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
     """
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "rsgen response surface" or file.attrs.get("schema") != _SCHEMA:
+            if file.attrs.get("format") != _FORMAT or file.attrs.get("schema") != _SCHEMA:
                 raise MeasurementError(f"{path}: not an rsgen response surface of schema {_SCHEMA}")
             values: dict[str, Any] = {}
             for name in (*COLUMN_UNITS, "findings"):
@@ -86,13 +77,16 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
                     raise MeasurementError(f"{path}: {name}: stored outside the file; not allowed")
                 values[name] = file[name][()]
             values["sweep"] = np.char.decode(values["sweep"], "ascii")
-            # surfaces written before there were tests without phase do not say
-            known = bool(file.attrs.get("phase_known", True))
-            values["findings"] = _findings(values, file.attrs.get("notes", ()))
+            if "findings" in values:
+                found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
+            else:
+                # the plain sentences of earlier versions become notes
+                found = [Finding.note(str(text)) for text in file.attrs.get("notes", ())]
             return ResponseSurface(
-                **values,
+                **values | {"findings": tuple(found)},
                 origin=str(file.attrs["origin"]),
-                phase_known=known,
+                # surfaces written before there were tests without phase do not say
+                phase_known=bool(file.attrs.get("phase_known", True)),
                 control=str(file.attrs.get("control", "force")),
             )
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as fault:
