@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, require
 from rsgen.identification import Estimate, Identification
 from rsgen.law.numeric import compile_law
+from rsgen.oscillator import Oscillator
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 
 __all__ = ["FORCE_KEYS", "Comparison", "Row", "compare"]
@@ -121,7 +122,7 @@ class Comparison(Printed):
 
 def compare(
     identification: Identification,
-    truth: Mapping[str, float] | None = None,
+    truth: Mapping[str, float] | Oscillator | None = None,
     accept: Mapping[str, float] | None = None,
 ) -> Comparison:
     """Hold the estimates against the truth.
@@ -131,7 +132,8 @@ def compare(
     identification
         What was identified.
     truth
-        True values by parameter name, "m" for the mass; None or a part where they are not known.
+        True values by parameter name, "m" for the mass, or an oscillator; None or a part where they are not
+        known.
     accept
         Largest relative error of the refined estimate, by parameter name or by a name of FORCE_KEYS.
 
@@ -145,6 +147,11 @@ def compare(
     RsgenError
         A name in ``accept`` is no parameter and no force, or has no truth to be held against.
     """
+    require(identification, Identification, "identification")
+    if isinstance(truth, Oscillator):
+        truth = {**truth.values, "m": truth.mass}
+    for place, values in (("truth", truth), ("accept", accept)):
+        require({} if values is None else values, Mapping, place)
     truth, accept = dict(truth or {}), dict(accept or {})
     estimates = identification.refined
     names = [estimate.name for estimate in estimates]

@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from numbers import Real
 
-__all__ = ["CaseError", "ExpressionError", "MeasurementError", "RsgenError", "UnknownNameError"]
+__all__ = [
+    "CaseError",
+    "ExpressionError",
+    "MeasurementError",
+    "RsgenError",
+    "UnknownNameError",
+    "require",
+    "require_number",
+]
 
 
 class RsgenError(Exception):
@@ -39,3 +48,30 @@ class CaseError(RsgenError):
     def __init__(self, faults: Iterable[str]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(self.faults))
+
+
+def require(value: object, kinds: type | tuple[type, ...], place: str) -> None:
+    """Refuse an argument that is of none of these kinds.
+
+    Raises
+    ------
+    RsgenError
+        With the place, the kind that was given, and the kinds that are allowed.
+    """
+    if not isinstance(value, kinds):
+        allowed = kinds if isinstance(kinds, tuple) else (kinds,)
+        names = " or ".join(kind.__name__ for kind in allowed)
+        raise RsgenError(f"{place}: {type(value).__name__}; must be {names}")
+
+
+def require_number(value: object, place: str, unit: str = "") -> float:
+    """Give a number of any numeric type as a float.
+
+    Raises
+    ------
+    RsgenError
+        It is a text, a truth value or no number at all.
+    """
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise RsgenError(f"{place}: {value!r:.60}; must be a number{f' [{unit}]' if unit else ''}")
+    return float(value)

@@ -6,12 +6,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
+
 from rsgen.declaration import Rule, check, declare, documented
+from rsgen.errors import RsgenError
 
 __all__ = ["BACKGROUNDS", "Observation"]
 
 BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""
+
+
+def _numbers(values: object, what: str, count: int | None = None) -> tuple[float, ...]:
+    """Read one number or several; ``what`` names the place and what is needed there."""
+    fault = RsgenError(f"{what}: {values!r:.60}; must be {'numbers' if count is None else 'numbers, a pair'}")
+    try:
+        found = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise fault from None
+    if isinstance(values, str) or found.ndim != 1 or len(found) != (len(found) if count is None else count):
+        raise fault
+    return tuple(map(float, found))
+
 
 Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
 
@@ -43,9 +59,11 @@ class Observation:
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hold_out", tuple(float(level) for level in self.hold_out))
+        object.__setattr__(self, "hold_out", _numbers(self.hold_out, "hold_out: levels in N"))
         if self.band is not None:
-            object.__setattr__(self, "band", tuple(map(float, self.band)))
+            object.__setattr__(self, "band", _numbers(self.band, "band: two frequencies in Hz", 2))
+        if self.background is None:
+            object.__setattr__(self, "background", "none")
         check(self)
 
     def faults(self) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import sympy
 
 from rsgen.declaration import Rule
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, require, require_number
 from rsgen.expression import write
 from rsgen.law import Element, LawLike, as_elements
 from rsgen.law.notation import latex
@@ -51,6 +51,8 @@ def _checked_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
     elements = as_elements(law)
     if not elements:
         raise RsgenError("elements: none given; a structure needs at least one spring or damper")
+    if "m" in _parameters(elements):
+        raise RsgenError("elements: a parameter is named m, which is the mass; give it another name")
     names = [element.name for element in elements]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -61,6 +63,7 @@ def _checked_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
 
 
 def _checked_values(values: Mapping[str, float], wanted: tuple[str, ...]) -> Mapping[str, float]:
+    require(values, Mapping, "values")
     missing = [name for name in wanted if name not in values]
     unknown = sorted(set(values) - set(wanted))
     if missing or unknown:
@@ -68,7 +71,7 @@ def _checked_values(values: Mapping[str, float], wanted: tuple[str, ...]) -> Map
             f"values: missing {', '.join(missing) or 'none'}; unknown {', '.join(unknown) or 'none'}; "
             f"the elements have {', '.join(wanted)}"
         )
-    numbers = {name: float(values[name]) for name in wanted}
+    numbers = {name: require_number(values[name], f"values.{name}", "SI") for name in wanted}
     for name, value in numbers.items():
         if not isfinite(value):
             raise RsgenError(f"values.{name}: {value!r}; must be finite")
@@ -106,9 +109,10 @@ class Oscillator(_Elements):
     def __init__(
         self, mass: float, elements: LawLike | Sequence[LawLike], values: Mapping[str, float]
     ) -> None:
+        mass = require_number(mass, "mass", "kg")
         if not (isfinite(mass) and mass > 0):
             raise RsgenError(f"mass: {mass!r} kg; must be positive and finite")
-        object.__setattr__(self, "mass", float(mass))
+        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "elements", _checked_elements(elements))
         object.__setattr__(self, "values", _checked_values(values, self.parameters))
 
@@ -157,6 +161,8 @@ class Model(_Elements):
         observation: Observation | None = None,
     ) -> None:
         observation = Observation() if observation is None else observation
+        require(observation, Observation, "observation")
+        mass = None if mass is None else require_number(mass, "mass", "kg")
         if mass is not None and (fault := KNOWN_MASS.fault(mass)):
             raise RsgenError(f"mass: {fault}, or None to identify it")
         if mass is not None and not observation.calibrated:

@@ -110,6 +110,11 @@ def read(
     if isinstance(source, str | os.PathLike):
         if Path(source).suffix.lower() == ".h5":
             return load_surface(source)
+        if Path(source).suffix.lower() != ".toml":
+            raise RsgenError(
+                f"{Path(source).name}: not a case (.toml) or a surface that rsgen saved (.h5); "
+                "rsgen init --from DATA CASE.toml writes the case of a file"
+            )
         source = load_case(source, data)
     test = source.test if isinstance(source, Case) else source
     if isinstance(test, MeasuredTest):

@@ -37,3 +37,7 @@ __all__ = [
     "quantity_text",
     "unit_text",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

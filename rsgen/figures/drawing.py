@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -18,7 +19,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from rsgen.errors import RsgenError
+from rsgen.describing import DescribingFunction
+from rsgen.errors import RsgenError, require
+from rsgen.identification import Identification
+from rsgen.prediction import Prediction
+from rsgen.surface import ResponseSurface
 
 __all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "new_figure", "take_axes"]
 
@@ -27,6 +32,14 @@ STYLE = Path(__file__).with_name("rsgen.mplstyle")
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+_KINDS = {
+    "function": DescribingFunction,
+    "identification": Identification,
+    "prediction": Prediction,
+    "surface": ResponseSurface,
+}
+"""What a drawing function takes, by the name of its argument."""
 
 # no date, no version: the same figure gives the same bytes
 _NO_METADATA = {
@@ -44,8 +57,13 @@ def _style() -> Iterator[None]:
 def in_style(draw: Callable[P, R]) -> Callable[P, R]:
     """Run a drawing function under the style file of the project; axes of the caller keep the caller's."""
 
+    wanted = [_KINDS.get(name) for name in signature(draw).parameters]
+
     @wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> R:
+        for value, kind in zip(args, wanted, strict=False):
+            if kind is not None:
+                require(value, kind, draw.__name__)
         with _style() if kwargs.get("ax") is None else nullcontext():
             return draw(*args, **kwargs)
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from rsgen.describing import derive
+from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
 
 __all__ = [
@@ -93,6 +94,9 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
         (n,) X [m], positive.
     """
     mass = values.get("m", identification.mass)
+    missing = [name for name in identification.model.parameters if name not in values]
+    if missing:
+        raise RsgenError(f"truth: no value of {', '.join(missing)}; every parameter of the laws is needed")
     used = {name: values[name] for name in identification.model.parameters}
     unknown = np.full(amplitude.shape, np.nan)
     if not (amplitude.size and np.isfinite([mass, *used.values()]).all()):

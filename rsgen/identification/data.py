@@ -273,6 +273,8 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     repeats
         None where there are too few repeats to tell the noise.
     """
+    if not len(surface):
+        return surface, None
     given, group = surface, _groups(surface)
     kept = ~_unsettled(surface, group)
     whole, surface, group = len(surface), surface.select(kept), group[kept]
@@ -341,7 +343,8 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
 
 def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(n,) True for readings that lie far off the others of their point."""
-    ratio = surface.harmonics[:, 1] / surface.force
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = surface.harmonics[:, 1] / surface.force
     far = np.zeros(len(group), dtype=bool)
     order = np.argsort(group, kind="stable")
     edges = np.flatnonzero(np.diff(group[order])) + 1

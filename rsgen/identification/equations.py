@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import ROUND_OFF, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
 
@@ -105,7 +105,7 @@ def equation_rows(
     samples = x.shape[1]
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals, still = _parts(law, sample, values, scaled)
-    columns = [project(signal, 1) for signal in signals]
+    columns = [_fundamental(signal) for signal in signals]
     inertia = equations.omega**2 * equations.harmonics[:, 1]
     right = equations.force - project(still, 1)
     if mass is None:
@@ -138,6 +138,13 @@ def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> t
         signals.append(share)
         still = still - share
     return signals, still
+
+
+def _fundamental(signal: Array) -> NDArray[Any]:
+    """Fundamental of a signal (n, s); that of a constant is zero, not the round-off of its sum."""
+    found = project(signal, 1)
+    size = np.max(np.abs(signal), axis=1)
+    return np.where(np.abs(found) > ROUND_OFF * size, found, 0.0)
 
 
 def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
 from rsgen.identification.findings import (
@@ -104,6 +105,7 @@ def identify(
     RsgenError
         A held-out level is not in the surface, or fewer than four points can be used.
     """
+    require(surface, ResponseSurface, "surface")
     model = _model_of(law, observation, mass)
     test = _prepare(surface, model)
     start = start_fit(test.problem)
@@ -210,6 +212,11 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     law, whole = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
+    if not used.any():
+        raise RsgenError(
+            f"law: the fit follows none of the {len(points)} points; is {model!r} the law, with x for the "
+            "displacement, v for the velocity and every other name a parameter?"
+        )
     kept = points.select(used)
     first = _first_order(kept, test.problem, refined.values, refined.mass)
     paper, resonances = fit_resonances(kept, law, model.mass, first.solution)

@@ -240,7 +240,8 @@ def _descend(
         nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
         nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted])
-        relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
+        with np.errstate(over="ignore"):
+            relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
         cost = float(np.sum(line.residual[good] ** 2))
         expected = float(
             np.sum((rest - np.einsum("nmk,nk->nm", line.by_nuisance, nuisance_change))[good] ** 2)

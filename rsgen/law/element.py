@@ -276,7 +276,7 @@ def _as_law(law: object) -> Law:
         return Law(write(law.force), law.name, elements=(law,))
     if isinstance(law, str | sympy.Expr):
         return Law(law)
-    raise RsgenError(f"law: {law!r:.80} is none; a formula, an Element or a Law is needed")
+    raise RsgenError(f"law: {law!r:.80}; must be a formula, an Element or a Law")
 
 
 def _sum(first: object, second: object) -> Law:

@@ -8,7 +8,7 @@ from math import inf, isfinite, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
@@ -74,6 +74,9 @@ def predict(
     >>> round(float(np.nanmax(curves[3.0].amplitude)), 4)
     0.015
     """
+    require(found, (Identification, Oscillator), "found")
+    if surface is not None:
+        require(surface, ResponseSurface, "surface")
     chosen = _levels(found, levels)
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
@@ -91,7 +94,12 @@ def predict(
 
 def _levels(found: Identification | Oscillator, levels: float | Sequence[float] | None) -> list[float]:
     if levels is not None:
-        chosen = [float(level) for level in np.atleast_1d(np.asarray(levels, dtype=np.float64))]
+        try:
+            chosen = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
+        except (TypeError, ValueError):
+            raise RsgenError(f"levels: {levels!r:.60}; must be numbers [N]") from None
+        if not chosen:
+            raise RsgenError("levels: none given; leave them out for those of the test")
     elif isinstance(found, Oscillator):
         raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
     elif found.curve.level_unit == "N":

@@ -12,6 +12,7 @@ from rsgen.expression import symbol, write
 from rsgen.identification.data import Points
 from rsgen.identification.start import Equations, solve_equations
 from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
+from rsgen.law.library import Library
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
@@ -89,6 +90,8 @@ def competitors(
         return {}, library_terms(), linear
     if isinstance(candidates, Model):
         return {MODEL: candidates.elements}, library_terms(), candidates
+    if isinstance(candidates, Library):
+        candidates = tuple(candidates)
     if isinstance(candidates, str) or not isinstance(candidates, Sequence):
         candidates = [candidates]
     laws: dict[str, tuple[Element, ...]] = {}

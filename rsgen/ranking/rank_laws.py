@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, require
 from rsgen.expression import parse, symbol, write
 from rsgen.identification import Identification, identify
 from rsgen.identification.data import Points, select_points
@@ -119,6 +119,7 @@ def rank(
         No candidate, too few points, one frequency without a mass, no phase recorded, or no candidate
         follows the test.
     """
+    require(surface, ResponseSurface, "surface")
     laws, terms, base = competitors(candidates)
     base = replace(
         base,

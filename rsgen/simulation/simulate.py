@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.arrays import Array
+from rsgen.errors import require
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
@@ -37,6 +38,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     RsgenError
         The test asks for a combination that does not exist.
     """
+    require(oscillator, Oscillator, "oscillator")
+    require(test, SimulatedTest, "test")
     level, frequency = grid_of(test)
     if test.control == "response":
         states: SteadyStates = control_grid(oscillator, test, progress)

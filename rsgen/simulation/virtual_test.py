@@ -17,7 +17,10 @@ __all__ = ["SimulatedTest"]
 
 
 def _grid(values: ArrayLike, name: str, unit: str) -> Array:
-    array = np.array(values, dtype=np.float64, ndmin=1)
+    try:
+        array = np.array(values, dtype=np.float64, ndmin=1)
+    except (TypeError, ValueError):
+        raise RsgenError(f"test.{name}: {values!r:.60}; must be numbers [{unit}]") from None
     if array.ndim != 1 or not array.size:
         raise RsgenError(f"test.{name}: must be one or more values in {unit}")
     if not np.all(np.isfinite(array) & (array > 0)):

@@ -70,7 +70,10 @@ def _column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
         want not in (-1, got) for want, got in zip(shape, array.shape, strict=True)
     ):
         expected = ", ".join("any" if size == -1 else str(size) for size in shape)
-        raise RsgenError(f"surface.{name}: shape {array.shape}; must be ({expected}), one row a test point")
+        known = "" if name == "frequency" else ", as the frequency has them"
+        raise RsgenError(
+            f"surface.{name}: shape {array.shape}; must be ({expected}), one row a test point{known}"
+        )
     array.flags.writeable = False
     return array
 
@@ -84,7 +87,7 @@ def _harmonics(response: Any, harmonics: Any, phase_known: bool) -> NDArray[Any]
     array = np.asarray(response)
     if array.ndim > 1:
         return array
-    if phase_known and array.dtype.kind in "biuf":
+    if phase_known and array.size and array.dtype.kind in "biuf":
         raise RsgenError(
             "surface.response: real numbers have no phase; give the complex fundamental "
             "X = amplitude * exp(-1j * lag), or phase_known=False where only amplitudes were measured"
@@ -189,8 +192,8 @@ class ResponseSurface:
         n = len(np.atleast_1d(np.asarray(frequency)))
         findings = tuple(findings)
         columns = {
-            "level": _column(level, "level", (n,)),
             "frequency": _column(frequency, "frequency", (n,)),
+            "level": _column(level, "level", (n,)),
             "force": _column(force, "force", (n,)),
             "harmonics": _column(_harmonics(response, harmonics, phase_known), "harmonics", (n, -1)),
             "peak": _column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),

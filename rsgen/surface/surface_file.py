@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
 from rsgen.surface.response_surface import COLUMN_UNITS, OUTCOMES, ResponseSurface
@@ -31,6 +31,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     RsgenError
         The file cannot be written; what was there before is still there.
     """
+    require(surface, ResponseSurface, "surface")
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file.attrs["format"] = _FORMAT
@@ -89,5 +90,7 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
                 phase_known=bool(file.attrs.get("phase_known", True)),
                 control=str(file.attrs.get("control", "force")),
             )
+    except FileNotFoundError:
+        raise MeasurementError(f"{path}: there is no such file") from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as fault:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault

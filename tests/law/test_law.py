@@ -63,7 +63,7 @@ def test_elements_keep_their_names_and_laws_make_way():
 
 
 def test_what_is_no_law_is_named():
-    with pytest.raises(RsgenError, match=r"law: 3\.5 is none; a formula, an Element or a Law is needed"):
+    with pytest.raises(RsgenError, match=r"law: 3\.5; must be a formula, an Element or a Law"):
         as_elements(["k*x", 3.5])
 
 

@@ -1,0 +1,129 @@
+"""What a user gives by mistake is refused in a sentence, and nothing else is printed."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.errors import RsgenError
+
+LAW = "k*x + c*v"
+TRUE = {"k": 5000.0, "c": 4.0}
+
+
+def linear_surface(**changed):
+    """The exact response of 1.2 kg on a linear spring and damper at two levels."""
+    level, frequency = (a.ravel() for a in np.meshgrid([1.0, 2.0], np.linspace(8, 13, 21), indexing="ij"))
+    omega = 2 * np.pi * frequency
+    response = level / (TRUE["k"] - 1.2 * omega**2 + 1j * omega * TRUE["c"])
+    return rs.ResponseSurface(
+        **{"level": level, "frequency": frequency, "force": level} | {"response": response} | changed
+    )
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return linear_surface()
+
+
+@pytest.fixture(scope="module")
+def found(surface):
+    return rs.identify(surface, LAW)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"hold_out": "all"}, "hold_out: levels in N: 'all'"),
+        ({"hold_out": ["a"]}, "hold_out: levels in N"),
+        ({"band": "9 Hz"}, "band: two frequencies in Hz"),
+        ({"band": (1, 2, 3)}, "band: two frequencies in Hz"),
+        ({"band": 9}, "band: two frequencies in Hz"),
+    ],
+)
+def test_an_observation_names_what_it_cannot_read(values, said):
+    with pytest.raises(RsgenError, match=said):
+        rs.Observation(**values)
+
+
+def test_an_observation_takes_one_level_and_no_background():
+    assert rs.Observation(hold_out=3, background=None) == rs.Observation(hold_out=(3.0,), background="none")
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda s, f: rs.identify("test.h5", LAW), "surface: str; must be ResponseSurface"),
+        (lambda s, f: rs.identify(s, LAW, "residuals"), "observation: str; must be Observation"),
+        (lambda s, f: rs.identify(s, LAW, mass="1.2 kg"), r"mass: '1.2 kg'; must be a number \[kg\]"),
+        (lambda s, f: rs.identify(s, "k*x + m*v"), "named m, which is the mass"),
+        (lambda s, f: rs.identify(s.select(np.zeros(len(s), dtype=bool)), LAW), "0 of 0 points"),
+        (lambda s, f: rs.rank(np.ones(3)), "surface: ndarray"),
+        (
+            lambda s, f: rs.predict(s, levels=[1]),
+            "found: ResponseSurface; must be Identification or Oscillator",
+        ),
+        (lambda s, f: rs.predict(f, s), "levels: ResponseSurface"),
+        (lambda s, f: rs.predict(f, levels=["high"]), "levels: .*must be numbers"),
+        (lambda s, f: rs.predict(f, levels=[]), "levels: none given"),
+        (lambda s, f: rs.predict(f, surface="test.h5"), "surface: str"),
+        (lambda s, f: rs.compare(s, TRUE), "identification: ResponseSurface"),
+        (lambda s, f: rs.compare(f, [1, 2]), "truth: list"),
+        (lambda s, f: rs.Oscillator("1 kg", LAW, TRUE), "mass: '1 kg'"),
+        (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
+        (lambda s, f: rs.Oscillator(1, LAW, [5000, 4]), "values: list"),
+        (lambda s, f: rs.SimulatedTest(["low"], [9, 10]), "test.level: .*must be numbers"),
+        (
+            lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), rs.Oscillator(1, LAW, TRUE)),
+            "oscillator: Sim",
+        ),
+        (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),
+        (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
+        (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),
+        (lambda s, f: rs.figures.draw_collapse(s), "draw_collapse: ResponseSurface; must be Identification"),
+        (lambda s, f: rs.figures.draw_map(f), "draw_map: Identification; must be ResponseSurface"),
+        (lambda s, f: rs.figures.draw_stiffness(f, {"k": 1.0}), "truth: no value of c"),
+        (lambda s, f: rs.ResponseSurface([1, 2], [[8, 9]], 1, [1j, 1j]), "surface.frequency: shape"),
+        (lambda s, f: rs.ResponseSurface([1, 1], [8, 9, 10], 1, [1j, 1j, 1j]), "as the frequency has them"),
+    ],
+)
+def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
+    with pytest.raises(RsgenError, match=said):
+        call(surface, found)
+
+
+def test_truth_may_be_the_oscillator(found):
+    by_oscillator = rs.compare(found, rs.Oscillator(1.2, LAW, TRUE))
+    assert str(by_oscillator) == str(rs.compare(found, TRUE | {"m": 1.2}))
+
+
+def test_the_library_itself_is_a_list_of_candidates(surface):
+    assert rs.rank(surface, rs.laws).candidates[0].force == rs.rank(surface).candidates[0].force
+
+
+def test_gaps_and_points_without_force_print_no_warning(surface):
+    response, force = surface.harmonics[:, 1].copy(), surface.force.copy()
+    response[3], force[5] = np.nan, 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = rs.identify(linear_surface(response=response, force=force), LAW)
+    assert found["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
+
+
+def test_a_constant_force_without_measured_mean_is_not_identifiable():
+    level, frequency = (
+        a.ravel() for a in np.meshgrid([2e-4, 5e-4, 1e-3, 3e-3], np.linspace(8, 13, 21), indexing="ij")
+    )
+    omega = 2 * np.pi * frequency
+    force = level * (5000 + 1.5e8 * level**2 - 1.2 * omega**2 + 4j * omega)
+    hardening = rs.ResponseSurface(level, frequency, force, level + 0j, control="response")
+    found = rs.identify(hardening, LAW + " + F0")
+    assert not found["F0"].identifiable
+    assert found["c"].value == pytest.approx(TRUE["c"], rel=1e-6)
+
+
+def test_figures_show_no_modules():
+    assert not {"curves", "drawing", "overview"} & set(dir(rs.figures))
