@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
@@ -166,12 +166,13 @@ def compare(
         blind += missing
     if blind:
         raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
-    rows = [
-        _parameter_row(refined, paper, first, truth.get(refined.name, nan), accept.get(refined.name))
-        for refined, paper, first in zip(
-            estimates, identification.paper, identification.first_order, strict=True
-        )
-    ]
+    rows = []
+    for found in zip(estimates, identification.paper, identification.first_order, strict=True):
+        name = found[0].name
+        true = truth.get(name, nan)
+        # a true zero leaves only the absolute error to judge
+        errors = [abs(estimate.value - true) / (abs(true) or 1.0) for estimate in found]
+        rows.append(_row(found, errors, true, accept.get(name)))
     if not missing:
         rows += [
             row
@@ -181,20 +182,7 @@ def compare(
     return Comparison(tuple(rows), all(row.passed for row in rows))
 
 
-def _within(error: float, tolerance: float | None) -> bool:
-    return tolerance is None or (isfinite(error) and error <= tolerance)
-
-
-def _parameter_row(
-    refined: Estimate, paper: Estimate, first: Estimate, true: float, tolerance: float | None
-) -> Row:
-    # a true zero leaves only the absolute error to judge
-    scale = abs(true) or 1.0
-    found = [refined, paper, first]
-    return _row(found, [abs(estimate.value - true) / scale for estimate in found], true, tolerance)
-
-
-def _row(found: list[Estimate], errors: list[float], true: float, tolerance: float | None) -> Row:
+def _row(found: Sequence[Estimate], errors: list[float], true: float, tolerance: float | None) -> Row:
     """Make a row of the refined, the paper's and the first-order estimate with their errors."""
     refined, paper, first = found
     return Row(
@@ -208,7 +196,7 @@ def _row(found: list[Estimate], errors: list[float], true: float, tolerance: flo
         paper_error=errors[1],
         first_order_error=errors[2],
         tolerance=tolerance,
-        passed=_within(errors[0], tolerance),
+        passed=tolerance is None or (isfinite(errors[0]) and errors[0] <= tolerance),
     )
 
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import sympy
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from rsgen.expression import symbol
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import (
-    Backbone,
     amplitudes_tested,
     backbone,
     calm_limits,
@@ -23,7 +21,7 @@ from rsgen.figures.equivalent import (
     solution_of,
     values_of,
 )
-from rsgen.figures.overview import level_colours
+from rsgen.figures.overview import colour_bar, level_colours
 from rsgen.figures.scale import Scale, choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
 
@@ -55,10 +53,6 @@ def _span(values: Floats, unit: str) -> str:
     return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
 
 
-def _plot(axes: Axes, x: Floats, y: Floats, style: Mapping[str, Any], label: str) -> None:
-    axes.plot(x, y, label=label, **style)
-
-
 @in_style
 def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
     """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
@@ -83,8 +77,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
     )
     for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
-        _plot(axes, amplitude / scale.factor, read, POINT, "one level each")
-        _plot(axes, grid / scale.factor, line, REFINED, "refined model")
+        axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)
+        axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
         calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
     for axes in panels[-1:] if ax is None else panels:
@@ -136,54 +130,48 @@ def draw_damping(
     return _draw_equivalent("damping", identification, truth, ax)
 
 
+_KINDS = {"stiffness": ("Spring", "N/m", "k(X)"), "damping": ("Damper", "N*s/m", "c(X)")}
+"""What has an equivalent property, its unit and its symbol."""
+
+
 def _draw_equivalent(
     what: Literal["stiffness", "damping"],
     identification: Identification,
     truth: Mapping[str, float] | None,
     ax: GivenAxes,
 ) -> Drawing:
-    unit, symbol = ("N/m", "k(X)") if what == "stiffness" else ("N*s/m", "c(X)")
-
-    def pick(model: Backbone) -> Floats:
-        return model.stiffness if what == "stiffness" else model.damping
-
+    name, unit, symbol = _KINDS[what]
     points = sorted(identification.resonances, key=lambda point: point.amplitude)
     amplitude = np.array([point.amplitude for point in points])
-    measured = np.array([point.stiffness if what == "stiffness" else point.damping for point in points])
+    measured = np.array([getattr(point, what) for point in points])
     grid = amplitudes_tested(identification)
-    refined, *halves = refined_band(identification, grid)
-    half = halves[0] if what == "stiffness" else halves[1]
-    first = backbone(identification, values_of(identification.first_order), grid)
-    lines = [pick(refined), pick(first)]
-    x, y = choose_scale(grid, "m"), choose_scale(np.concatenate([measured, pick(refined)]), unit)
+    model, *halves = refined_band(identification, grid)
+    half = halves[list(_KINDS).index(what)]
+    refined: Floats = getattr(model, what)
+    first: Floats = getattr(backbone(identification, values_of(identification.first_order), grid), what)
+    lines = [refined, first]
+    x, y = choose_scale(grid, "m"), choose_scale(np.concatenate([measured, refined]), unit)
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
-    axes.fill_between(
-        grid / x.factor,
-        (pick(refined) - half) / y.factor,
-        (pick(refined) + half) / y.factor,
-        color="#D55E00",
-        alpha=0.18,
-        lw=0,
-    )
-    _plot(axes, amplitude / x.factor, measured / y.factor, POINT, "levels at resonance")
-    if np.isfinite(pick(first)).any():
-        _plot(axes, grid / x.factor, pick(first) / y.factor, FIRST_ORDER, "first-order fit, all points")
-    _plot(axes, grid / x.factor, pick(refined) / y.factor, REFINED, "refined fit, 95 % band")
+    low, high = (refined - half) / y.factor, (refined + half) / y.factor
+    axes.fill_between(grid / x.factor, low, high, color="#D55E00", alpha=0.18, lw=0)
+    axes.plot(amplitude / x.factor, measured / y.factor, label="levels at resonance", **POINT)
+    if np.isfinite(first).any():
+        axes.plot(grid / x.factor, first / y.factor, label="first-order fit, all points", **FIRST_ORDER)
+    axes.plot(grid / x.factor, refined / y.factor, label="refined fit, 95 % band", **REFINED)
     if truth is not None:
-        true = pick(backbone(identification, truth, grid))
+        true: Floats = getattr(backbone(identification, truth, grid), what)
         lines.append(true)
-        _plot(axes, grid / x.factor, true / y.factor, TRUTH, f"derived {symbol}, true values")
+        axes.plot(grid / x.factor, true / y.factor, label=f"derived {symbol}, true values", **TRUTH)
     calm_limits(axes, [measured / y.factor, *(line / y.factor for line in lines)], least=0.06)
     axes.set_xlabel(x.label("Amplitude X"))
     axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
     axes.legend(loc="best")
-    text = _equivalent_words(what, grid, pick(refined), measured, y)
-    known = np.isfinite(pick(refined) - lines[-1])
+    text = _equivalent_words(what, grid, refined, measured, y)
+    known = np.isfinite(refined - lines[-1])
     if truth is not None and known.any():
         scale = float(np.max(np.abs(lines[-1][known]))) or 1.0
-        off = float(np.max(np.abs(pick(refined) - lines[-1])[known])) / scale
+        off = float(np.max(np.abs(refined - lines[-1])[known])) / scale
         text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
-    name = "Spring" if what == "stiffness" else "Damper"
     caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
     return Drawing(what, figure, caption, text, ax is None)
 
@@ -218,6 +206,18 @@ def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats,
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Collapse:
+    """Points (``place``, ``cloud``) and the ``line`` of the model over ``course``, SI."""
+
+    what: str
+    cloud: Floats
+    line: Floats
+    place: Floats
+    course: Floats
+    scale: Scale
+
+
 @in_style
 def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
     """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
@@ -239,21 +239,20 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
     speed = _acts_on_velocity(identification.model.force)
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
-    rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
-    over_amplitude = (curve.amplitude / x.factor, grid / x.factor)
-    over_velocity = (
-        curve.amplitude * 2 * np.pi * curve.frequency / rate.factor,
-        grid * model.omega / rate.factor,
-    )
+    velocity = curve.amplitude * 2 * np.pi * curve.frequency
+    rate = choose_scale(velocity, "m/s")
     parts = (
-        ("k", "N/m", curve.stiffness, model.stiffness, 0.06, over_amplitude),
-        ("c", "N*s/m", curve.damping, model.damping, 0.2, over_velocity if speed else over_amplitude),
+        _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x),
+        _Collapse("damping", curve.damping, model.damping, velocity, grid * model.omega, rate)
+        if speed
+        else _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x),
     )
-    for axes, (letter, unit, cloud, line, least, (place, course)) in zip(panels, parts, strict=False):
-        y = choose_scale(line if line.size else cloud, unit)
+    for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
+        y = choose_scale(part.line if part.line.size else part.cloud, _KINDS[part.what][1])
+        cloud, line = part.cloud / y.factor, part.line / y.factor
         axes.scatter(
-            place,
-            cloud / y.factor,
+            part.place / part.scale.factor,
+            cloud,
             c=curve.level / force.factor,
             cmap=colours,
             norm=norm,
@@ -261,25 +260,25 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
             linewidths=0,
             rasterized=len(cloud) > 300,
         )
-        _plot(axes, course, line / y.factor, {**REFINED, "lw": 1.1}, "refined model at resonance")
-        calm_limits(axes, [cloud / y.factor, line / y.factor], least=least)
-        axes.set_ylabel(y.label(f"{'Stiffness' if letter == 'k' else 'Damping'} {letter}"))
+        course = part.course / part.scale.factor
+        axes.plot(course, line, label="refined model at resonance", **{**REFINED, "lw": 1.1})
+        calm_limits(axes, [cloud, line], least=least)
+        axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2][0]}"))
     panels[0].legend(loc="best")
     if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))
     if len(panels) > 1:
         panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
-    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(panels), pad=0.02, aspect=35)
-    bar.set_label(force.label("Level F" if curve.level_unit == "N" else "Level X"))
-    bar.outline.set_visible(False)
-    if bar.solids is not None:
-        bar.solids.set_rasterized(True)
+    colour_bar(figure, panels, norm, force.label("Level F" if curve.level_unit == "N" else "Level X"), 35)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."
     )
-    words = _collapse_words(identification, grid, model, speed)
-    return Drawing("collapse", figure, caption, words, ax is None)
+    text = "No test point could be used."
+    if grid.size:
+        words = "; ".join(filter(None, map(_collapse_words, parts)))
+        text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}: {words}."
+    return Drawing("collapse", figure, caption, text, ax is None)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:
@@ -292,31 +291,17 @@ def _acts_on_velocity(force: sympy.Expr) -> bool:
     return not damper.has(symbol("x")) and sympy.diff(damper, v, 2) != 0
 
 
-def _collapse_words(identification: Identification, grid: Floats, model: Backbone, speed: bool) -> str:
-    curve = identification.curve
-    if not grid.size:
-        return "No test point could be used."
-    words = []
-    velocity = curve.amplitude * 2 * np.pi * curve.frequency
-    over_amplitude = (curve.amplitude, grid)
-    for what, cloud, line, (place, course) in (
-        ("stiffness", curve.stiffness, model.stiffness, over_amplitude),
-        (
-            "damping",
-            curve.damping,
-            model.damping,
-            (velocity, grid * model.omega) if speed else over_amplitude,
-        ),
-    ):
-        order = np.argsort(course)
-        expected = np.interp(place, course[order], line[order])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            off = np.abs(cloud / expected - 1)
-        off = off[np.isfinite(off)]
-        if off.size:
-            words.append(
-                f"half of the points lie within {number_text(100 * float(np.median(off)), 2)} % and 95 "
-                "% within "
-                f"{number_text(100 * float(np.percentile(off, 95)), 2)} % of the {what} of the refined model"
-            )
-    return f"{len(curve.amplitude)} points over {_span(grid, 'm')}: {'; '.join(words)}."
+def _collapse_words(part: _Collapse) -> str:
+    """Say how near the points lie to the line; "" where nothing is known."""
+    order = np.argsort(part.course)
+    expected = np.interp(part.place, part.course[order], part.line[order])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.abs(part.cloud / expected - 1)
+    off = off[np.isfinite(off)]
+    if not off.size:
+        return ""
+    half, most = (number_text(100 * float(np.percentile(off, share)), 2) for share in (50, 95))
+    return (
+        f"half of the points lie within {half} % and 95 % within {most} % of the {part.what} of the "
+        "refined model"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,17 +14,21 @@ from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
 
 __all__ = [
+    "NORMAL_95",
     "Backbone",
     "amplitudes_tested",
     "backbone",
     "calm_limits",
     "refined_band",
     "solution_of",
+    "standard_errors",
     "values_of",
 ]
 
 Floats = NDArray[np.float64]
-_NORMAL_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
+
+NORMAL_95 = 1.959964
+"""Two-sided 95 % quantile of the normal distribution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,27 +121,40 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
 
 
 def refined_band(identification: Identification, amplitude: Floats) -> tuple[Backbone, Floats, Floats]:
-    """Give the backbone of the refined model and half the width of the 95 % band of stiffness and damping.
-
-    Linear propagation of the covariance; the derivative is the difference over one standard error.
-    """
+    """Give the backbone of the refined model and half the width of the 95 % band of stiffness and damping."""
     values = solution_of(identification)
-    centre = backbone(identification, values, amplitude)
-    names = [estimate.name for estimate in identification.refined]
-    covariance = identification.covariance
-    if covariance.shape != (len(names), len(names)):
-        return centre, np.zeros(amplitude.shape), np.zeros(amplitude.shape)
-    widths = np.sqrt(np.diag(covariance))
-    moving = [i for i, name in enumerate(names) if name != "m" and np.isfinite(widths[i]) and widths[i] > 0]
-    slopes = np.zeros((2, len(moving), amplitude.size))
-    for row, i in enumerate(moving):
-        moved = backbone(identification, {**values, names[i]: values[names[i]] + widths[i]}, amplitude)
-        slopes[0, row] = (moved.stiffness - centre.stiffness) / widths[i]
-        slopes[1, row] = (moved.damping - centre.damping) / widths[i]
-    part = covariance[np.ix_(moving, moving)]
-    variance = np.einsum("wia,ij,wja->wa", slopes, part, slopes)
-    half = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
-    return centre, half[0], half[1]
+    names = [estimate.name for estimate in identification.refined if estimate.name != "m"]
+
+    def evaluate(changed: Mapping[str, float]) -> Floats:
+        model = backbone(identification, changed, amplitude)
+        return np.array([model.stiffness, model.damping])
+
+    half = NORMAL_95 * standard_errors(identification, values, names, evaluate)
+    return backbone(identification, values, amplitude), half[0], half[1]
+
+
+def standard_errors(
+    identification: Identification,
+    values: Mapping[str, float],
+    names: Iterable[str],
+    evaluate: Callable[[Mapping[str, float]], Floats],
+) -> Floats:
+    """Give the standard error of every number that ``evaluate`` makes of the values, by linear propagation.
+
+    Only the covariance of ``names`` counts; a derivative is the difference over one standard error.
+    """
+    rows = {estimate.name: i for i, estimate in enumerate(identification.refined)}
+    covariance, centre = identification.covariance, evaluate(values)
+    if covariance.shape != (len(rows), len(rows)):
+        return np.zeros(centre.shape)
+    widths = {name: float(np.sqrt(covariance[rows[name], rows[name]])) for name in names}
+    moving = {name: width for name, width in widths.items() if np.isfinite(width) and width > 0}
+    slopes = np.zeros((len(moving), *centre.shape))
+    for slope, (name, width) in zip(slopes, moving.items(), strict=True):
+        slope[...] = (evaluate({**values, name: values[name] + width}) - centre) / width
+    index = [rows[name] for name in moving]
+    variance = np.einsum("i...,ij,j...->...", slopes, covariance[np.ix_(index, index)], slopes)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 
 def calm_limits(axes: Axes, values: Iterable[Floats], least: float = 0.1) -> None:

@@ -10,16 +10,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, new_figure, take_axes
-from rsgen.figures.scale import choose_scale, count_text, quantity_text
+from rsgen.figures.scale import SWEEPS, choose_scale, count_text, quantity_text
 from rsgen.surface import ResponseSurface
 
-__all__ = ["draw_map", "draw_surface", "draw_thumbnail", "level_colours", "peaks_by_level"]
-
-_SWEEP_WORDS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
+__all__ = [
+    "colour_bar",
+    "draw_map",
+    "draw_surface",
+    "draw_thumbnail",
+    "largest_answer",
+    "level_colours",
+    "peaks_by_level",
+]
 
 
 def level_colours() -> LinearSegmentedColormap:
@@ -30,6 +37,20 @@ def level_colours() -> LinearSegmentedColormap:
     """
     viridis = matplotlib.colormaps["viridis"]
     return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
+
+
+def colour_bar(figure: Figure, panels: list[Axes], norm: Normalize, label: str, aspect: float) -> None:
+    """Add the scale of the colours beside some panels."""
+    bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=panels, pad=0.02, aspect=aspect)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+
+
+def largest_answer(surface: ResponseSurface) -> float:
+    """Give the largest settled answer, SI; 1 where there is none, so that scales have an end."""
+    return float(np.max(surface.answer, where=surface.settled, initial=0.0)) or 1.0
 
 
 def level_word(surface: ResponseSurface) -> str:
@@ -62,7 +83,7 @@ def _grid(
 
 
 def _sweeps(surface: ResponseSurface) -> list[str]:
-    return [name for name in ("rest", "up", "down") if np.any(surface.sweep == name)]
+    return [name for name in SWEEPS if np.any(surface.sweep == name)]
 
 
 def peaks_by_level(surface: ResponseSurface) -> list[int]:
@@ -84,32 +105,23 @@ def _alternative(surface: ResponseSurface) -> str:
     peaks = peaks_by_level(surface)
     if not peaks:
         return "No test point settled, so there is no surface to show."
-    low, high = peaks[0], peaks[-1]
     extreme = "largest amplitude" if surface.control == "force" else "least force"
-    unit = surface.answer_unit
-    shift = surface.frequency[high] / surface.frequency[low] - 1
     unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
+    least, most = (quantity_text(f(surface.level), surface.level_unit) for f in (np.min, np.max))
+    band = " to ".join(quantity_text(f(surface.frequency), "Hz", 5) for f in (np.min, np.max))
+    tested = f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}"
+    low, high = (
+        f"{quantity_text(surface.answer[i], surface.answer_unit, 3)} at "
+        f"{quantity_text(surface.frequency[i], 'Hz', 5)}"
+        for i in (peaks[0], peaks[-1])
+    )
     if len(peaks) == 1:
-        return (
-            f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}, "
-            f"{quantity_text(surface.frequency.min(), 'Hz', 5)} to "
-            f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The {extreme} is "
-            f"{quantity_text(surface.answer[low], unit, 3)} at "
-            f"{quantity_text(surface.frequency[low], 'Hz', 5)}, level "
-            f"{quantity_text(surface.level[low], surface.level_unit)}. {unsettled}"
-        )
+        level = quantity_text(surface.level[peaks[0]], surface.level_unit)
+        return f"{tested}, {band}. The {extreme} is {low}, level {level}. {unsettled}"
+    shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
     return (
-        f"{len(surface)} test points, {len(surface.levels)} levels from "
-        f"{quantity_text(surface.level.min(), surface.level_unit)} to "
-        f"{quantity_text(surface.level.max(), surface.level_unit)}, "
-        f"{quantity_text(surface.frequency.min(), 'Hz', 5)} to "
-        f"{quantity_text(surface.frequency.max(), 'Hz', 5)}. The {extreme} rises from "
-        f"{quantity_text(surface.answer[low], unit, 3)} at "
-        f"{quantity_text(surface.frequency[low], 'Hz', 5)} (lowest "
-        f"level) to {quantity_text(surface.answer[high], unit, 3)} at "
-        f"{quantity_text(surface.frequency[high], 'Hz', 5)} "
-        f"(highest level): the peak moves by {100 * shift:+.2f} %. "
-        f"{unsettled}"
+        f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
+        f"(highest level): the peak moves by {100 * shift:+.2f} %. {unsettled}"
     )
 
 
@@ -144,8 +156,7 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     shown = surface.select(surface.sweep == sweep)
     scale = choose_scale(shown.answer[shown.settled], shown.answer_unit)
     force = choose_scale(shown.level, shown.level_unit)
-    top = float(np.max(shown.answer, where=shown.settled, initial=0.0)) / scale.factor or 1.0
-    norm, colours = Normalize(0, top), level_colours()
+    norm, colours = Normalize(0, largest_answer(shown) / scale.factor), level_colours()
     grid = _grid(shown)
     if grid is not None:
         frequency, level, amplitude = grid
@@ -185,7 +196,7 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
         axis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
-    words = {"rest": "every point from rest", "up": "sweep up", "down": "sweep down"}[sweep]
+    words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
     return Drawing("surface", figure, caption, _alternative(shown), ax is None)
 
@@ -241,22 +252,17 @@ def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
     sweeps = _sweeps(surface)
     scale = choose_scale(surface.answer[surface.settled], surface.answer_unit)
     force = choose_scale(surface.level, surface.level_unit)
-    top = float(np.max(surface.answer, where=surface.settled, initial=0.0)) / scale.factor or 1.0
-    norm = Normalize(0, top)
+    norm = Normalize(0, largest_answer(surface) / scale.factor)
     height = 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps)
     figure, panels = take_axes(ax, len(sweeps), (4.4, height), sharex=True)
     for axes, sweep in zip(panels, sweeps, strict=False):
         _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
         axes.set_ylabel(force.label(level_word(surface)))
         if len(sweeps) > 1:
-            axes.set_title(_SWEEP_WORDS[sweep])
+            axes.set_title(SWEEPS[sweep])
     for axes in panels[-1:] if ax is None else panels:
         axes.set_xlabel("Frequency [Hz]")
-    bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=list(panels), pad=0.02, aspect=30)
-    bar.set_label(scale.label(_answer_word(surface)))
-    bar.outline.set_visible(False)
-    if bar.solids is not None:
-        bar.solids.set_rasterized(True)
+    colour_bar(figure, panels, norm, scale.label(_answer_word(surface)), 30)
     caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
     if not surface.settled.all():
         caption += " Crosses did not settle."
@@ -283,7 +289,6 @@ def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: Giv
         figure, (axes,) = take_axes(ax, 1, (2.4, 1.35))
     axes.set_axis_off()
     part = surface.select(surface.sweep == _sweeps(surface)[0])
-    top = float(np.max(part.answer, where=part.settled, initial=0.0)) or 1.0
-    _map_panel(axes, part, 1.0, 1.0, Normalize(0, top))
+    _map_panel(axes, part, 1.0, 1.0, Normalize(0, largest_answer(part)))
     axes.margins(0)
     return Drawing(name, figure, "Response surface.", _alternative(surface), ax is None)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
-from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.figures.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.motion import Motion
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface
@@ -18,7 +18,6 @@ from rsgen.surface import ResponseSurface
 __all__ = ["choose_levels", "draw_held_out", "draw_responses", "draw_time_history"]
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
-_SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
 
 
 def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
@@ -132,7 +131,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles[::-1], labels[::-1], title="Level F", title_fontsize=7.5, loc="best")
-    sweeps = [_SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
+    sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
         f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)}), "
@@ -201,10 +200,8 @@ def _level_text(item: HeldOutLevel) -> str:
 
 
 def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]]:
-    groups: dict[float, list[HeldOutLevel]] = {}
-    for item in sorted(held_out, key=lambda item: item.level):
-        groups.setdefault(item.level, []).append(item)
-    return groups
+    levels = sorted({item.level for item in held_out})
+    return {level: [item for item in held_out if item.level == level] for level in levels}
 
 
 @in_style
@@ -244,10 +241,10 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
                 mew=0.8,
                 zorder=1.5,
                 rasterized=len(item.frequency) > 40,
-                label=f"tested, {_SWEEPS[item.sweep]}",
+                label=f"tested, {SWEEPS[item.sweep]}",
             )
             words.append(
-                f"{_level_text(item)}, {_SWEEPS[item.sweep]}: error "
+                f"{_level_text(item)}, {SWEEPS[item.sweep]}: error "
                 f"{number_text(100 * item.error, 2)} % "
                 f"(root mean square), largest {number_text(100 * item.largest_error, 2)} % of the "
                 "largest amplitude, "
@@ -295,15 +292,12 @@ def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Draw
     t = choose_scale([period], "s")
     times = turn / (2 * np.pi) * period / t.factor
     axes.plot(times, motion / x.factor, color="#0072B2", lw=1.5)
-    for value, place, offset in (
-        (high, int(np.argmax(motion)), (8, -3)),
-        (low, int(np.argmin(motion)), (8, -3)),
-    ):
+    for value, place in ((high, int(np.argmax(motion))), (low, int(np.argmin(motion)))):
         axes.plot(times[place], value / x.factor, "o", color="#D55E00", ms=5)
         axes.annotate(
             quantity_text(value, "m", 3),
             (float(times[place]), value / x.factor),
-            xytext=offset,
+            xytext=(8, -3),
             textcoords="offset points",
         )
     axes.axhline(mean / x.factor, color="#1b1c1e", lw=0.9, ls=(0, (4, 2)))
@@ -315,9 +309,8 @@ def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Draw
     )
     axes.set_xlabel(t.label("Time"))
     axes.set_ylabel(x.label("Displacement x"))
-    axes.set_ylim(
-        low / x.factor - 0.12 * (high - low) / x.factor, high / x.factor + 0.12 * (high - low) / x.factor
-    )
+    margin = 0.12 * (high - low)
+    axes.set_ylim((low - margin) / x.factor, (high + margin) / x.factor)
     ratio = abs(low / high) if high else float("nan")
     text = (
         f"At level {quantity_text(surface.level[i], surface.level_unit, 3)} and "

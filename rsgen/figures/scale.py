@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Scale", "choose_scale", "count_text", "number_text", "quantity_text", "unit_text"]
+__all__ = ["SWEEPS", "Scale", "choose_scale", "count_text", "number_text", "quantity_text", "unit_text"]
 
 _PREFIXES = {
     "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"), (1e-12, "pm")),
@@ -28,6 +28,9 @@ _PREFIXES = {
     "kg": ((1.0, "kg"), (1e-3, "g"), (1e-6, "mg"), (1e-9, "µg"), (1e-12, "ng")),
     "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")),
 }
+SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
+"""How the points of a sweep were reached, in words."""
+
 _THIN = "\u202f"
 _POWERS = str.maketrans("-0123456789.", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹·")
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
-from rsgen.finding import Finding, Quantity
+from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
 from rsgen.oscillator import Oscillator
@@ -133,11 +133,8 @@ def _findings(
             findings.append(Finding("no-steady-state", "warning", numbers=at))
     for item in held_out:
         if item.missing:
-            numbers = {
-                "missing": Quantity(item.missing),
-                "points": Quantity(len(item.frequency)),
-                "level": Quantity(item.level, item.level_unit),
-            }
+            level = Quantity(item.level, item.level_unit)
+            numbers = quantities(missing=item.missing, points=len(item.frequency), level=level)
             names = {"sweep": item.sweep}
             findings.append(Finding("held-out-points-missing", "warning", numbers=numbers, names=names))
     return tuple(findings)
@@ -248,8 +245,12 @@ def _score(
             rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
             measured = surface.harmonics[rows, 1]
             predicted = _respond(identification, balance, surface.select(rows))
-            known = np.isfinite(predicted)
-            miss = np.abs(predicted - measured)[known]
+            miss = np.abs(predicted - measured)
+            known = np.isfinite(miss)
+            error = largest = nan
+            if known.any():
+                error = float(np.linalg.norm(miss[known]) / np.linalg.norm(measured[known]))
+                largest = float(miss[known].max() / np.abs(measured).max())
             scored.append(
                 HeldOutLevel(
                     level=float(level),
@@ -257,14 +258,10 @@ def _score(
                     frequency=surface.frequency[rows],
                     measured=measured,
                     predicted=predicted,
-                    error=float(np.linalg.norm(miss) / np.linalg.norm(measured[known]))
-                    if known.any()
-                    else nan,
-                    largest_error=float(miss.max() / np.abs(measured).max()) if known.any() else nan,
+                    error=error,
+                    largest_error=largest,
                     level_unit=surface.level_unit,
-                    missing=int(
-                        np.count_nonzero(~known | (np.abs(predicted - measured) > _NEAR * np.abs(measured)))
-                    ),
+                    missing=len(rows) - int(np.count_nonzero(miss <= _NEAR * np.abs(measured))),
                 )
             )
     return tuple(scored)

@@ -73,8 +73,8 @@ class _Parts:
     comparison: Comparison
 
     @classmethod
-    def tell_apart(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
-        """Sort the arguments of ``write_report``: the one place that tells them apart by type."""
+    def of(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
+        """Sort the arguments of ``write_report`` by their types."""
         kinds = {
             "case": Case,
             "surface": ResponseSurface,
@@ -146,7 +146,7 @@ def write_report(
         notebook comes last and is saved even then, so that all files are there.
     """
     named = {"case": case, "surface": surface, "identification": identification, "comparison": comparison}
-    given = _Parts.tell_apart(parts, named)
+    given = _Parts.of(parts, named)
     started = time.perf_counter()
     place = Path(folder)
     try:

@@ -12,14 +12,14 @@ from markupsafe import Markup
 
 import rsgen
 from rsgen.errors import RsgenError
-from rsgen.figures import choose_scale
+from rsgen.figures.overview import largest_answer
+from rsgen.figures.scale import SWEEPS, choose_scale
 from rsgen.report.environment import page_environment
 from rsgen.report.index import read_result
 from rsgen.surface import ResponseSurface, load_surface
 
 __all__ = ["render_interactive"]
 
-_SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
 _DIGITS = 6
 
 
@@ -44,14 +44,13 @@ def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, s
         "y": force.label(f"Level {held}"),
         "z": amplitude.label("Amplitude X" if found == "X" else "Force F"),
     }
-    top = float(np.max(surface.answer, where=surface.settled, initial=0.0)) / amplitude.factor or 1.0
-    colour = {"colorscale": "Viridis", "cmin": 0, "cmax": top}
+    colour = {"colorscale": "Viridis", "cmin": 0, "cmax": largest_answer(surface) / amplitude.factor}
     hover = (
         f"%{{x:.5g}} Hz<br>{held} = %{{y:.4g}} {force.unit}<br>{found} = %{{z:.5g}} {amplitude.unit}"
         "<br>phase = %{customdata:.4g} °"
     )
     traces: list[dict[str, Any]] = []
-    for sweep, words in _SWEEPS.items():
+    for sweep, words in SWEEPS.items():
         part = surface.select((surface.sweep == sweep) & surface.settled)
         rows = [np.flatnonzero(part.level == level) for level in part.levels]
         rows = [index[np.argsort(part.frequency[index], kind="stable")] for index in rows]

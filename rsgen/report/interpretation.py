@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rsgen.describing import derive
 from rsgen.expression import symbol
+from rsgen.figures.equivalent import NORMAL_95, standard_errors
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.law.element import Element
@@ -36,8 +37,6 @@ _FACTOR = 2.0
 
 _BEYOND_NOISE = 4.0
 """A mean of this many times the noise is no accident of one point."""
-
-_NORMAL_95 = 1.959964
 
 _DEGREES = {0: "constant force", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
@@ -84,7 +83,7 @@ def _course_finding(course: _Course) -> Finding:
     turn = _turning(course.value)
     if turn:
         return course.finding("course-turns", turn)
-    change, half = last - first, _NORMAL_95 * course.error
+    change, half = last - first, NORMAL_95 * course.error
     if half > abs(change):
         within = {"change": Quantity(change, course.unit), "half_width": Quantity(half, course.unit)}
         return course.finding("course-not-resolved", numbers=within)
@@ -184,13 +183,18 @@ def _courses(element: Element, identification: Identification, values: dict[str,
     mean = np.where(np.isfinite(whole.mean), whole.mean, 0.0)
     function = derive(element)
 
-    def evaluate(changed: dict[str, float]) -> tuple[Array, Array]:
-        own = {name: changed[name] for name in element.parameters}
-        result = function.evaluate(amplitude, speed, own, mean=mean)
-        return np.array(result.stiffness, dtype=float), np.array(result.damping, dtype=float)
+    def evaluate(changed: Mapping[str, float]) -> Array:
+        chosen = {name: changed[name] for name in element.parameters}
+        result = function.evaluate(amplitude, speed, chosen, mean=mean)
+        return np.array([result.stiffness, result.damping], dtype=float)
 
     parts = evaluate(values)
-    errors = _change_errors(evaluate, identification, values, element.parameters)
+    errors = standard_errors(
+        identification,
+        values,
+        element.parameters,
+        lambda changed: np.diff(evaluate(changed)[:, [0, -1]])[:, 0],
+    ).tolist()
     lines = _linear_within(element, values, high, omega * high, float(mean[-1]))
     spring = element.force.subs(symbol("v"), 0)
     findings = []
@@ -216,33 +220,6 @@ def _courses(element: Element, identification: Identification, values: dict[str,
         }
         findings.append(Finding("mean-moves", "info", numbers=numbers))
     return findings
-
-
-def _change_errors(
-    evaluate: Callable[[dict[str, float]], tuple[Array, Array]],
-    identification: Identification,
-    values: dict[str, float],
-    parameters: tuple[str, ...],
-) -> tuple[float, float]:
-    """Give the standard error of last minus first, for stiffness [N/m] and damping [N s/m]."""
-    rows = {estimate.name: i for i, estimate in enumerate(identification.refined)}
-    covariance = identification.covariance
-    if covariance.shape != (len(rows), len(rows)):
-        return 0.0, 0.0
-    widths = np.sqrt(np.diag(covariance))
-    moving = [name for name in parameters if np.isfinite(widths[rows[name]]) and widths[rows[name]] > 0]
-    centre = [part[-1] - part[0] for part in evaluate(values)]
-    slopes = np.zeros((2, len(moving)))
-    for column, name in enumerate(moving):
-        step = float(widths[rows[name]])
-        moved = evaluate({**values, name: values[name] + step})
-        slopes[:, column] = [
-            (part[-1] - part[0] - old) / step for part, old in zip(moved, centre, strict=True)
-        ]
-    index = [rows[name] for name in moving]
-    variance = np.einsum("wi,ij,wj->w", slopes, covariance[np.ix_(index, index)], slopes)
-    stiffness, damping = np.sqrt(np.maximum(variance, 0.0)).tolist()
-    return stiffness, damping
 
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:

@@ -58,25 +58,15 @@ def _element(element: Element) -> dict[str, Any]:
         "force": _formula(element.force, display=True),
         "stiffness": _formula(function.stiffness, display=True),
         "damping": _formula(function.damping, display=True),
-        "mean": None
-        if function.mean is None or function.mean == 0
-        else _formula(function.mean, display=True),
+        "mean": None if function.mean in (None, 0) else _formula(function.mean, display=True),
         "proof": proof_sentence(function.closed_form, function.checked_to),
-        "regimes": [_shown(regime) for regime in function.regimes],
+        "regimes": [r if isinstance(r, str) else _formula(r) for r in function.regimes],
         "remarks": [str(remark) for remark in function.remarks],
     }
 
 
-def _shown(value: Any) -> Any:
-    return value if isinstance(value, str) else _formula(value)
-
-
 def _drawing(drawing: Drawing) -> dict[str, Any]:
-    return {
-        "svg": inline_svg(drawing),
-        "caption": drawing.caption,
-        "alternative": drawing.alternative,
-    }
+    return {"svg": inline_svg(drawing), "caption": drawing.caption, "alternative": drawing.alternative}
 
 
 def render_page(

@@ -68,6 +68,10 @@ class Table:
     aside: tuple[str, ...] = ()
 
 
+def _number(value: float, digits: int = 4) -> Cell:
+    return Cell(number_text(value, digits))
+
+
 def _digits(estimate: Estimate) -> int:
     """As many digits as the interval leaves meaning to, between 4 and 8."""
     low, high = estimate.interval
@@ -129,27 +133,26 @@ def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
 
 def estimate_table(identification: Identification) -> Table:
     """Give every estimate with unit, standard error and the predicted first-order bias."""
-    first = {
-        e.name: (e, b)
-        for e, b in zip(identification.first_order, identification.first_order_bias, strict=False)
-    }
-    paper = {estimate.name: estimate for estimate in identification.paper}
-    rows = []
-    for refined in identification.refined:
-        estimate, bias = first.get(refined.name, (None, math.nan))
-        rows.append(
-            TableRow(
-                (
-                    refined.name,
-                    Cell(unit_text(refined.unit) or "–"),
-                    _estimate_cell(paper.get(refined.name), ""),
-                    _estimate_cell(estimate, "", interval=True),
-                    Cell(number_text(bias, 2) if math.isfinite(bias) else "–"),
-                    _estimate_cell(refined, "", interval=True),
-                    Cell(number_text(refined.standard_error, 2)),
-                )
+    paper, first = (
+        {estimate.name: estimate for estimate in estimates}
+        for estimates in (identification.paper, identification.first_order)
+    )
+    biases = dict(zip(first, identification.first_order_bias, strict=False))
+    rows = [
+        TableRow(
+            (
+                refined.name,
+                Cell(unit_text(refined.unit) or "–"),
+                _estimate_cell(paper.get(refined.name), ""),
+                _estimate_cell(first.get(refined.name), "", interval=True),
+                _number(bias, 2) if math.isfinite(bias) else Cell("–"),
+                _estimate_cell(refined, "", interval=True),
+                _number(refined.standard_error, 2),
             )
         )
+        for refined in identification.refined
+        for bias in [biases.get(refined.name, math.nan)]
+    ]
     columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
     return Table("All estimates in SI units, with 95 % intervals", columns, tuple(rows))
 
@@ -165,11 +168,11 @@ def resonance_table(identification: Identification) -> Table:
             (
                 quantity_text(point.level, identification.curve.level_unit),
                 Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
-                Cell(number_text(point.frequency, 6)),
-                Cell(number_text(100 * point.damping_ratio, 4)),
-                Cell(number_text(point.amplitude / amplitude.factor)),
-                Cell(number_text(point.stiffness / stiffness.factor, 5)),
-                Cell(number_text(point.damping / damping.factor)),
+                _number(point.frequency, 6),
+                _number(100 * point.damping_ratio),
+                _number(point.amplitude / amplitude.factor),
+                _number(point.stiffness / stiffness.factor, 5),
+                _number(point.damping / damping.factor),
             )
         )
         for point in points
@@ -224,15 +227,11 @@ def background_table(identification: Identification) -> Table | None:
             (
                 Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
                 Cell(unit_text(estimate.unit)),
-                _estimate_cell(estimate, "", interval=True),
-                Cell(number_text(estimate.standard_error, 2)),
-            )
-            if math.isfinite(estimate.standard_error)
-            else (
-                Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
-                Cell(unit_text(estimate.unit)),
-                Cell("–", "not identifiable"),
-                Cell("–"),
+                *(
+                    (_estimate_cell(estimate, "", interval=True), _number(estimate.standard_error, 2))
+                    if math.isfinite(estimate.standard_error)
+                    else (Cell("–", "not identifiable"), Cell("–"))
+                ),
             )
         )
         for estimate in background.estimates
@@ -257,7 +256,7 @@ def ranking_table(identification: Identification) -> Table | None:
                 Cell(candidate.force),
                 Cell(str(candidate.parameters)),
                 Cell(error_text(candidate.held_out_error)),
-                Cell(number_text(candidate.bic, 4)),
+                _number(candidate.bic),
                 Cell("ties with the best" if candidate.tied else "worse"),
             )
         )

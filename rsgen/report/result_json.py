@@ -36,6 +36,11 @@ def _finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+def _finite_ones(record: object, names: Iterable[str]) -> dict[str, float | None]:
+    """Give the attributes of a record by name, null where they are not known."""
+    return {name: _finite(getattr(record, name)) for name in names}
+
+
 def _numbers(values: NDArray[np.float64]) -> list[float | None]:
     return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
 
@@ -44,8 +49,7 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
     if estimate is None:
         return None
     entry: dict[str, Any] = {
-        "value": _finite(estimate.value),
-        "standard_error": _finite(estimate.standard_error),
+        **_finite_ones(estimate, ("value", "standard_error")),
         "interval": [_finite(bound) for bound in estimate.interval],
     }
     if estimate.finding is not None:
@@ -55,19 +59,10 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
 
 
 def _row(row: Row) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        "unit": row.unit,
-        "true": _finite(row.true),
-        "paper": _estimate(row.paper),
-        "first_order": _estimate(row.first_order),
-        "refined": _estimate(row.refined),
-        "paper_error": _finite(row.paper_error),
-        "first_order_error": _finite(row.first_order_error),
-        "relative_error": _finite(row.relative_error),
-        "tolerance": _finite(row.tolerance),
-        "passed": row.passed,
-    }
+    estimates = {name: _estimate(getattr(row, name)) for name in ("paper", "first_order", "refined")}
+    errors = ("paper_error", "first_order_error", "relative_error", "tolerance")
+    true = {"name": row.name, "unit": row.unit, "true": _finite(row.true)}
+    return {**true, **estimates, **_finite_ones(row, errors), "passed": row.passed}
 
 
 def _written(formula: sympy.Expr) -> str | None:
@@ -99,15 +94,13 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
         "fits": ranking.fits,
         "verdict": [sentence(finding) for finding in ranking.findings],
         "findings": [finding.to_dict() for finding in ranking.findings],
-        "noise": _finite(ranking.noise),
-        "unexplained": _finite(ranking.unexplained),
+        **_finite_ones(ranking, ("noise", "unexplained")),
         "candidates": [
             {
                 "name": candidate.name,
                 "force": candidate.force,
                 "parameters": candidate.parameters,
-                "held_out_error": _finite(candidate.held_out_error),
-                "bic": _finite(candidate.bic),
+                **_finite_ones(candidate, ("held_out_error", "bic")),
                 "tied": candidate.tied,
             }
             for candidate in ranking.candidates
@@ -161,10 +154,8 @@ def build_result(
             "seconds": _finite(durations.get("surface")),
         },
         "equivalent": {
-            "amplitude": _numbers(curve.amplitude),
-            "frequency": _numbers(curve.frequency),
-            "stiffness": _numbers(curve.stiffness),
-            "damping": _numbers(curve.damping),
+            name: _numbers(getattr(curve, name))
+            for name in ("amplitude", "frequency", "stiffness", "damping")
         },
         "resonances": [_resonance(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
@@ -175,8 +166,7 @@ def build_result(
 
 
 def _resonance(point: Resonance) -> dict[str, Any]:
-    names = ("frequency", "damping_ratio", "amplitude", "stiffness", "damping")
-    numbers = {name: _finite(getattr(point, name)) for name in names}
+    numbers = _finite_ones(point, ("frequency", "damping_ratio", "amplitude", "stiffness", "damping"))
     return {"level": _finite(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
 
 
@@ -186,8 +176,7 @@ def _held_out(item: HeldOutLevel) -> dict[str, Any]:
         "sweep": item.sweep,
         "points": len(item.frequency),
         "missing": item.missing,
-        "error": _finite(item.error),
-        "largest_error": _finite(item.largest_error),
+        **_finite_ones(item, ("error", "largest_error")),
     }
 
 
@@ -204,8 +193,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
             {
                 "name": estimate.name,
                 "unit": estimate.unit,
-                "value": _finite(estimate.value),
-                "standard_error": _finite(estimate.standard_error),
+                **_finite_ones(estimate, ("value", "standard_error")),
             }
             for estimate in background.estimates
         ],
