@@ -256,16 +256,14 @@ def _demodulated(
 ) -> tuple[Array, ComplexArray]:
     """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
     rate, turns = history.rate, curve.antiderivative()
-
-    def phase(i: Array) -> Array:
-        return np.asarray(2 * pi * turns(i / rate))
-
     t = independent_instants(lambda t: PERIODS / np.asarray(curve(t)), time[0], time[-1])
     period = rate / curve(t)
     orders = highest_order(harmonics, rate, float(np.max(curve(t))))
     windows = place_windows(t * rate, PERIODS * period, period, orders, len(samples))
-    envelope = demodulate(samples, phase, windows, tuple(range(orders + 1)))
-    return windows.middle / rate, envelope * np.array([1.0, rate, rate**2])
+    envelope = demodulate(
+        samples, rate, lambda t: np.asarray(2 * pi * turns(t)), windows, tuple(range(orders + 1))
+    )
+    return windows.middle / rate, envelope
 
 
 def _release(history: TimeHistory) -> int:
@@ -299,12 +297,12 @@ def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
     padded = _LOOK * length
     line = np.fft.rfftfreq(padded, 1 / rate)
     near = (line > _NEAR[0] * first) & (line < _NEAR[1] * first)
-    out = np.empty(len(starts))
-    for i, start in enumerate(starts):
+    strongest = []
+    for start in starts:
         part = np.asarray(samples[start : start + length], dtype=np.float64)
         power = np.abs(np.fft.rfft((part - part.mean()) * taper[: len(part)], padded))
-        out[i] = line[near][np.argmax(power[near])]
-    return np.asarray((starts + length / 2) / rate), out
+        strongest.append(line[near][np.argmax(power[near])])
+    return np.asarray((starts + length / 2) / rate), np.array(strongest)
 
 
 def _clear(envelope: ComplexArray) -> NDArray[np.bool_]:

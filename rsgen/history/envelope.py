@@ -52,11 +52,7 @@ def _kernel(count: int) -> Array:
     return np.asarray(weights[:3] * np.array([[1.0], [1 / count], [2 / count**2]]))
 
 
-def _noise_width(count: int = 4096) -> float:
-    return float(count * np.sum(_kernel(count)[0] ** 2))
-
-
-NOISE_WIDTH = _noise_width()
+NOISE_WIDTH = float(4096 * np.sum(_kernel(4096)[0] ** 2))
 """Bandwidth of the demodulation (both sides, equivalent for white noise) [Hz] times window length [s]."""
 
 
@@ -124,12 +120,16 @@ def _batches(windows: Windows) -> list[NDArray[np.intp]]:
 
 
 def demodulate(
-    signal: NDArray[Any], phase: Callable[[Array], Array], windows: Windows, orders: tuple[int, ...]
+    signal: NDArray[Any],
+    rate: float,
+    phase: Callable[[Array], Array],
+    windows: Windows,
+    orders: tuple[int, ...],
 ) -> ComplexArray:
-    """Take envelopes of a real signal (n,) at windows in ascending order.
+    """Take envelopes of a real signal (n,), sampled at ``rate`` [Hz], at windows in ascending order.
 
-    ``phase`` gives the reference [rad] of sample numbers; ``orders`` are harmonics, ascending, 0 the mean.
-    Returns (windows, orders, 3): the envelope and its first and second derivative, per sample.
+    ``phase`` gives the reference [rad] at times [s]; ``orders`` are harmonics, ascending, 0 the mean.
+    Returns (windows, orders, 3): the envelope and its first and second time derivative.
     """
     out = np.zeros((len(windows), len(orders), 3), dtype=np.complex128)
     for batch in _batches(windows):
@@ -137,9 +137,9 @@ def demodulate(
         begin = int(windows.first[batch[0]])
         end = int(windows.first[batch[-1]]) + step * count
         samples = np.asarray(signal[begin:end], dtype=np.float64)
-        turn = np.exp(-1j * phase(np.arange(begin, end, dtype=np.float64)))
+        turn = np.exp(-1j * phase(np.arange(begin, end) / rate))
         mixed, reached = np.ones(1, dtype=complex), 0
-        kernel = _kernel(count).T / np.array([1.0, step, step**2]) / step
+        kernel = _kernel(count).T / np.array([1.0, step / rate, (step / rate) ** 2]) / step
         offsets = (windows.first[batch] - begin) // step
         for column, order in enumerate(orders):
             for _ in range(order - reached):

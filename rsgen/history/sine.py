@@ -37,8 +37,7 @@ def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tupl
     n = len(signal)
     middle = (n - 1) / 2
     size = 1 + 2 * orders + (2 if drift else 0)
-    gram, right, square = np.zeros((size, size)), np.zeros(size), 0.0
-    scale = np.ones(size)
+    gram, right, square, scale = np.zeros((size, size)), np.zeros(size), 0.0, np.ones(size)
     scale[size - 2 :] = 2 / n if drift else 1.0
     for number, block in enumerate(blocks(signal)):
         samples = np.asarray(block, dtype=np.float64)

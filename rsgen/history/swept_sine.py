@@ -163,18 +163,17 @@ def _demodulated(
     reach = highest_order(harmonics, rate, min(highest, band[1]) if band else highest)
     narrow, wide = _windows(history, sweep, band, bandwidth, reach, points)
 
-    def phase(i: Array) -> Array:
-        return law.phase_at(i / rate)
-
     def kinematics(windows: Windows, envelope: ComplexArray) -> Kinematics:
         t = windows.middle / rate
         omega, slope = 2 * pi * law.frequency_at(t), 2 * pi * law.slope_at(t)
-        return differentiate(envelope * np.array([1.0, rate, rate**2]), omega, slope, history.quantity)
+        return differentiate(envelope, omega, slope, history.quantity)
 
-    force = demodulate(history.reference, phase, narrow, (1, 2, 3) if reach >= 3 else (1,))[:, :, 0]
-    envelope = demodulate(history.response, phase, narrow, tuple(range(reach + 1)))
+    force = demodulate(history.reference, rate, law.phase_at, narrow, (1, 2, 3) if reach >= 3 else (1,))[
+        :, :, 0
+    ]
+    envelope = demodulate(history.response, rate, law.phase_at, narrow, tuple(range(reach + 1)))
     motion = kinematics(narrow, envelope[:, 1])
-    wider = kinematics(wide, demodulate(history.response, phase, wide, (1,))[:, 0])
+    wider = kinematics(wide, demodulate(history.response, rate, law.phase_at, wide, (1,))[:, 0])
     t = narrow.middle / rate
     omega = 2 * pi * law.frequency_at(t)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)

@@ -177,11 +177,7 @@ def _shifted(
     law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
 ) -> tuple[SweepLaw, float]:
     """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
-
-    def phase(i: Array) -> Array:
-        return law.phase_at(i / rate)
-
-    envelope = demodulate(force, phase, windows, (1,))[:, 0, 0]
+    envelope = demodulate(force, rate, law.phase_at, windows, (1,))[:, 0, 0]
     instant = windows.middle / rate
     lead = np.unwrap(np.angle(envelope))
     weight = np.abs(envelope) / np.max(np.abs(envelope))

@@ -7,15 +7,13 @@ leaves errors of the order of 1/H^2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.expression.evaluation import compiled
 from rsgen.motion import FourierSeries, fourier_series
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.point_grid import Progress, in_parts, swept
@@ -48,32 +46,20 @@ def _series(harmonics: int) -> FourierSeries:
     return fourier_series(tuple(range(harmonics + 1)), samples, half=False)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Law:
-    """n(x, v) and its two slopes as numpy functions, mass included."""
+    """n(x, v) and its two slopes as numpy functions, and the mass."""
 
-    mass: float
-    functions: Numeric
-    values: tuple[float, ...]
-
-    @classmethod
-    def of(cls, oscillator: Oscillator) -> _Law:
-        x, v = symbol("x"), symbol("v")
-        law = oscillator.force
-        slopes = (law, _slope(law, x), _slope(law, v))
-        names = oscillator.parameters
-        functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
-        return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
+    def __init__(self, oscillator: Oscillator) -> None:
+        x, v, law, names = symbol("x"), symbol("v"), oscillator.force, oscillator.parameters
+        # the impulse at a jump is left out of the slopes: Newton's method does without
+        slopes = (sympy.diff(law, by).replace(sympy.DiracDelta, lambda *_: sympy.S.Zero) for by in (x, v))
+        self.mass = oscillator.mass
+        self._functions = compiled((law, *slopes), (x, v, *(symbol(name) for name in names)))
+        self._values = tuple(oscillator.values[name] for name in names)
 
     def __call__(self, x: Array, v: Array) -> tuple[Array, Array, Array]:
-        n, by_x, by_v = self.functions(x, v, *self.values)
+        n, by_x, by_v = self._functions(x, v, *self._values)
         return n + 0 * x, by_x + 0 * x, by_v + 0 * x
-
-
-def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
-    """The derivative between jumps: the impulse at a jump is left out, Newton's method does without."""
-    slope = sympy.diff(law, variable)
-    return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
 
 
 def _balance(law: _Law, series: FourierSeries, q: Array, load: Array, omega: Array) -> tuple[Array, Array]:
@@ -124,27 +110,15 @@ def solve_harmonic_balance(
     harmonics: int = 7,
     guess: ComplexArray | None = None,
 ) -> SteadyStates:
-    """Find steady states by harmonic balance; stable or not, near the guess.
+    """Find steady states under forces (n,) [N] by harmonic balance; stable or not, near the guess.
 
-    Parameters
-    ----------
-    force, frequency
-        (n,) complex amplitude F [N], and [Hz].
-    harmonics
-        H, how many harmonics are balanced, in addition to the mean.
-    guess
-        (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
-        at rest, damped enough to be finite.
-
-    Returns
-    -------
-    SteadyStates
-        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); more
-        harmonics make it smaller. ``error`` is not known.
+    Without a ``guess`` (n, H+1) [m], it is the response of the mass alone with the slope of the law at rest,
+    damped enough to be finite. The ``residual`` is the force that the mean and ``harmonics`` leave unbalanced
+    (root mean square over |F|); more of them make it smaller. The ``error`` is not known.
     """
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    law, series = _Law.of(oscillator), _series(harmonics)
+    law, series = _Law(oscillator), _series(harmonics)
     load = np.zeros((len(F), 2 * harmonics + 1))
     load[:, 1], load[:, 2] = F.real, F.imag
     q = _linear_guess(law, load, omega) if guess is None else series.real(guess)
@@ -207,7 +181,7 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
 
 def first_order_force(oscillator: Oscillator, amplitude: Array, omega: Array) -> tuple[ComplexArray, Array]:
     """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic."""
-    law, series = _Law.of(oscillator), _series(1)
+    law, series = _Law(oscillator), _series(1)
     mean = np.zeros_like(amplitude)
     for _ in range(_ITERATIONS):
         q = np.column_stack([mean, amplitude, np.zeros_like(amplitude)])

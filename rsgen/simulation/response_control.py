@@ -46,12 +46,8 @@ _RICHARDSON = 2**3 - 1
 class ControlledStates(SteadyStates):
     """Periodic motions of given fundamental amplitude: steady states whose ``error`` is that of the force.
 
-    Parameters
-    ----------
-    force
-        (n,) complex F [N] that holds the fundamental at X [m], whose phase is zero.
-    stable
-        (n,) True where the motion attracts its neighbours when this force is held constant.
+    ``force`` (n,) [N] holds the fundamental at X [m], whose phase is zero; ``stable`` (n,) is True where the
+    motion attracts its neighbours when this force is held constant.
     """
 
     force: ComplexArray
@@ -104,16 +100,10 @@ def solve_response_control(
     harmonics: int = 7,
     accuracy: float = 1e-4,
 ) -> ControlledStates:
-    """Find the force that holds the fundamental of the displacement at an amplitude.
+    """Find the force that holds the fundamental of the displacement at an amplitude (n,) [m].
 
-    Parameters
-    ----------
-    amplitude, frequency
-        (n,) X [m] and [Hz], positive.
-    harmonics
-        H, how many harmonics of the displacement are returned, in addition to the mean.
-    accuracy
-        Largest relative error of the force.
+    ``harmonics`` of the displacement are returned, in addition to the mean; ``accuracy`` is the largest
+    relative error of the force.
 
     Raises
     ------

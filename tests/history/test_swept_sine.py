@@ -90,7 +90,7 @@ def test_other_harmonics_do_not_leak_into_an_envelope() -> None:
     window = place_windows(np.array([20000.0]), np.array([10 * rate / f]), np.array([rate / f]), 5, len(t))
     for order in range(7):
         signal = 0.7 * np.cos(order * 2 * np.pi * f * t)
-        taken = demodulate(signal, lambda i: 2 * np.pi * f * i / rate, window, tuple(range(7)))[0, :, 0]
+        taken = demodulate(signal, rate, lambda t: 2 * np.pi * f * t, window, tuple(range(7)))[0, :, 0]
         assert taken[order] == pytest.approx(0.7, rel=2e-4)
         # 70 dB next to it, more beyond; a constant leaks into h = 1 and back
         assert np.abs(np.delete(taken, order)).max() < 0.7 * 3e-4
@@ -103,19 +103,19 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
     signal = (shape(i) * np.exp(2j * np.pi * f * i / rate)).real
     window = place_windows(np.array([2000.0]), np.array([500.0]), np.array([rate / f]), 1, len(i))
 
-    def phase(i: np.ndarray) -> np.ndarray:
-        return 2 * np.pi * f * i / rate
+    def phase(t: np.ndarray) -> np.ndarray:
+        return 2 * np.pi * f * t
 
     place = window.middle[0]
-    value, first, second = demodulate(signal, phase, window, (1,))[0, 0]
+    value, first, second = demodulate(signal, rate, phase, window, (1,))[0, 0]
     # the mirror image at -f leaks by 1e-5
     assert value == pytest.approx(shape(place), rel=1e-5)
-    assert first == pytest.approx(shape.deriv()(place), rel=1e-3)
-    assert second == pytest.approx(shape.deriv(2)(place), rel=1e-2)
+    assert first == pytest.approx(shape.deriv()(place) * rate, rel=1e-3)
+    assert second == pytest.approx(shape.deriv(2)(place) * rate**2, rel=1e-2)
     # white noise of variance 1 spreads over rate/2: |Y|^2 = 2 * 2 B/rate
     many = place_windows(np.arange(300, 400_000, 600.0), np.array([500.0]), np.array([rate / f]), 1, 400_000)
     noise = np.random.default_rng(1).normal(size=400_000)
-    taken = demodulate(noise, phase, many, (1,))[:, 0, 0]
+    taken = demodulate(noise, rate, phase, many, (1,))[:, 0, 0]
     width = NOISE_WIDTH / (many.step[0] * many.count[0] / rate)
     assert np.mean(np.abs(taken) ** 2) == pytest.approx(4 * width / rate, rel=0.12)
 
