@@ -13,37 +13,42 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import ROUND_OFF
+from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF
 from rsgen.motion import Motion
 from rsgen.oscillator import Model
 from rsgen.surface import OUTCOMES, ResponseSurface
 
-__all__ = ["Points", "Repeats", "gather_repeats", "held_out_mask", "select_points", "with_repeats"]
+__all__ = [
+    "ASYMMETRIC",
+    "JUMP",
+    "Points",
+    "Repeats",
+    "gather_repeats",
+    "held_out_mask",
+    "select_points",
+    "with_repeats",
+]
 
 Array = NDArray[np.float64]
 
-_LEVEL_TOLERANCE = 1e-6
-"""Nominal levels that differ by less, relatively, are one level."""
+ASYMMETRIC = 0.2
+"""Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""
+
+JUMP = 1.5
+"""Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
+
+_SAME = 1e-6
+"""Nominal levels, and frequencies, that differ by less, relatively, are one."""
 
 _FEWEST = 4
+"""Points: a mass, a spring and a damper, and one to disagree with them."""
 
-_SAME = 1e-7
-"""Relative difference of frequencies that are one frequency."""
-
-_BRANCH = 1.5
-"""Repeats whose amplitudes differ by a larger ratio lie on two branches: no mean, no noise."""
-
-_MIRRORED = 0.2
-"""Mean or second harmonic of repeats, relative to the amplitude, differ by less."""
 
 _BATCHED = 6
-"""So many repeats are split into as many batches as the square root of their number."""
+"""At least this many repeats are split into as many batches as the square root of their number."""
 
 _FAR = 10.0
-"""A reading so many typical distances from the median of its point is none of it."""
-
-_MOST = 0.2
-"""At most this share of the readings of a point is set aside."""
+"""Readings farther than this many median distances from the median are outliers."""
 
 _ENOUGH = 20
 """Readings more than points from which on the scatter is a measure of the noise."""
@@ -127,7 +132,7 @@ def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     """(n,) True where a point belongs to a level that identification must not see."""
     mask = np.zeros(len(surface), dtype=bool)
     for level in model.observation.hold_out:
-        mask |= np.isclose(surface.level, level, rtol=_LEVEL_TOLERANCE, atol=0)
+        mask |= np.isclose(surface.level, level, rtol=_SAME, atol=0)
     return mask
 
 
@@ -153,7 +158,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         A held-out level is not in the surface, or fewer than four points remain.
     """
     for level in model.observation.hold_out:
-        if not np.isclose(surface.levels, level, rtol=_LEVEL_TOLERANCE, atol=0).any():
+        if not np.isclose(surface.levels, level, rtol=_SAME, atol=0).any():
             unit = surface.level_unit
             known = ", ".join(f"{value:g}" for value in surface.levels)
             raise RsgenError(f"hold_out: no level {level:g} {unit} in the surface; it has {known} {unit}")
@@ -326,7 +331,7 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     largest = np.zeros(group.max() + 1)
     np.minimum.at(smallest, group[good], size[good])
     np.maximum.at(largest, group[good], size[good])
-    alone = ~good | (largest > _BRANCH * smallest)[group]
+    alone = ~good | (largest > JUMP * smallest)[group]
     # one of two wells, or of two broken symmetries: as large, but a mirror image
     clock = np.exp(-1j * np.angle(surface.force))
     for even in range(0, min(3, surface.harmonics.shape[1]), 2):
@@ -336,7 +341,7 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
             np.minimum.at(low, group[good], part[good])
             np.maximum.at(high, group[good], part[good])
             with np.errstate(invalid="ignore"):
-                alone |= ~(high - low <= _MIRRORED * largest)[group]
+                alone |= ~(high - low <= ASYMMETRIC * largest)[group]
     group[alone] = group.max() + 1 + np.arange(int(alone.sum()))
     return group
 
@@ -353,7 +358,7 @@ def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.
             continue
         own = ratio[rows]
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
-        limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - _MOST)))
+        limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS)))
         far[rows] = distance > limit
     return far
 

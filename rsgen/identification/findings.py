@@ -15,7 +15,7 @@ from rsgen.identification.data import Points, Repeats
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
-from rsgen.identification.tolerances import CONFIDENCE, NULL_PART
+from rsgen.identification.tolerances import CHANCE, CONFIDENCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
@@ -44,9 +44,6 @@ _DRIFT = 0.02
 _SYSTEMATIC = 0.3
 """Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
 
-_CHANCE = 4.0
-"""Standard deviations within which chance may bring such a correlation: false alarms once in 30 000."""
-
 _REACH = 5.0
 """Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
 
@@ -58,9 +55,6 @@ _WHOLE = 0.99
 
 _FEW = 5
 """Points within the width of a resonance below which one outlier decides the damping."""
-
-_EXCESS = 1.5
-"""A misfit so many times the scatter of the means is the law's: chance reaches it with few points only."""
 
 
 def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
@@ -165,7 +159,7 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
         )
     ]
     numbers = quantities(misfit=misfit, times=misfit / expected)
-    if misfit < _EXCESS * expected:
+    if misfit < EXCESS * expected:
         found.append(Finding("misfit-is-scatter", "info", numbers=numbers))
     else:
         found.append(Finding("misfit-beyond-scatter", "warning", numbers=quantities(**numbers, wider=wider)))
@@ -237,7 +231,7 @@ class Findings:
             return False
         correlation = float(np.mean((first * np.conj(second)).real) / np.mean(power))
         # real and imaginary part together
-        return bool(correlation > max(_SYSTEMATIC, _CHANCE / np.sqrt(2 * len(first))))
+        return bool(correlation > max(_SYSTEMATIC, CHANCE / np.sqrt(2 * len(first))))
 
     def _background_proposal(self) -> Finding:
         """In which band to look for a background."""

@@ -17,25 +17,19 @@ from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 
-__all__ = ["Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
+__all__ = ["FLOOR", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _EXACT = 1e-3
-"""Misfit below which they show it."""
+"""Below this misfit, relative, data show what ``SAMPLES`` miss of a switch."""
 
 _FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
 
-_STEPS = 50
-_STEPS_SIMULATED = 6
-_ROUNDS = 4
-_FLOOR = 5.0
-"""A misfit of so many times the simulator's accuracy is its own."""
-
-_SAME = 0.99
-"""A round that lowers the misfit by less was the last."""
+FLOOR = 5.0
+"""A misfit up to this many times the simulator's accuracy is the simulator's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,7 +235,7 @@ def fit_balance(
     *,
     order: int,
     reject: bool = True,
-    steps: int = _STEPS,
+    steps: int = 50,
     correct: bool = True,
 ) -> Fit:
     """Fit by harmonic balance to all points at once.
@@ -286,7 +280,9 @@ def fit_balance(
     return descent.finish(found)
 
 
-def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
+def fit_simulator(
+    problem: Problem, start: Fit, *, accuracy: float, steps: int = 6, rounds: int = 4, last: float = 0.99
+) -> Fit | None:
     """Fit by the compiled steady states, started on the measured branch.
 
     Parameters
@@ -295,6 +291,10 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         What is fitted, and its fit of the balance.
     accuracy
         Of the simulated amplitude, relative.
+    steps, rounds
+        Most Gauss-Newton steps with the same derivatives, and most times that these are taken.
+    last
+        A round that leaves more than this share of the misfit was the last.
 
     Returns
     -------
@@ -319,29 +319,29 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     )
     descent = _Descent(problem, forward)
     descent.scale = start.scale if noisy else observed.points.amplitude
-    parameters, last = before.parameters, before.noise
+    parameters, noise = before.parameters, before.noise
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
     values, mass, _ = problem.split(parameters)
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         found = fit(
             descent.linearise,
             parameters,
             nuisance,
-            steps=_STEPS_SIMULATED,
+            steps=steps,
             neighbours=observed.points.neighbours,
-            floor=_FLOOR * accuracy,
+            floor=FLOOR * accuracy,
         )
         if noisy:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
-        exact = found.noise < _FLOOR * accuracy
-        if found.converged and (exact or found.noise > _SAME * last):
+        exact = found.noise < FLOOR * accuracy
+        if found.converged and (exact or found.noise > last * noise):
             break
         # near a fold derivatives change quickly
-        last = found.noise
+        noise = found.noise
         forward.renew()
     if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
         return None

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.tolerances import SAMPLES
+from rsgen.identification.tolerances import BLOCK, SAMPLES
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
 
@@ -22,12 +22,6 @@ __all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hol
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-_BLOCK = 384
-"""Points a block: its sample arrays stay in the processor's cache."""
-
-_STEPS = 12
-"""Newton steps for the higher harmonics; from a near start one or two suffice."""
 
 _SETTLED = 1e-10
 """Relative step at which the harmonics have converged: the next one would be its square."""
@@ -124,7 +118,7 @@ def hold_amplitude(
     series = fourier_series((1, *follow), samples, half)
     parts = [
         _block(law, values, mass, omega[part], amplitude[part], start[part], series)
-        for part in (slice(i, i + _BLOCK) for i in range(0, len(omega), _BLOCK))
+        for part in (slice(i, i + BLOCK) for i in range(0, len(omega), BLOCK))
     ]
     names = Response.__dataclass_fields__
     return Response(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
@@ -138,6 +132,7 @@ def _block(
     amplitude: Array,
     start: ComplexArray,
     series: FourierSeries,
+    steps: int = 12,
 ) -> Response:
     orders = list(series.orders)
     at = series.real(start[:, orders])
@@ -145,7 +140,7 @@ def _block(
     accelerated = -((series.order_of * omega[:, None]) ** 2)
     diagonal = np.arange(at.shape[1])
     update, step = np.zeros_like(at[:, 2:]), np.zeros(len(at))
-    for _ in range(_STEPS):
+    for _ in range(steps):
         x, v = at @ series.shape, (omega[:, None] * at) @ series.rate
         # only switches ask for the acceleration
         a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v

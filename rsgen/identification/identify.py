@@ -21,7 +21,7 @@ from rsgen.identification.findings import (
     repeat_findings,
     units_of,
 )
-from rsgen.identification.fit import Fit, Problem, fit_balance, fit_simulator
+from rsgen.identification.fit import FLOOR, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.resonance import fit_resonances
@@ -54,22 +54,17 @@ _TAIL = 1e-9
 """Relative size at which the last harmonic no longer matters in exact data."""
 
 _ACCURACIES = (1e-5, 1e-8)
-"""Of the simulator inside the fit: the finer one where the misfit turns out to be as small as the coarser."""
-
-_EXACT = 1e-5
-"""Misfit below which a truncated waveform shows wherever a law has a switch, be it as soft as x|x|."""
+"""Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
+the finer serves where the misfit turns out to be as small."""
 
 _RESOLVED = 100.0
-"""A misfit so many times the simulator's accuracy is not the simulator's."""
+"""A misfit this many times the simulator's accuracy is not the simulator's."""
 
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
 
 _FOLLOWED = 0.9
 """Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
-
-_LEFT = 1e-7
-"""A misfit between this and noise is not the simulator's accuracy: some points were not followed."""
 
 _CENTRED = 0.01
 """Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
@@ -150,8 +145,9 @@ def _fit(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
     found, sharp = _refine(problem, start)
     if sharp:
+        # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
-        if not problem.law.rough and _LEFT < found.regression.noise < NOISY:
+        if not problem.law.rough and 2 * FLOOR * _ACCURACIES[-1] < found.regression.noise < NOISY:
             found = _add_harmonics(found)
     return found
 
@@ -171,7 +167,7 @@ def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         if law.switched or sharp or enough:
             break
     noise = refined.regression.noise
-    sharp = (sharp or (law.switched and noise < _EXACT)) and noise > _ACCURACIES[-1]
+    sharp = (sharp or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[-1]
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from rsgen.identification.tolerances import NULL_PART, ROUND_OFF
+from rsgen.identification.tolerances import NULL_PART, OUTLIERS, ROUND_OFF
 
 __all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
@@ -29,7 +29,6 @@ _GAIN = 1e-4
 _UNCHANGED = 1e-3
 """A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
 
-_HALVINGS = 6
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
 
@@ -37,10 +36,7 @@ _OUTLYING = 3e-3
 """Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
 
 _TOGETHER = 3.0
-"""So many times more pairs of neighbouring outliers than chance would bring are no outliers."""
-
-_OUTLIERS = 0.2
-"""At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
+"""Outliers that are neighbours more often than chance would bring, by this factor, are none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,6 +222,7 @@ def _descend(
     steps: int,
     small: float,
     floor: float,
+    halvings: int = 6,
 ) -> tuple[Array, Array, Linearisation, bool]:
     line = linearise(parameters, nuisance)
     for _ in range(steps):
@@ -252,7 +249,7 @@ def _descend(
         nuisance_change = np.clip(nuisance_change, -1, 1)
         realised = -1.0
         reached = float(np.sqrt(np.mean(residual[good] ** 2))) < floor
-        for part in 0.5 ** np.arange(1 if reached else _HALVINGS):
+        for part in 0.5 ** np.arange(1 if reached else halvings):
             trial = linearise(parameters + part * change, nuisance + part * nuisance_change)
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
@@ -297,7 +294,7 @@ def _agreeing(
     typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
     limit = max(float(chdtri(freedom, 1e-3 / len(distance))) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
-    most = int(_OUTLIERS * len(order))
+    most = int(OUTLIERS * len(order))
     if most < len(order):
         limit = max(limit, float(order[most]))
     agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)

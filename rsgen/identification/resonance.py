@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.data import Points
+from rsgen.identification.data import JUMP, Points
 from rsgen.identification.equations import Equations
 from rsgen.identification.fit import Solution
 from rsgen.identification.result import Resonance
@@ -19,12 +19,6 @@ from rsgen.law.numeric import ForceLaw
 __all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
 
 Array = NDArray[np.float64]
-
-_SLICES = 25
-"""Amplitudes at which a slice is taken."""
-
-_JUMP = 1.5
-"""Neighbouring amplitudes of a larger ratio are on either side of a jump."""
 
 _STEEP = np.cos(np.pi / 5)
 """Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
@@ -51,10 +45,10 @@ def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     size = np.abs(points.harmonics[run, 1])
     ratio = size[1:] / size[:-1]
     turn = (stiffness[1:] * np.conj(stiffness[:-1])).real / np.abs(stiffness[1:] * stiffness[:-1])
-    return np.asarray((ratio < _JUMP) & (ratio > 1 / _JUMP) & (turn > _STEEP))
+    return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _STEEP))
 
 
-def mass_from_slices(points: Points) -> tuple[float, float] | None:
+def mass_from_slices(points: Points, slices: int = 25) -> tuple[float, float] | None:
     """Mass and its standard error: slope of the inverse receptance over omega^2 at constant amplitude.
 
     A slice of constant X is a linear receptance also where the response folds (docs/method.md, 4).
@@ -62,12 +56,12 @@ def mass_from_slices(points: Points) -> tuple[float, float] | None:
     """
     stiffness = (points.force / points.harmonics[:, 1]).real
     size, square = points.amplitude, points.omega**2
-    heights = np.quantile(size, np.linspace(0.1, 0.95, _SLICES))
-    slices: list[list[tuple[float, float]]] = [[] for _ in heights]
+    heights = np.quantile(size, np.linspace(0.1, 0.95, slices))
+    crossed: list[list[tuple[float, float]]] = [[] for _ in heights]
     for run in _runs(points):
         smooth = _neighbours(points, run) if len(run) > 1 else np.zeros(0, dtype=bool)
         first, second = run[:-1][smooth], run[1:][smooth]
-        for crossings, height in zip(slices, heights, strict=True):
+        for crossings, height in zip(crossed, heights, strict=True):
             between = (size[first] - height) * (size[second] - height) < 0
             for i, j in zip(first[between], second[between], strict=True):
                 share = (height - size[i]) / (size[j] - size[i])
@@ -77,7 +71,7 @@ def mass_from_slices(points: Points) -> tuple[float, float] | None:
                         stiffness[i] + share * (stiffness[j] - stiffness[i]),
                     )
                 )
-    centred = [np.array(part) - np.mean(part, axis=0) for part in slices if len(part) >= 3]
+    centred = [np.array(part) - np.mean(part, axis=0) for part in crossed if len(part) >= 3]
     if len(centred) < 3:
         return None
     abscissa, ordinate = np.concatenate(centred).T

@@ -21,6 +21,7 @@ over that of |v|, and together they separate the two sides of the spring. No mea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from scipy.special import ndtri, stdtrit
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import EquivalentCurve, RestoringForce
-from rsgen.identification.tolerances import CONFIDENCE, DRAWN, SIGNIFICANT, STIFFENING
+from rsgen.identification.tolerances import CHANCE, CONFIDENCE, EXCESS, SAMPLES, SIGNIFICANT, STIFFENING
 from rsgen.motion import Motion, project
 
 __all__ = ["invert_curve", "invert_motion"]
@@ -37,30 +38,17 @@ __all__ = ["invert_curve", "invert_motion"]
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_DRAWN = 61
+"""Places at which a force is drawn: no corner of a curve can be seen."""
+
 _DEGREE = 3
-_MOST_KNOTS = 24
+"""Of the splines: a force drawn with a smooth slope, and a curvature to weigh."""
+
 _POINTS_A_KNOT = 8
-_INTERVALS = (1, 2, 3, 4, 6, 8)
-"""Of the splines of damper and spring (on each side of zero, where it may have a corner), tried in turn."""
+"""Between two knots: noise does not show as waves."""
 
-_POINTS = 600
-"""At most so many points of the test are used."""
-
-_CLEAR = 4.0
-"""A harmonic so many times larger than the noise is not noise."""
-
-_SCATTER = 1.5
-"""Scatter about a smooth surface, in units of the noise, that is noise."""
-
-_FEWEST = 64
-_SAMPLES = 128
 _GROUPS = 8
-_DEGREES = [(degree, bend) for degree in range(6) for bend in range(3)]
-"""Of the smooth surfaces, in amplitude and in frequency."""
-
-_WEIGHINGS = 3
-_LEAST = 1e-2
-"""Mean, real and imaginary part are weighed by what they leave, within this ratio."""
+"""Of points that are left out in turn: the spread of eight forces has a known factor of Student's t."""
 
 
 def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
@@ -94,16 +82,16 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
 
 
 def _invert(
-    reach: Array, amplitude: Array, spread: Array, *, free: bool
+    reach: Array, amplitude: Array, spread: Array, *, free: bool, most: int = 24
 ) -> tuple[Array, Array, Array, float]:
     """Points x, n(x), half width of the band, sum of squares; from g at ``reach`` with errors ``spread``.
 
-    Where g is not ``free`` at zero, it is zero there.
+    Where g is not ``free`` at zero, it is zero there. Its spline has at ``most`` this many intervals.
     """
     from scipy.interpolate import BSpline
 
     largest = float(reach.max())
-    count = int(np.clip(len(reach) // _POINTS_A_KNOT, 2, _MOST_KNOTS))
+    count = int(np.clip(len(reach) // _POINTS_A_KNOT, 2, most))
     inner = np.linspace(0, 1, count + 1)
     knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
     functions = len(knots) - _DEGREE - 1
@@ -124,9 +112,9 @@ def _invert(
     nodes, weights = np.polynomial.legendre.leggauss(64)
     sine = np.sin(np.pi / 4 * (nodes + 1))
     weights = weights * np.pi / 4
-    x = np.linspace(0, 1, DRAWN)
+    x = np.linspace(0, 1, _DRAWN)
     inside = (x[:, None] * sine).ravel()
-    value = BSpline.design_matrix(inside, knots, _DEGREE).toarray().reshape(DRAWN, len(sine), functions)
+    value = BSpline.design_matrix(inside, knots, _DEGREE).toarray().reshape(_DRAWN, len(sine), functions)
     slope = np.stack(
         [BSpline(knots, unit, _DEGREE).derivative()(inside) for unit in np.eye(functions)], axis=-1
     ).reshape(value.shape)
@@ -138,7 +126,7 @@ def _invert(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What the points were found to tell, kept where some of them are left out.
+    """What was chosen from all points; it stays where some of them are left out.
 
     Parameters
     ----------
@@ -158,7 +146,7 @@ class _Plan:
     def places(self) -> tuple[Array, Array]:
         """Where the forces are drawn: displacements and velocities."""
         low, high, fast = self.ends
-        return np.linspace(low, high, DRAWN), np.linspace(0, fast, DRAWN)
+        return np.linspace(low, high, _DRAWN), np.linspace(0, fast, _DRAWN)
 
     def spring(self, at: Array) -> Array:
         """(..., f) splines of the stiffness force."""
@@ -175,7 +163,14 @@ class _Plan:
         return np.asarray(np.where(at < 0, -1.0, 1.0)[..., None] * values)
 
 
-def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce | None:
+def invert_motion(
+    points: Points,
+    mass: float,
+    noise: float,
+    *,
+    most: int = 600,
+    tried: tuple[int, ...] = (1, 2, 3, 4, 6, 8),
+) -> RestoringForce | None:
     """Draw the whole stiffness force, and the damping force taken as odd, from measured motions.
 
     Parameters
@@ -186,32 +181,36 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
         m [kg].
     noise
         Relative noise of the response.
+    most
+        Points used, at most, spread over the amplitude.
+    tried
+        Intervals of the splines of damper and spring (on each side of zero, where it may have a corner).
 
     Returns
     -------
     RestoringForce or None
         Its bands are what leaving out one group of points after the other says (delete-a-group jackknife,
         Kott, Journal of Official Statistics 17 (2001)). None where fewer than 64 points remain, or
-        the harmonics that shape an uneven motion were not measured.
+        the harmonics that shape an asymmetric motion were not measured.
     """
-    if len(points) < _FEWEST or 2 not in points.measured:
+    if len(points) < _GROUPS * _POINTS_A_KNOT or 2 not in points.measured:
         return None
-    points = points.select(points.spread(_POINTS))
+    points = points.select(points.spread(most))
     surfaces = _choose_surfaces(points, noise)
-    x, v = _signals(points, _quietened(points, noise, surfaces))
+    x, v = _signals(points, _denoised(points, noise, surfaces))
     ends = float(x.min()), float(x.max()), float(np.abs(v).max())
-    plans = [_Plan(surfaces, ends, intervals) for intervals in _INTERVALS]
-    tried = [_draw(points, mass, noise, plan) for plan in plans]
-    best = int(np.argmin([criterion for *_, criterion in tried]))
-    spring, damper, _ = tried[best]
+    plans = [_Plan(surfaces, ends, intervals) for intervals in tried]
+    drawn = [_draw(points, mass, noise, plan) for plan in plans]
+    best = int(np.argmin([criterion for *_, criterion in drawn]))
+    spring, damper, _ = drawn[best]
     group = np.arange(len(points)) % _GROUPS
     parts = [
         _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(_GROUPS)
     ]
     bands = [
         float(stdtrit(_GROUPS - 1, CONFIDENCE))
-        * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((drawn - drawn.mean(axis=0)) ** 2, axis=0))
-        for drawn in (np.stack(each) for each in zip(*parts, strict=True))
+        * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
+        for forces in (np.stack(each) for each in zip(*parts, strict=True))
     ]
     at_x, at_v = plans[best].places
     return RestoringForce(at_x, spring, bands[0], at_v, damper, bands[1])
@@ -219,7 +218,7 @@ def invert_motion(points: Points, mass: float, noise: float) -> RestoringForce |
 
 def _signals(points: Points, motion: ComplexArray) -> tuple[Array, Array]:
     """Displacement and velocity (n, samples)."""
-    return Motion(points.omega, motion).waveforms(_SAMPLES)[:2]
+    return Motion(points.omega, motion).waveforms(2 * SAMPLES)[:2]
 
 
 def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
@@ -229,19 +228,25 @@ def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
     return points.harmonics / back, back
 
 
-def _choose_surfaces(points: Points, noise: float) -> tuple[tuple[int, int] | None, ...]:
-    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise."""
+def _choose_surfaces(
+    points: Points, noise: float, highest: tuple[int, int] = (5, 2)
+) -> tuple[tuple[int, int] | None, ...]:
+    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise.
+
+    ``highest`` are the degrees tried, in amplitude and in frequency.
+    """
+    tried = list(product(range(highest[0] + 1), range(highest[1] + 1)))
     relative, _ = _relative(points)
     chosen: list[tuple[int, int] | None] = []
     for h, values in enumerate(relative.T):
-        fits = {degrees: _surface_of(points, values, *degrees) for degrees in _DEGREES}
+        fits = {degrees: _surface_of(points, values, *degrees) for degrees in tried}
         best = min(fits, key=lambda degrees: fits[degrees][1])
         scatter = np.sqrt(np.mean(np.abs(values - fits[best][0]) ** 2))
-        chosen.append(best if h != 1 and scatter < _SCATTER * noise else None)
+        chosen.append(best if h != 1 and scatter < EXCESS * noise else None)
     return tuple(chosen)
 
 
-def _quietened(points: Points, noise: float, surfaces: tuple[tuple[int, int] | None, ...]) -> ComplexArray:
+def _denoised(points: Points, noise: float, surfaces: tuple[tuple[int, int] | None, ...]) -> ComplexArray:
     """(n, H+1) measured motion: where a harmonic has a surface on that, else what rises above the noise."""
     relative, back = _relative(points)
     for h, degrees in enumerate(surfaces):
@@ -249,7 +254,7 @@ def _quietened(points: Points, noise: float, surfaces: tuple[tuple[int, int] | N
         if degrees is not None:
             relative[:, h] = _surface_of(points, values, *degrees)[0]
         elif h > 1:
-            relative[:, h] = np.where(np.abs(values) > _CLEAR * noise, values, 0)
+            relative[:, h] = np.where(np.abs(values) > CHANCE * noise, values, 0)
     return np.asarray(relative * back)
 
 
@@ -264,9 +269,14 @@ def _surface_of(points: Points, values: ComplexArray, degree: int, bend: int) ->
     return found, 2 * len(values) * np.log(rest) + 2 * matrix.shape[1] * np.log(2 * len(values))
 
 
-def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array, Array, float]:
-    """Stiffness and damping force at the places of a plan, and the BIC."""
-    x, v = _signals(points, _quietened(points, noise, plan.surfaces))
+def _draw(
+    points: Points, mass: float, noise: float, plan: _Plan, weighings: int = 3, least: float = 1e-2
+) -> tuple[Array, Array, float]:
+    """Stiffness and damping force at the places of a plan, and the BIC.
+
+    Mean, real and imaginary part are weighed by what they leave, down to a least share of the largest.
+    """
+    x, v = _signals(points, _denoised(points, noise, plan.surfaces))
     spring, damper = plan.spring(x), plan.damper(v)
     functions = np.concatenate([spring, damper], axis=2)
     # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
@@ -288,7 +298,7 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
     stiff *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
     weight = np.ones(len(balance))
-    for _ in range(_WEIGHINGS):
+    for _ in range(weighings):
         scale = np.append(weight, np.ones(len(stiff)))
         solution, *_ = solve_scaled(
             np.concatenate([matrix, stiff]) * scale[:, None],
@@ -298,7 +308,7 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
         spread = np.sqrt(np.mean(rest**2, axis=1))
         # a smooth mean tells no more than the noisy one did
         spread[0] = max(spread[0], noise)
-        weight = np.repeat(1 / np.maximum(spread, _LEAST * spread.max()), len(points))
+        weight = np.repeat(1 / np.maximum(spread, least * spread.max()), len(points))
     likelihood = len(points) * float(np.sum(np.log(np.maximum(spread**2, 1e-300))))
     at_x, at_v = plan.places
     return (

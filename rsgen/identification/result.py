@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +16,6 @@ from rsgen.finding import Finding
 from rsgen.identification.observed import Shape, shape_of
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "Background",

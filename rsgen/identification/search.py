@@ -20,27 +20,17 @@ __all__ = ["search_nonlinear"]
 
 Array = NDArray[np.float64]
 
-_DECADES = 14
-_PER_DECADE = 3
-_SCANNED = 32
-_TRIALS = 400
-_STARTS = 4
-_SWEEPS = 2
-_THINNED = 2
-"""So many of the best trials are improved by so many rounds of one parameter, of its values every other."""
-
 _CHANGED = 1e-3
+"""A law changes its shape where a column changes by more, relatively, from one value to the next."""
+
 _TINY = 1e-7
-"""A law changes its shape where a column changes by so much from one value to the next, not by this share."""
+"""Relative change of a value that changes no shape: what it changes as much is round-off."""
 
 _WANDER = 3.0
 """How far a descent may lead from its start, as a logarithm."""
 
-_NONE = 1e-6
-"""Share of all forces that a part of a law has that is not there: its slopes stay finite."""
-
 _SOLVER = 1e-6
-"""Relative misfit that the simulator itself may leave."""
+"""Relative misfit that the simulator may leave; a part of the force as small is as good as none."""
 
 _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
@@ -123,9 +113,9 @@ def _as_good(cost: float, count: int) -> float:
 class _Search:
     """Residuals of trials; linear parameters and the factors of groups are solved for at each."""
 
-    def __init__(self, equations: Equations, law: ForceLaw, mass: float | None) -> None:
+    def __init__(self, equations: Equations, law: ForceLaw, mass: float | None, scanned: int = 32) -> None:
         self._equations, self._law, self._mass = equations, law, mass
-        some = np.unique(np.linspace(0, len(equations.omega) - 1, _SCANNED).round().astype(np.intp))
+        some = np.unique(np.linspace(0, len(equations.omega) - 1, scanned).round().astype(np.intp))
         self._scanned = equations.select(some)
         place = {which: i for i, which in enumerate(law.nonlinear)}
         self._groups = [[place[which] for which in group] for group in law.scaled]
@@ -146,7 +136,7 @@ class _Search:
             solution, _ = self._solve(self._equations, trial, coarse=False)
             matrix, right = equation_rows(self._equations, self._law, self._mass, trial, scaled=True)
             effect = self._factors(np.sqrt(np.sum(matrix**2, axis=0)))
-            least = _NONE * np.sqrt(np.sum(right**2)) / np.where(effect > 0, effect, 1.0)
+            least = _SOLVER * np.sqrt(np.sum(right**2)) / np.where(effect > 0, effect, 1.0)
             for group, factor in zip(self._groups, np.maximum(self._factors(solution), least), strict=True):
                 values[group] *= factor
         return values
@@ -161,7 +151,7 @@ class _Search:
             matrix, right = equation_rows(equations, self._law, self._mass, trial, scaled=True, coarse=coarse)
         # not finite, or soon: a negative power at x = 0, an overflow
         if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
-            return np.zeros(matrix.shape[1]), np.full(len(right), 1e100)
+            return np.zeros(matrix.shape[1]), np.full(len(right), _HUGE)
         solution = solve_scaled(matrix, right)[0]
         for _ in self._groups:
             negative = np.flatnonzero(self._factors(solution) < 0) + len(self._law.linear)
@@ -180,12 +170,12 @@ class _Search:
         """Sum of squares at a trial."""
         return float(np.sum(self.residual(trial, coarse=coarse) ** 2))
 
-    def along(self, start: Array, windows: list[Array]) -> Array:
-        """Take the best value of one parameter after the other over its whole window."""
+    def along(self, start: Array, windows: list[Array], sweeps: int = 2, every: int = 2) -> Array:
+        """Take the best of every n-th value of one parameter after the other over its whole window."""
         best = np.array(start)
-        for _ in range(_SWEEPS):
+        for _ in range(sweeps):
             for i in self.free:
-                values = windows[i][::_THINNED]
+                values = windows[i][::every]
                 trials = np.repeat(best[None, :], len(values) + 1, axis=0)
                 trials[1:, i] = values
                 best = trials[int(np.argmin([self.cost(trial, coarse=True) for trial in trials]))]
@@ -230,10 +220,12 @@ class _Search:
                 dense.append(sign * np.geomspace(part.min(), part.max(), 6 * len(part) + 1))
         return np.concatenate(dense)
 
-    def _changing(self, some: Equations, which: int, typical: list[float], *, whole: bool) -> Array:
+    def _changing(
+        self, some: Equations, which: int, typical: list[float], *, whole: bool, decades: int = 14
+    ) -> Array:
         """Values at which the shape differs from that at the value before, whatever the others are."""
         generator = np.random.default_rng(which)
-        size = np.logspace(-_DECADES, _DECADES, 2 * _DECADES * _PER_DECADE + 1)
+        size = np.logspace(-decades, decades, 2 * decades * 3 + 1)
         values = np.concatenate([size, -size])
         active = np.zeros(len(values), dtype=bool)
         for attempt in typical[:1] if len(self.free) == 1 else typical:
@@ -286,14 +278,14 @@ def _apart(shape: Array, other: Array) -> bool:
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 
-def _trials(windows: list[Array]) -> Array:
+def _trials(windows: list[Array], count: int = 400) -> Array:
     """All values of one parameter, or a low-discrepancy sample of several, with all signs of the pins."""
     searched = [i for i, window in enumerate(windows) if len(window) > 2]
     if len(searched) <= 1:
         return np.array(list(product(*windows)))
     from scipy.stats import qmc
 
-    points = qmc.Halton(len(windows), seed=1).random(_TRIALS)
+    points = qmc.Halton(len(windows), seed=1).random(count)
     return np.stack(
         [
             window[(column * len(window)).astype(np.intp)]
@@ -303,7 +295,7 @@ def _trials(windows: list[Array]) -> Array:
     )
 
 
-def _distinct(ordered: Array) -> list[Array]:
+def _distinct(ordered: Array, most: int = 4) -> list[Array]:
     """The best trials that are not neighbours of a better one."""
     ends: list[Array] = []
     for trial in ordered:
@@ -313,6 +305,6 @@ def _distinct(ordered: Array) -> list[Array]:
         )
         if not near:
             ends.append(trial)
-        if len(ends) == _STARTS:
+        if len(ends) == most:
             break
     return ends

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.identification.forward import Response
-from rsgen.identification.tolerances import ROUND_OFF
+from rsgen.identification.tolerances import MOVE, ROUND_OFF, SIGMAS
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
@@ -27,19 +27,10 @@ __all__ = ["Simulator"]
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_MOVE = 1e-3
-"""Relative change of the response by which derivatives are taken."""
-
-_SHARE = 1e-3
-"""Error of a derivative, relative, that slows the fit down by no step."""
-
 _BRANCH = 0.2
 """A prediction farther from the measured fundamental, relatively, is on another branch."""
 
-_SIGMAS = 8.0
-"""The noise puts no point on another branch within this many standard deviations."""
-
-_BENT = (1e-3, 2e-2)
+_CURVED = (MOVE, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 
 _STEEP = 20.0
@@ -87,8 +78,8 @@ class Simulator:
         self._amplitude, self._accuracy = amplitude, accuracy
         self.harmonics = tuple(h for h in compared if (h % 2 or not law.odd) and (h or law.springs))
         self._highest = max([1, *self.harmonics])
-        self._branch = max(_BRANCH, _SIGMAS * noise)
-        self.step = float(np.clip(noise, *_BENT))
+        self._branch = max(_BRANCH, SIGMAS * noise)
+        self.step = float(np.clip(noise, *_CURVED))
         self._moves = _moves(parameters, strength)
         self._slopes: tuple[ComplexArray, ComplexArray, NDArray[np.bool_]] | None = None
         self._state = motion.turned(-np.angle(force)).states()
@@ -155,8 +146,9 @@ class Simulator:
     def _differentiate(
         self, parameters: Array, drive: Array, base: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
-        accuracy = max(self._accuracy, _SHARE * _MOVE)
-        by_force = (self.solve(parameters, drive * (1 + _MOVE), accuracy) - base) / _MOVE
+        # the error of the simulation then matters no more than that of the difference
+        accuracy = max(self._accuracy, MOVE**2)
+        by_force = (self.solve(parameters, drive * (1 + MOVE), accuracy) - base) / MOVE
         columns = []
         for j, move in enumerate(self._moves):
             trial = np.array(parameters)
@@ -171,10 +163,10 @@ class Simulator:
 
 
 def _moves(parameters: Array, strength: Array) -> Array:
-    """Step of each parameter that moves the response by ``_MOVE``, root mean square over all points.
+    """Step of each parameter that moves the response by ``MOVE``, root mean square over all points.
 
     Zero where the response does not depend on the parameter: there is nothing to differentiate.
     """
     size = np.abs(parameters)
     acts = strength * size > ROUND_OFF * np.max(strength * size, initial=0.0)
-    return np.where(acts, np.minimum(_MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)
+    return np.where(acts, np.minimum(MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)

@@ -13,14 +13,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.data import Points
+from rsgen.identification.data import ASYMMETRIC, Points
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
-from rsgen.identification.tolerances import ANY_LAW, NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import ANY_LAW, FLAT, NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
@@ -39,45 +39,25 @@ __all__ = [
 Array = NDArray[np.float64]
 Table = TypeVar("Table", Points, ResponseSurface)
 
-_SEARCH_POINTS = 120
-
 _GROSS = 5.0
-"""Starting values give less weight to points that disagree by more than so many typical misfits."""
+"""Starting values give less weight to points that disagree by more than this many typical misfits."""
 
 _TYPICAL = 0.04
 """Relative misfit of starting values that is never called gross: first order may be as wrong."""
 
-_STRONG = 0.2
-"""Mean or second harmonic, relative to the fundamental, that a centred motion does not have."""
-
 _SOME = 3
 """At least as many points are no accident."""
 
-_TRIES = 12
-"""Phase errors around the circle, places of a neighbour, steps of a fit that only compares starts, and times
-that phases are made up: the fits that follow find the rest."""
-
-_SHARE = 0.3
-_TYPICAL_DAMPING = 0.01
-"""A neighbour is sought with this damping ratio, in so many places, in so few steps
-each, and with this share of the mode's own residue."""
-
-_NEIGHBOURS = 4
-"""Best places from which the law itself is tried."""
-
-_SCANNED = 80
-
-_FLAT = 0.05
-"""Where the response hardly grows with the amplitude of the mode, Newton's step is no guide."""
-
-_BETTER = 0.999
-"""Relative misfit below which another round is worth it."""
-
 _ORDER = 3
+"""Harmonics while only starting values or phases are sought; the fits that follow find the rest."""
 
 
 def solve_equations(
-    equations: Equations, law: ForceLaw, mass: float | None, near: Array | None = None
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    near: Array | None = None,
+    searched: int = 120,
 ) -> Solution:
     """Solve for all parameters of the law, and for the mass where it is None.
 
@@ -87,9 +67,11 @@ def solve_equations(
         What is solved.
     near
         (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
+    searched
+        Points, spread over the amplitude, on which they are searched.
     """
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
-    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCH_POINTS).round().astype(np.intp))]
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, searched).round().astype(np.intp))]
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
@@ -151,13 +133,13 @@ def _nonlinear_columns(
 def is_asymmetric(points: Points) -> bool:
     """Tell whether some motions have a mean or a second harmonic that no noise explains."""
     even = np.abs(points.harmonics[:, 0:3:2]).max(axis=1) / points.amplitude
-    return int(np.count_nonzero(even > _STRONG)) >= _SOME
+    return int(np.count_nonzero(even > ASYMMETRIC)) >= _SOME
 
 
 def is_strong(points: Points) -> bool:
     """Tell whether some motions are so far from a sine that a balance of few harmonics may miss them."""
     higher = np.abs(points.harmonics[:, 2:]).max(axis=1, initial=0.0) / points.amplitude
-    return int(np.count_nonzero(higher > _STRONG)) >= _SOME
+    return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
 
 
 def start_fit(problem: Problem) -> Array:
@@ -215,38 +197,51 @@ def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int)
     return solution
 
 
-def _start_backgrounds(problem: Problem) -> list[Array]:
-    """Phase error and background, several of a neighbour, with a law that bends as any other."""
+def _start_backgrounds(problem: Problem, scanned: int = 80, turns: int = 12) -> list[Array]:
+    """Phase error and background, several of a neighbour, with a law that is near any other."""
     observed = problem.observed
     if not observed.background.names:
         return [np.zeros(0)]
     points = observed.points
     law = compile_law(make_element("any", ANY_LAW).force)
     few = replace(problem.select(points.spread(QUICK)), law=law)
-    scanned = points.select(points.spread(_SCANNED))
-    turns = 2 * np.pi * np.arange(_TRIES) / _TRIES - np.pi
-    misfits = [_turned(scanned, law, problem.given, float(turn)) for turn in turns]
+    some = points.select(points.spread(scanned))
+    phases = 2 * np.pi * np.arange(turns) / turns - np.pi
+    misfits = [_turned(some, law, problem.given, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
-    found = _turned(few.observed.points, law, problem.given, float(turns[best]))
+    found = _turned(few.observed.points, law, problem.given, float(phases[best]))
     names = observed.background.names
-    parameters = few.join(found.values, found.mass, np.append(turns[best], np.zeros(len(names) - 1)))
+    parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     return [fit_balance(few, trial, order=1, correct=False).background for trial in trials]
 
 
-def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
-    """Try a neighbour at places around the band; those that leave the least misfit may be near."""
+def _place_neighbour(
+    problem: Problem,
+    parameters: Array,
+    *,
+    share: float = 0.3,
+    damping: float = 0.01,
+    places: int = 12,
+    steps: int = 12,
+    most: int = 4,
+) -> list[Array]:
+    """Try a neighbour at places around the band; those that leave the least misfit may be near.
+
+    It begins with a share of the residue of the mode and a damping ratio, and has a few steps at each place;
+    from at most this many of the places the law itself is tried.
+    """
     without = replace(problem, observed=problem.observed.without_neighbour())
-    kept = len(parameters) - 4
-    begun = fit_balance(without, parameters[:kept], order=1, steps=_TRIES, correct=False)
+    mode = len(parameters) - 4
+    begun = fit_balance(without, parameters[:mode], order=1, steps=steps, correct=False)
     low, high = problem.observed.band
     fits = []
-    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _TRIES):
-        neighbour = [_SHARE / begun.mass, 0.0, place, _TYPICAL_DAMPING]
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), places):
+        neighbour = [share / begun.mass, 0.0, place, damping]
         trial = np.concatenate([begun.regression.parameters, neighbour])
-        fits.append(fit_balance(problem, trial, order=1, steps=_TRIES, reject=False, correct=False))
+        fits.append(fit_balance(problem, trial, order=1, steps=steps, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
-    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:most]]
 
 
 def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> Solution:
@@ -279,11 +274,14 @@ def _guessed(points: Points) -> NDArray[np.float64]:
     return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
 
 
-def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solution:
+def _start_amplitudes(
+    points: Points, law: ForceLaw, mass: float | None, rounds: int = 12, worth: float = 0.999
+) -> Solution:
     """Fit the law to phases that the law itself predicts, from a guess on.
 
     At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
-    less, above it more; the law that fits then predicts the phase anew.
+    less, above it more; the law that fits then predicts the phase anew, in at most
+    this many rounds; another one is worth it where the relative misfit fell below this share.
     """
     lag = _guessed(points)
     force = np.abs(points.force)
@@ -291,14 +289,14 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solu
     harmonics[:, 1] = points.amplitude
     best = np.inf
     start: Solution | None = None
-    for _ in range(_TRIES):
+    for _ in range(rounds):
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
         found = solve_equations(equations, law, mass)
         balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
-        if start is not None and not misfit < _BETTER * best:
+        if start is not None and not misfit < worth * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)
@@ -311,7 +309,7 @@ def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, 
     return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
 
 
-def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
+def with_phase(table: Table, found: Fit, shape: Shape, steps: int = 12) -> Table:
     """Give force and response the phases that law and background predict at each amplitude."""
     law, background = found.problem.law, found.background
     seen = np.abs(table.harmonics[:, 1])
@@ -321,11 +319,11 @@ def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
     harmonics[:, 1] = seen
     b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
     size = np.array(wanted)
-    for _ in range(_TRIES):
+    for _ in range(steps):
         balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
-        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > _FLAT, slope, 1.0)
+        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
         size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
     balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))

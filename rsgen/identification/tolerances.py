@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 __all__ = [
-    "ANY_LAW", "CONFIDENCE", "DRAWN", "NOISY", "NULL_PART", "QUICK", "ROUND_OFF", "SAMPLES",
-    "SAMPLES_SWITCHED", "SIGNIFICANT", "STIFFENING",
+    "ANY_LAW", "BLOCK", "CHANCE", "CONFIDENCE", "EXCESS", "FLAT", "MOVE", "NOISY", "NULL_PART", "OUTLIERS",
+    "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT", "STIFFENING",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
 
+BLOCK = 384
+"""Points worked on at once: their sample arrays stay in the processor's cache."""
+
+CHANCE = 4.0
+"""Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""
+
 CONFIDENCE = 0.975
 """One-sided probability of every interval and band: 95 % between both ends."""
 
-DRAWN = 61
-"""Places at which a force is drawn: no corner of a curve can be seen."""
+EXCESS = 1.5
+"""Ratio of two estimates of one noise that chance reaches with a few points only."""
+
+FLAT = 0.05
+"""Where force or response grows less than this with the other, both relative, Newton's step is no guide."""
+
+MOVE = 1e-3
+"""Relative change by which derivatives of simulated responses are taken; their error is as large."""
 
 NOISY = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
@@ -22,6 +34,9 @@ O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
 
 NULL_PART = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
+
+OUTLIERS = 0.2
+"""At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
 
 QUICK = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
@@ -34,6 +49,9 @@ SAMPLES = 64
 
 SAMPLES_SWITCHED = 256
 """A period, where the law has switches: shares of an interval leave an error of its square."""
+
+SIGMAS = 8.0
+"""Standard deviations beyond which a point among any number of them is not where it is by noise."""
 
 SIGNIFICANT = 25.0
 """Gain in the sum of squares, in units of the noise, that a free parameter must bring to be believed: five

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
+from rsgen.identification.tolerances import BLOCK
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
 
@@ -24,9 +25,6 @@ ComplexArray = NDArray[np.complex128]
 
 _UNKNOWN = 1e3
 """Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
-
-_BLOCK = 256
-"""Points worked on at once: bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,8 +199,8 @@ def make_rows(
     diagonal = np.arange(width)
     # rows of unknown harmonics first: what they do not need is left to the others
     order = np.argsort(known, kind="stable")
-    for low in range(0, count, _BLOCK):
-        part = slice(low, low + _BLOCK)
+    for low in range(0, count, BLOCK):
+        part = slice(low, low + BLOCK)
         x, v, a, step = (column[part] for column in trajectory)
         sample = law.sample(x, v, a, step, values)
         omega = motion.omega[part, None]

@@ -21,22 +21,8 @@ from rsgen.ranking.sums import Term, library_terms
 
 __all__ = ["MODEL", "Entries", "competitors", "start_guess"]
 
-_SEARCHED = 300
-"""Points on which sums are searched: a coarse search needs fewer than a fit."""
-
-_FITTED = 20
-"""Candidates that are fitted with every parameter free."""
-
-_ALONE = 6
-"""Single laws among them, which are shown even where sums come nearer."""
-
-_TERMS = 3
-"""Laws of the library in a sum."""
-
-_CLOSE = 3
-"""Best candidates of the round before that compete again."""
-
 MODEL = "the model's own law"
+"""Name of the law of a model among the candidates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,28 +43,53 @@ class Entries:
     terms: tuple[Term, ...]
     mass: float | None
 
-    def fit(self, rows: Rows, points: Points, *, first: bool, known: Sequence[Fitted] = ()) -> list[Fitted]:
-        """Search sums and fit the best of them; best first. ``known`` are candidates of the round before."""
+    def fit(
+        self,
+        rows: Rows,
+        points: Points,
+        *,
+        first: bool,
+        known: Sequence[Fitted] = (),
+        searched: int = 300,
+        fitted: int = 20,
+        alone: int = 6,
+        together: int = 3,
+        again: int = 3,
+    ) -> list[Fitted]:
+        """Search sums and fit the best of them with every parameter free; best first.
+
+        Parameters
+        ----------
+        rows, points
+            The balance, and the points that it is of.
+        first
+            True along the measured motion, where the noise is not yet known.
+        known
+            Candidates of the round before; the best ``again`` compete again.
+        searched
+            Points on which sums are searched: a coarse search needs fewer than a fit.
+        fitted, alone
+            Candidates that are fitted, and single laws among them, shown even where sums are nearer.
+        together
+            Most laws of the library in a sum.
+        """
         guesses = list(self.given)
         if self.terms or not guesses:
-            few = points.spread(_SEARCHED)
-            trials = search_sums(rows.select(few), self.terms, self.mass, _TERMS)
-            alone = [trial for trial in trials if len(trial.law.terms) <= 1][:_ALONE]
-            near = [trial for trial in trials if trial not in alone][: _FITTED - len(alone)]
-            guesses += [_guess(trial, rows) for trial in (*near, *alone)]
+            few = points.spread(searched)
+            trials = search_sums(rows.select(few), self.terms, self.mass, together)
+            single = [trial for trial in trials if len(trial.law.terms) <= 1][:alone]
+            near = [trial for trial in trials if trial not in single][: fitted - len(single)]
+            guesses += [_guess(trial, rows) for trial in (*near, *single)]
         names = {_parts(guess.name) for guess in guesses}
-        guesses += [fit.guess for fit in known[:_CLOSE] if _parts(fit.guess.name) not in names]
-        fitted = [
+        guesses += [fit.guess for fit in known[:again] if _parts(fit.guess.name) not in names]
+        fits = [
             fit for guess in guesses if (fit := fit_rows(guess, rows, points.level, self.mass)) is not None
         ]
-        if not fitted:
+        if not fits:
             raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
-        # along the measured motion the noise is not yet known
-        noise = min(fit.misfit for fit in fitted) / fitted[0].residual.size if first else 1.0
-        penalty = np.log(fitted[0].residual[:, rows.compared].size)
-        return sorted(
-            fitted, key=lambda fit: fit.misfit / max(noise, 1e-300) + penalty * len(fit.guess.values)
-        )
+        noise = min(fit.misfit for fit in fits) / fits[0].residual.size if first else 1.0
+        penalty = np.log(fits[0].residual[:, rows.compared].size)
+        return sorted(fits, key=lambda fit: fit.misfit / max(noise, 1e-300) + penalty * len(fit.guess.values))
 
 
 def competitors(

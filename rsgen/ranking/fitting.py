@@ -17,10 +17,6 @@ __all__ = ["Fitted", "Guess", "fit_rows"]
 
 Array = NDArray[np.float64]
 
-_STEPS = 8
-"""Gauss-Newton steps: candidates start near, and a ranking needs no more digits than its noise."""
-
-_HALVINGS = 4
 _SINGULAR = 1e-13
 """Eigenvalue of scaled normal equations, relative to the largest, below which it counts as zero."""
 
@@ -137,7 +133,9 @@ class _Balance:
         return settled, *self.evaluate(settled)
 
 
-def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
+def fit_rows(
+    guess: Guess, rows: Rows, level: Array, mass: float | None, *, steps: int = 8, halvings: int = 4
+) -> Fitted | None:
     """Fit a candidate along the motion and predict each level from the others.
 
     Parameters
@@ -150,6 +148,9 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
         (n,) [N] to which each point belongs.
     mass
         [kg], None where it is free.
+    steps, halvings
+        Most Gauss-Newton steps, and halvings of each: candidates start near, and a ranking needs no more
+        digits than its noise.
 
     Returns
     -------
@@ -162,11 +163,11 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names]).reshape(-1, 2)
     place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
     cost = _cost(residual, rows)
-    for _ in range(_STEPS if balance.nonlinear else 0):
+    for _ in range(steps if balance.nonlinear else 0):
         if not np.isfinite(cost):
             return None
         change = _solve(*_normal(residual, matrix, rows))
-        for part in 0.5 ** np.arange(_HALVINGS):
+        for part in 0.5 ** np.arange(halvings):
             trial, after, slopes = balance.settle(_moved(place, part * change, limits, balance.nonlinear))
             if _cost(after, rows) < cost:
                 break

@@ -15,12 +15,11 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
-from rsgen.expression import parse, symbol, write
+from rsgen.expression import symbol, write
 from rsgen.identification import Identification, identify
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.tolerances import ANY_LAW
 from rsgen.law.element import Element, LawLike, as_elements
-from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
@@ -28,6 +27,7 @@ from rsgen.ranking.competitors import MODEL, Entries, competitors, start_guess
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.ranking_result import Candidate, Ranking
 from rsgen.ranking.reference import (
+    NOISE,
     NOISE_FLOOR,
     ORDER,
     Reference,
@@ -36,6 +36,7 @@ from rsgen.ranking.reference import (
     neighbour_noise,
     outlying,
 )
+from rsgen.ranking.sums import base_law
 from rsgen.ranking.verdict import judge
 from rsgen.surface import ResponseSurface
 
@@ -43,20 +44,8 @@ __all__ = ["identify_best", "rank"]
 
 Array = NDArray[np.float64]
 
-_POINTS = 500
-"""Points, spread over the amplitude, that separate laws; more of them only narrow intervals."""
-
-_ROUNDS = 5
-"""Motions tried; the best law is nearly always the same from the second on."""
-
-_CLOSE = 3
-"""References tried where the best candidate cannot follow the measured motion."""
-
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
-
-_SAME = 1e-3
-"""Forces that differ by less, relative to the largest, over the tested range are one law."""
 
 _FLEXIBLE = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
 """Follow other laws roughly, with friction and without: where no law is given, they fit the background."""
@@ -133,11 +122,22 @@ def rank(
         )
     given = tuple(start_guess(name, elements, points, base.mass) for name, elements in laws.items())
     entries = Entries(given, terms, base.mass)
-    found = entries.fit(first_rows(points, compile_law(parse("c*v + k*x")), base.mass), points, first=True)
+    found = entries.fit(first_rows(points, base_law(), base.mass), points, first=True)
+    rounds = _rounds(points, found, entries)
+    # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
+    left = [each.left(points) for each, _ in rounds]
+    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_FLOOR)
+    return _ranking(points, *rounds[best], base, surface)
+
+
+def _rounds(
+    points: Points, found: list[Fitted], entries: Entries, most: int = 5
+) -> list[tuple[_Round, list[Fitted]]]:
+    """Candidates along the motion of the best of the round before, until the best is the same again."""
     rounds: list[tuple[_Round, list[Fitted]]] = []
     tried: list[str] = []
-    for _ in range(_ROUNDS):
-        current = _next_round(points, found, base.mass, rounds[-1][0].noise if rounds else None)
+    for _ in range(most):
+        current = _next_round(points, found, entries.mass, rounds[-1][0].noise if rounds else None)
         if current is None:
             break
         current, found = _compared(points, current, entries, found)
@@ -148,10 +148,7 @@ def rank(
         tried.append(name)
     if not rounds:
         raise RsgenError("ranking: no candidate has steady states near the measured ones")
-    # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
-    left = [each.left(points) for each, _ in rounds]
-    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_FLOOR)
-    return _ranking(points, *rounds[best], base, surface)
+    return rounds
 
 
 def identify_best(surface: ResponseSurface, model: Model) -> Identification:
@@ -170,8 +167,13 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     return rank(surface, model).best
 
 
-def _points(surface: ResponseSurface, base: Model, given: Sequence[tuple[Element, ...]]) -> Points:
-    """Part of the points, without the background that is fitted with the law that leaves least."""
+def _points(
+    surface: ResponseSurface, base: Model, given: Sequence[tuple[Element, ...]], most: int = 500
+) -> Points:
+    """Some of the points, without the background that is fitted with the law that leaves least.
+
+    At ``most`` this many separate laws; more of them only narrow intervals.
+    """
     if not surface.phase_known:
         raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
     points = select_points(surface, base)
@@ -184,7 +186,7 @@ def _points(surface: ResponseSurface, base: Model, given: Sequence[tuple[Element
         background = min(fits, key=lambda found: found.residual).background
         if background is not None:
             points = background.shape(points.omega).subtract(points, background.values)
-    return points.select(points.spread(_POINTS))
+    return points.select(points.spread(most))
 
 
 def _is_linear(force: sympy.Expr) -> bool:
@@ -194,10 +196,10 @@ def _is_linear(force: sympy.Expr) -> bool:
 
 
 def _next_round(
-    points: Points, candidates: list[Fitted], mass: float | None, before: Array | None
+    points: Points, candidates: list[Fitted], mass: float | None, before: Array | None, tried: int = 3
 ) -> _Round | None:
     """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
-    for fit in candidates[:_CLOSE]:
+    for fit in candidates[:tried]:
         reference = follow(points, fit.guess, mass)
         found = None if reference is None else _round(points, fit.guess, reference, mass, before)
         if found is not None:
@@ -209,7 +211,7 @@ def _round(
     points: Points, guess: Guess, reference: Reference, mass: float | None, before: Array | None
 ) -> _Round | None:
     """Fit the law whose motion it is, and estimate the noise."""
-    noise = np.full(ORDER + 1, 1e-2) if before is None else before
+    noise = np.full(ORDER + 1, NOISE) if before is None else before
     chosen = points.select(reference.chosen)
     guess = replace(guess, values=reference.named(mass))
     for last in (False, False, True):
@@ -295,7 +297,7 @@ def _merged(candidates: list[Fitted], rows: Rows) -> list[Fitted]:
         fit for fit in candidates if fit is not given and len(fit.guess.values) == len(given.guess.values)
     ]
     apart = [float(np.max(np.abs(force(fit) - reference))) for fit in like]
-    if not apart or min(apart) > _SAME * largest:
+    if not apart or min(apart) > NOISE_FLOOR * largest:
         return candidates
     twin = like[int(np.argmin(apart))]
     named = replace(given, guess=replace(given.guess, name=twin.guess.name))

@@ -11,6 +11,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
+from rsgen.identification.tolerances import FLAT, MOVE, OUTLIERS, SIGMAS
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Oscillator
@@ -18,7 +19,16 @@ from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_mot
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
-__all__ = ["NOISE_FLOOR", "Reference", "first_rows", "follow", "neighbour_noise", "outlying"]
+__all__ = [
+    "NOISE",
+    "NOISE_FLOOR",
+    "ORDER",
+    "Reference",
+    "first_rows",
+    "follow",
+    "neighbour_noise",
+    "outlying",
+]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -32,45 +42,26 @@ WAVEFORM = 31
 SAMPLES = 128
 """A period; laws are compared along one waveform, so that coarse sampling cancels."""
 
-_STEPS = 12
-"""Gauss-Newton steps of a candidate that is to lead: one that needs more is not near."""
+NOISE = 1e-2
+"""Relative noise before any is known."""
 
 _ACCURACY = 3e-5
 """Of the simulated amplitude, far less than the least noise of a ranking."""
-
-_AGAIN = 2
-"""Times that a law is fitted along its simulated motion and simulated anew."""
-
-_NOISE = 1e-2
-"""Relative noise before any is known."""
-
-_MOVE = 1e-3
-"""Relative change of the force for the secant step that finds the force which holds an amplitude."""
-
-_FLAT = 1e-2
-"""Least growth of the amplitude with the force at which that step is taken."""
 
 _FARTHEST = 0.2
 """Largest such step, in the logarithm of the force."""
 
 _NEAR = 0.02
-"""Points whose simulated amplitude is farther from the measured one take no part."""
+"""A motion whose amplitude or force is farther from the measured one, relatively, is no reference for it."""
 
 _CLEARLY = 0.7
 """Second differences smaller than this share of the first ones measure the noise better."""
 
-_HOPELESS = 0.02
-"""Where a law leaves more of the force than any truncated waveform does, it need not be simulated."""
-
 NOISE_FLOOR = 1e-3
 """Least relative noise of a ranking: corners and the simulation leave as much."""
 
-_FAR = 8.0
 _FEW = 0.05
-"""Points farther off than this many standard deviations decide nothing while they are at most this share."""
-
-_OUTER = 0.2
-"""Share of the points on either side that do not decide whether a law is hopeless."""
+"""Points that lie off decide nothing while they are at most this share."""
 
 _FOLLOWED = 0.8
 """Share of the points that a law must be able to follow to serve as reference."""
@@ -152,7 +143,7 @@ def first_rows(points: Points, law: ForceLaw, mass: float | None) -> Rows:
     )
 
 
-def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
+def follow(points: Points, best: Guess, mass: float | None, steps: int = 12) -> Reference | None:
     """Fit a candidate to the measured waveforms.
 
     Parameters
@@ -163,6 +154,8 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
         The candidate.
     mass
         [kg], None where it is free.
+    steps
+        Most Gauss-Newton steps: a candidate that needs more is not near.
 
     Returns
     -------
@@ -173,8 +166,8 @@ def follow(points: Points, best: Guess, mass: float | None) -> Reference | None:
     values = np.array([best.values[name] for name in law.parameters])
     start = best.values["m"] if mass is None else mass
     problem = Problem(best.elements, law, Observed.of(points), mass)
-    found = fit_balance(problem, problem.join(values, start), order=ORDER, reject=False, steps=_STEPS)
-    if law.rough and found.mass > 0 and _shared(points, found) < _HOPELESS:
+    found = fit_balance(problem, problem.join(values, start), order=ORDER, reject=False, steps=steps)
+    if law.rough and found.mass > 0 and _shared(points, found) < _NEAR:
         exact = _simulated(points, best, found, mass)
         if exact is not None:
             return exact
@@ -194,7 +187,7 @@ def _shared(points: Points, found: Fit) -> float:
     common = np.sort((first * np.conj(second)).real)
     common = common[np.isfinite(common)]
     # near sticking the balance of some points is far off for any law
-    outer = int(_OUTER * len(common))
+    outer = int(OUTLIERS * len(common))
     common = common[outer : len(common) - outer]
     return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
@@ -205,24 +198,28 @@ def _followed(found: Fit) -> NDArray[np.bool_]:
     )
 
 
-def _simulated(points: Points, best: Guess, found: Fit, mass: float | None) -> Reference | None:
+def _simulated(
+    points: Points, best: Guess, found: Fit, mass: float | None, again: int = 2
+) -> Reference | None:
     """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
     reference = _hold(points, best, found.values, found.mass, found)
-    for _ in range(_AGAIN):
+    for _ in range(again):
         if reference is None:
             return None
-        noise = np.full(ORDER + 1, _NOISE)
+        noise = np.full(ORDER + 1, NOISE)
         rows, level = reference.rows(noise), points.level[reference.chosen]
         guess = replace(best, values=reference.named(mass))
-        own = fit_rows(guess, rows, level, mass)
-        out = None if own is None else outlying(own, noise)
+        leader = fit_rows(guess, rows, level, mass)
+        out = None if leader is None else outlying(leader, noise)
         if out is not None and out.any():
             inside = np.flatnonzero(~out)
-            own = fit_rows(guess, rows.select(inside), level[inside], mass)
-        if own is None:
+            leader = fit_rows(guess, rows.select(inside), level[inside], mass)
+        if leader is None:
             return reference
-        values = np.array([own.guess.values[name] for name in reference.law.parameters])
-        reference = _hold(points, best, values, own.guess.values.get("m", reference.mass), found) or reference
+        values = np.array([leader.guess.values[name] for name in reference.law.parameters])
+        reference = (
+            _hold(points, best, values, leader.guess.values.get("m", reference.mass), found) or reference
+        )
     return reference
 
 
@@ -252,11 +249,11 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -
     try:
         states = solve(drive, state)
         state = np.where(states.settled[:, None], states.state, state)
-        moved = solve((1 + _MOVE) * drive, state)
+        moved = solve((1 + MOVE) * drive, state)
         # a point that does not settle, or sticks, has no amplitude: it keeps its force
         with np.errstate(divide="ignore", invalid="ignore"):
-            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(_MOVE)
-            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > _FLAT, growth, np.inf)
+            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(MOVE)
+            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > FLAT, growth, np.inf)
         drive = drive * np.exp(np.clip(np.nan_to_num(step), -_FARTHEST, _FARTHEST)).astype(np.complex128)
         states = solve(drive, state)
     except RsgenError:
@@ -282,7 +279,7 @@ def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
     size = np.abs(fitted.residual[:, fitted.compared])
     least = (NOISE_FLOOR / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
-    out = np.asarray((size > _FAR * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
+    out = np.asarray((size > SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
     return out if np.mean(out) <= _FEW else np.zeros_like(out)
 
 

@@ -12,10 +12,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.expression import parse
-from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.sums import Sum, Term
+from rsgen.ranking.sums import Sum, Term, base_law
 
 __all__ = ["Trial", "search_sums"]
 
@@ -23,11 +21,6 @@ Array = NDArray[np.float64]
 
 _RIDGE = 1e-10
 """Columns have unit size; beneath this share of it a combination of them is not compared."""
-
-_BEAM = 24
-"""Best sums of each size that are tried with one term more."""
-
-_BASE = compile_law(parse("c*v + k*x"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +71,7 @@ class _Columns:
     def __init__(self, rows: Rows, terms: Sequence[Term], mass: float | None) -> None:
         x, v, a, step = rows.trajectory
         size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
-        base = _BASE.sample(x, v, a, step, np.zeros(2)).by_parameter
+        base = base_law().sample(x, v, a, step, np.zeros(2)).by_parameter
         blocks = [rows.of(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
         self.mass = mass
         self.variants: dict[str, list[_Variant]] = {}
@@ -116,7 +109,9 @@ class _Columns:
         self.rows = len(flat)
 
 
-def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int) -> list[Trial]:
+def search_sums(
+    rows: Rows, terms: Sequence[Term], mass: float | None, most: int, beam: int = 24
+) -> list[Trial]:
     """Try the base, every term, every pair, and the best sums with every term more; best first by BIC.
 
     Parameters
@@ -129,6 +124,8 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
         [kg], None where it is free.
     most
         Terms in a sum.
+    beam
+        Best sums of each size that are tried with one term more.
     """
     columns = _Columns(rows, terms, mass)
     place = {term.name: i for i, term in enumerate(terms)}
@@ -152,7 +149,7 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
             (entry for key, entry in found.items() if len(key) == size - 1),
             key=lambda entry: entry[0].misfit,
         )
-        for trial, variants in last[:_BEAM]:
+        for trial, variants in last[:beam]:
             inside = {term.name for term in trial.law.terms}
             for term in terms:
                 if term.name not in inside and sensible((*trial.law.terms, term)):

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-from rsgen.expression import symbol
+from rsgen.expression import parse, symbol
 from rsgen.law.element import Element, Law, Range, Search, make_element
 from rsgen.law.library import laws
 from rsgen.law.numeric import ForceLaw, compile_law
 
-__all__ = ["Sum", "Term", "library_terms"]
+__all__ = ["Sum", "Term", "base_law", "library_terms"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,11 @@ class Term:
     def linear(self) -> tuple[str, ...]:
         """Parameters in which the term is linear; the others move the part of the last one only."""
         return tuple(name for name in self.law.parameters if name not in self.search)
+
+
+def base_law() -> ForceLaw:
+    """The linear damper and spring that every sum has; their coefficients in this order."""
+    return compile_law(parse("c*v + k*x"))
 
 
 @lru_cache(maxsize=1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
+from rsgen.identification.tolerances import EXCESS, SIGNIFICANT
 from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_FLOOR, neighbour_noise, outlying
@@ -19,24 +20,11 @@ __all__ = ["Judgement", "judge"]
 
 Array = NDArray[np.float64]
 
-_SIGNIFICANT = 5.0
-"""Standard deviations of the correlation between neighbours beyond which it is no accident."""
-
 _FUNDAMENTAL = 5e-3
 """A law that leaves less of force and response fits: sensors are calibrated no better."""
 
-_HARMONIC = 1e-3
 _HARMONIC_SHARE = 0.1
-"""A law fits a higher harmonic of which it leaves less, relative to the fundamental or to that harmonic."""
-
-_MOST = 0.6
-"""The reported range holds this share of what is unexplained."""
-
-_WHOLE = 0.75
-"""A range as wide as this share of the tested one says nothing."""
-
-_WORSE = 1.5
-"""Levels whose prediction is this many times worse than their fit are reported."""
+"""A law fits a higher harmonic of which it leaves less, or less than the least noise of a ranking."""
 
 _POINTS_A_PARAMETER = 6
 """Fewer points a parameter are few."""
@@ -78,7 +66,7 @@ def judge(
     shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
     left = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
-    significant = correlation * np.sqrt(2 * max(len(pairs), 1)) > _SIGNIFICANT
+    significant = correlation * np.sqrt(2 * max(len(pairs), 1)) > np.sqrt(SIGNIFICANT)
     missing = significant & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
@@ -106,7 +94,7 @@ def _limits(points: Points, count: int) -> Array:
     size = np.zeros(count)
     relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
     size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(_HARMONIC, _HARMONIC_SHARE * size)
+    limits = np.maximum(NOISE_FLOOR, _HARMONIC_SHARE * size)
     limits[:2] = _FUNDAMENTAL
     return np.asarray(limits)
 
@@ -127,7 +115,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     scale = np.repeat(noise, 2)[1:]
     fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
-    if not first.held_out_error > _WORSE * max(fitted, NOISE_FLOOR):
+    if not first.held_out_error > EXCESS * max(fitted, NOISE_FLOOR):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
     found = [Finding("levels-predicted-worse", "warning", numbers=numbers)]
@@ -135,7 +123,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
         candidate
         for candidate in candidates
         if (candidate.tied or candidate.parameters < first.parameters)
-        and _WORSE * candidate.held_out_error < first.held_out_error
+        and EXCESS * candidate.held_out_error < first.held_out_error
     ]
     if better:
         least = min(better, key=lambda candidate: candidate.held_out_error)
@@ -208,15 +196,17 @@ def _where(
     return Finding("misfit-place", "warning", numbers=numbers)
 
 
-def _range(values: Array, power: Array) -> tuple[float, float] | None:
-    """Shortest range that holds most of the power; None where that is nearly everywhere."""
+def _range(
+    values: Array, power: Array, *, most: float = 0.6, whole: float = 0.75
+) -> tuple[float, float] | None:
+    """Shortest range with most of the power; None where it is nearly the whole one, as shares of these."""
     order = np.argsort(values, kind="stable")
     ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
     best: tuple[float, float] | None = None
     for i in range(len(ranked)):
-        j = int(np.searchsorted(sums, sums[i] + _MOST * sums[-1]))
+        j = int(np.searchsorted(sums, sums[i] + most * sums[-1]))
         if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
             best = (float(ranked[i]), float(ranked[j - 1]))
-    if best is None or best[1] - best[0] > _WHOLE * (ranked[-1] - ranked[0]):
+    if best is None or best[1] - best[0] > whole * (ranked[-1] - ranked[0]):
         return None
     return best
