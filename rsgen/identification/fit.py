@@ -110,7 +110,7 @@ class Fit:
     problem
         What was fitted.
     regression
-        Its parameters are those of the problem.
+        Its parameters are those of the problem; its influence is that of relative deviations.
     force, harmonics
         (n,) [N] and (n, H+1) [m]: predicted, of the mode, relative to a fundamental of phase zero.
     turn
@@ -216,6 +216,10 @@ class _Descent:
         response = self.predict(regression.parameters, regression.nuisance)
         problem, lag = self.problem, np.angle(response.harmonics[:, 1])
         values = problem.split(regression.parameters)[2]
+        if self.scale is None:
+            nuisance = regression.nuisance
+            influence = problem.observed.relative_influence(regression.influence, values, nuisance)
+            regression = replace(regression, influence=influence)
         motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
         # without a phase the points get the one in which the fundamental of the mode is real
         known = problem.observed.phase_known

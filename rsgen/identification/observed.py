@@ -289,6 +289,22 @@ class Observed:
             _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 
+    def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:
+        """Turn the influence (n, M, q) of plain differences into that of relative deviations.
+
+        A plain difference of force or fundamental is compared in the phase of the reference, a relative
+        deviation of either in its own phase.
+        """
+        back = np.exp(-1j * nuisance[:, 1])
+        relative, half = np.array(influence), (influence.shape[1] + 1) // 2
+        for row, value in enumerate(
+            (self.points.force * self.background.turn(values), self.points.harmonics[:, 1])
+        ):
+            unit = (value * back / np.abs(value))[:, None]
+            turned = (influence[:, row] - 1j * influence[:, half + row]) * unit
+            relative[:, row], relative[:, half + row] = turned.real, -turned.imag
+        return relative
+
     def phase_curvature(self, nuisance: Array, scale: Array, compared: Sequence[int]) -> Array:
         """(n, M) second derivative of the prediction by the phase, where that was recorded."""
         none = np.zeros(len(nuisance))

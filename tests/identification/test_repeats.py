@@ -93,6 +93,16 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
+def test_standard_errors_hold_where_only_the_force_scatters_a_little(cubic):
+    some = cubic.select(np.repeat(np.arange(0, len(cubic), 3), READINGS))
+    distances = []
+    for seed in range(6):
+        scatter = 1 + 1e-4 * np.random.default_rng(seed).normal(size=len(some))
+        found = identify(changed(some, force=some.force * scatter), model("cubic"))
+        distances.append((found["c"].value - truth("cubic")["c"]) / found["c"].standard_error)
+    assert 0.4 < np.sqrt(np.mean(np.square(distances))) < 2
+
+
 def test_a_wrong_law_is_not_taken_for_noise(cubic):
     linear = Model((make_element("law", "k*x + c*v"),))
     found = identify(repeated(cubic, 1), linear)
