@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 
@@ -90,6 +91,25 @@ class AmplitudeBalance:
         guess = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
         return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
 
+    def _settle(
+        self, size: Array, omega: Array, square: Callable[[Array, Array], Array]
+    ) -> tuple[Array, Array, Array, Array]:
+        """Iterate omega^2 = square(u, k), u = k/m - c^2/(2 m^2), as k and c depend on omega.
+
+        Gives omega [rad/s], k [N/m], u and the last square [rad^2/s^2], each (n,).
+        """
+        start: ComplexArray | None = None
+        for _ in range(_ROUNDS):
+            stiffness, damping, start = self._equivalent(size, omega, start)
+            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
+            last = square(middle, stiffness)
+            new = np.sqrt(np.where(last > 0, last, np.nan))
+            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
+            omega = np.where(np.isfinite(new), new, omega)
+            if change < _CLOSE:
+                break
+        return omega, stiffness, middle, last
+
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
         """(n,) frequency [rad/s] at which each amplitude takes the least force, and that force [N].
 
@@ -97,16 +117,7 @@ class AmplitudeBalance:
         damping is strong: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2 u^2). NaN where the least
         force is at rest or the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
         """
-        omega, start = np.array(guess), None
-        stiffness = middle = np.full(len(size), np.nan)
-        for _ in range(_ROUNDS):
-            stiffness, damping, start = self._equivalent(size, omega, start)
-            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
-            new = np.sqrt(np.where(middle > 0, middle, np.nan))
-            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
-            omega = np.where(np.isfinite(new), new, omega)
-            if change < _CLOSE:
-                break
+        omega, stiffness, middle, _ = self._settle(size, guess, lambda middle, _: middle)
         known = (stiffness > 0) & (middle > 0)
         least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
@@ -175,19 +186,14 @@ class AmplitudeBalance:
 
         NaN where there is none.
         """
-        omega, start = self._near(size), None
-        for _ in range(_ROUNDS):
-            stiffness, damping, start = self._equivalent(size, omega, start)
+
+        def square(middle: Array, stiffness: Array) -> Array:
             # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 while k and c stay
-            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
             root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
-            square = middle + side * np.sqrt(np.maximum(root, 0.0))
-            new = np.sqrt(np.where(square > 0, square, np.nan))
-            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
-            omega = np.where(np.isfinite(new), new, omega)
-            if change < _CLOSE:
-                break
-        return np.where(square > 0, omega, np.nan)
+            return np.asarray(middle + side * np.sqrt(np.maximum(root, 0.0)))
+
+        omega, _, _, last = self._settle(size, self._near(size), square)
+        return np.where(last > 0, omega, np.nan)
 
     def respond(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
         """(n,) complex fundamental [m] under the force [N], on the stable branch nearest to ``near`` [m]."""

@@ -161,14 +161,10 @@ def _curve(
         seen, lag = _as_seen(identification, omega, size, at.force)
         turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
         share = gain[turn] / (gain[turn] - gain[turn + 1])
-        folds += [
-            (
-                float((omega[i] + s * (omega[i + 1] - omega[i])) / 2 / np.pi),
-                float(seen[i] + s * (seen[i + 1] - seen[i])),
-            )
-            for i, s in zip(turn, share, strict=True)
-        ]
-        values = (omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size)
+        frequency = omega / (2 * np.pi)
+        places = (value[turn] + share * (value[turn + 1] - value[turn]) for value in (frequency, seen))
+        folds += zip(*(place.tolist() for place in places), strict=True)
+        values = (frequency, seen, lag, gain, seen - spread, seen + spread, size)
         for column, value in zip(columns, values, strict=True):
             if column:
                 column.append(np.array([np.nan]))

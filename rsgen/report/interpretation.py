@@ -141,12 +141,11 @@ def _linear_within(
         law.force(place, speed, point)
         for place, speed in ((mean + high * reach, rest), (mean + rest, fast * reach))
     )
-    return _is_line(x), _is_line(v)
+    return _is_line(reach, x), _is_line(reach, v)
 
 
-def _is_line(force: Array) -> bool:
-    reach = np.linspace(-1, 1, len(force))
-    line = np.polynomial.Polynomial.fit(reach, force, 1)(reach)
+def _is_line(place: Array, force: Array) -> bool:
+    line = np.polynomial.Polynomial.fit(place, force, 1)(place)
     return bool(np.max(np.abs(force - line)) <= _LEAST_FORCE * max(np.max(np.abs(force)), 1e-300))
 
 
@@ -240,10 +239,7 @@ def _one_sided(identification: Identification, low: float, high: float) -> bool:
     x = np.append(np.linspace(low, high, 101), 0.0)
     force = law.force(x, np.zeros_like(x), point)
     size = float(np.max(np.abs(force)))
-    if not (np.isfinite(size) and abs(force[-1]) <= _LEAST_FORCE * size):
-        return False
-    line = np.polynomial.Polynomial.fit(x, force, 1)
-    return bool(np.max(np.abs(line(x) - force)) > _LEAST_FORCE * size)
+    return bool(np.isfinite(size) and abs(force[-1]) <= _LEAST_FORCE * size and not _is_line(x, force))
 
 
 def mean_finding(surface: ResponseSurface, identification: Identification | None = None) -> Finding | None:

@@ -31,24 +31,17 @@ def _origin(case: Case | None) -> dict[str, str]:
     """Name the case file and its test; empty without a case file."""
     if case is None:
         return {}
-    return {"Case file": case.path.name, "SHA-256 of the case": case.sha256, **_test(case)}
-
-
-def _test(case: Case) -> dict[str, str]:
+    named = {"Case file": case.path.name, "SHA-256 of the case": case.sha256}
     if not isinstance(case.test, SimulatedTest):
-        return {
+        return named | {
             "Measured file": ", ".join(path.name for path in (*case.test.files, *case.test.response_files)),
             "SHA-256 of the measured file": ", ".join(case.test.sha256) or "not fixed by the case",
         }
-    noise = (
-        f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
-        if case.test.noise_relative
-        else "none"
-    )
-    return {
+    noise = f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
+    return named | {
         "Simulation": f"{case.test.method}, {case.test.control} control, sweep {case.test.sweep}, "
         f"accuracy {case.test.accuracy:g}",
-        "Noise": noise,
+        "Noise": noise if case.test.noise_relative else "none",
     }
 
 

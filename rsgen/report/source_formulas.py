@@ -23,22 +23,16 @@ _UNITS = {"stiffness": "N/m", "damping": "N*s/m"}
 
 @dataclass(frozen=True, slots=True)
 class PrintedFormula:
-    """The verdict on one printed formula.
+    """The verdict on one printed formula: whether it equals the derivation, and what that means.
 
     Parameters
     ----------
     what
         "stiffness" or "damping".
-    formula
-        As printed.
-    agrees
-        True where it equals the derivation.
     largest_deviation
         Relative to the derived value [1].
     where
         The amplitude of the largest deviation, in words; "" where there is none.
-    sentences
-        What the verdict means.
     """
 
     what: str
@@ -88,7 +82,7 @@ def _place(
 ) -> PrintedFormula:
     """Say how much and where a formula departs, in units that people read."""
     exact = derived.evaluate([X], omega, values)
-    own = float((exact.stiffness if item.what == "stiffness" else exact.damping)[0])
+    right = float((exact.stiffness if item.what == "stiffness" else exact.damping)[0])
     printed = _number(item.formula, values, X, float(exact.mean[0]), omega)
     unit = _UNITS[item.what]
     place = f"X = {quantity_text(X, 'm', 3)}"
@@ -96,7 +90,7 @@ def _place(
         f"The largest deviation over the tested range is {number_text(100 * item.largest_deviation, 3)} "
         "% of the "
         f"derived value, at {place}: printed {quantity_text(printed, unit)}, derived "
-        f"{quantity_text(own, unit)}."
+        f"{quantity_text(right, unit)}."
     )
     return replace(item, where=place, sentences=(words,))
 

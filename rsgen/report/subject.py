@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import sympy
 
 from rsgen.case import Case
-from rsgen.comparison import Comparison
+from rsgen.comparison import Comparison, Row
 from rsgen.expression import write
 from rsgen.identification import Estimate, Identification
 from rsgen.law.element import Element
@@ -17,6 +17,7 @@ from rsgen.law.element import Element
 __all__ = ["Subject"]
 
 R = TypeVar("R", Identification, Comparison)
+E = TypeVar("E", Estimate, Row)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,17 +50,8 @@ class Subject:
     def of_case(cls, case: Case, identification: Identification) -> Subject:
         """Take over a case; what concerns another law than the identified one is left out."""
         case = case.with_model(identification.model)
-        return cls(
-            case.name,
-            case.title or case.name,
-            case.source,
-            case.model.elements,
-            case.truth,
-            case.printed,
-            case.units,
-            case.warnings,
-            case,
-        )
+        heading = (case.name, case.title or case.name, case.source, case.model.elements)
+        return cls(*heading, case.truth, case.printed, case.units, case.warnings, case)
 
     @classmethod
     def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
@@ -70,24 +62,14 @@ class Subject:
     def with_units(self, result: R) -> R:
         """Give every estimate of a result the unit that the case knows and the law does not determine."""
 
-        def known(estimate: Estimate) -> Estimate:
-            return replace(estimate, unit=estimate.unit or self.units.get(estimate.name, ""))
+        def known(entry: E) -> E:
+            return entry and replace(entry, unit=entry.unit or self.units.get(entry.name, ""))
 
+        kinds = ("paper", "first_order", "refined")
         if isinstance(result, Identification):
-            return replace(
-                result,
-                paper=tuple(map(known, result.paper)),
-                first_order=tuple(map(known, result.first_order)),
-                refined=tuple(map(known, result.refined)),
-            )
-        rows = tuple(
-            replace(
-                row,
-                unit=row.unit or self.units.get(row.name, ""),
-                paper=None if row.paper is None else known(row.paper),
-                first_order=None if row.first_order is None else known(row.first_order),
-                refined=known(row.refined),
-            )
-            for row in result.rows
+            changed: Any = {kind: tuple(map(known, getattr(result, kind))) for kind in kinds}
+            return replace(result, **changed)
+        rows = (
+            replace(known(row), **{kind: known(getattr(row, kind)) for kind in kinds}) for row in result.rows
         )
-        return replace(result, rows=rows)
+        return replace(result, rows=tuple(rows))
