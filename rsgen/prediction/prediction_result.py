@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -152,16 +153,12 @@ class Prediction(Printed):
     def _table(self) -> TextTable:
         rows = []
         for curve in self:
-            top = int(np.nanargmax(curve.amplitude)) if len(curve.frequency) else None
+            highest = nan, nan
+            if len(curve.frequency):
+                top = int(np.nanargmax(curve.amplitude))
+                highest = float(curve.amplitude[top]), float(curve.frequency[top])
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
-            rows.append(
-                (
-                    short(curve.level),
-                    "" if top is None else short(float(curve.amplitude[top])),
-                    "" if top is None else short(float(curve.frequency[top])),
-                    folds,
-                    "yes" if curve.extrapolated.any() else "",
-                )
-            )
+            extrapolated = "yes" if curve.extrapolated.any() else ""
+            rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
         heads = ("level [N]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))

@@ -110,13 +110,15 @@ def _rows(result: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
     return {str(row["name"]): row for row in [*result["parameters"], *judged]}
 
 
-def _number(row: dict[str, Any], key: str) -> float | None:
-    value = (row.get("refined") or {}).get(key)
-    return None if value is None else float(value)
-
-
-def _verdict(row: dict[str, Any]) -> bool | None:
-    return bool(row["passed"]) if row.get("tolerance") is not None else None
+def _estimate(row: dict[str, Any], suffix: str) -> dict[str, Any]:
+    """Give value, standard error and verdict of a row as the fields of ``ValueDifference`` for one result."""
+    refined = row.get("refined") or {}
+    value, error = (refined.get(key) for key in ("value", "standard_error"))
+    return {
+        suffix: None if value is None else float(value),
+        f"error_{suffix}": None if error is None else float(error),
+        f"passed_{suffix}": bool(row["passed"]) if row.get("tolerance") is not None else None,
+    }
 
 
 def _judgement(result: dict[str, Any] | None) -> bool | None:
@@ -132,18 +134,8 @@ def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | N
     rows = []
     for name in {**old, **new}:
         one, two = old.get(name, {}), new.get(name, {})
-        rows.append(
-            ValueDifference(
-                name=name,
-                unit=str((two or one)["unit"]),
-                before=_number(one, "value"),
-                after=_number(two, "value"),
-                error_before=_number(one, "standard_error"),
-                error_after=_number(two, "standard_error"),
-                passed_before=_verdict(one),
-                passed_after=_verdict(two),
-            )
-        )
+        fields = _estimate(one, "before") | _estimate(two, "after")
+        rows.append(ValueDifference(name, str((two or one)["unit"]), **fields))
     return CaseDifference(
         case,
         before=_judgement(before),

@@ -76,13 +76,8 @@ def _thumbnail(entry: _Entry, number: int) -> Markup | None:
     return inline_svg(draw_thumbnail(surface, name=f"thumbnail-{number}"))
 
 
-def _quantity(row: dict[str, Any]) -> str:
-    return "–" if row["true"] is None else quantity_text(float(row["true"]), str(row["unit"]), 6)
-
-
-def _refined(row: dict[str, Any]) -> str:
-    value = row["refined"]["value"] if row["refined"] else None
-    return "–" if value is None else quantity_text(float(value), str(row["unit"]), 6)
+def _quantity(value: Any, unit: Any) -> str:
+    return "–" if value is None else quantity_text(float(value), str(unit), 6)
 
 
 def _context(entry: _Entry, number: int) -> dict[str, Any]:
@@ -101,8 +96,8 @@ def _context(entry: _Entry, number: int) -> dict[str, Any]:
         "rows": [
             {
                 "name": _FORCE_NAMES.get(row["name"], row["name"]),
-                "true": _quantity(row),
-                "refined": _refined(row),
+                "true": _quantity(row["true"], row["unit"]),
+                "refined": _quantity((row["refined"] or {"value": None})["value"], row["unit"]),
                 "paper": error_text(row.get("paper_error")),
                 "first_order": error_text(row.get("first_order_error")),
                 "error": error_text(row["relative_error"]),
@@ -140,7 +135,7 @@ def table_of_results(entries: list[_Entry]) -> str:
             cells = (
                 name,
                 parameter,
-                _quantity(row).replace("\u202f", " "),
+                _quantity(row["true"], row["unit"]).replace("\u202f", " "),
                 _rounded(row.get("paper_error"), 1e-4),
                 _rounded(row.get("first_order_error"), 1e-4),
                 _rounded(row["relative_error"], 1e-5),
