@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -13,20 +12,19 @@ import pytest
 
 from rsgen.cli import main
 from rsgen.surface import ResponseSurface
-from tests.oracles import virtual_test
+from tests import surfaces
 
 
 @pytest.fixture(scope="session")
 def surface_of() -> Callable[..., ResponseSurface]:
-    """Steady states of a law of ``virtual_test.LAWS``; those without options are solved once."""
-    plain = functools.cache(virtual_test.surface)
-    return lambda law, **options: virtual_test.surface(law, **options) if options else plain(law)
+    """Steady states of a law of ``tests.surfaces.LAWS``; those without options are solved once."""
+    return surfaces.surface
 
 
 @pytest.fixture(scope="session")
 def noisy() -> Callable[[ResponseSurface, float, int], ResponseSurface]:
     """A surface with complex Gaussian noise on force and response, relative to either."""
-    return virtual_test.noisy
+    return surfaces.noisy
 
 
 @dataclass(frozen=True)

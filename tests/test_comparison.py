@@ -1,18 +1,21 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from rsgen.comparison import compare
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
-from tests.oracles.first_order import cubic_comparison, cubic_identification, cubic_surface
-from tests.oracles.virtual_test import model, surface, truth
+from rsgen.surface import ResponseSurface
+from tests.samples import cubic_comparison, cubic_identification, cubic_surface
+from tests.surfaces import model, truth
 
 
 @pytest.fixture(scope="module")
-def combined() -> Identification:
-    return identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
+def combined(surface_of: Callable[..., ResponseSurface]) -> Identification:
+    return identify(surface_of("combined", levels=np.array([2.0, 6, 12])), model("combined"))
 
 
 def test_rows_hold_estimates_against_truth(combined: Identification) -> None:

@@ -10,7 +10,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification import identify
 from rsgen.oscillator import Oscillator
 from rsgen.prediction import Prediction, predict
-from tests.oracles.virtual_test import changed, model, surface
+from tests.surfaces import changed, model, surface
 
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""

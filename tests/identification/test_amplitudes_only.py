@@ -16,7 +16,7 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.surface import ResponseSurface
-from tests.oracles.virtual_test import changed, model, noisy, surface, truth
+from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}
 """Three harmonics are carried; the quintic law bends the waveform most."""

@@ -15,7 +15,7 @@ from rsgen.measurement import read_measurement
 from rsgen.observation import Observation
 from rsgen.prediction import predict
 from rsgen.surface import ResponseSurface
-from tests.oracles.virtual_test import changed, model, noisy, surface, truth
+from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = 2e-5
 """Steady states are exact to 1e-7 of the amplitude; a background lets that grow."""

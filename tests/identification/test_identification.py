@@ -11,7 +11,7 @@ from rsgen.finding import Finding
 from rsgen.identification import Identification, identify
 from rsgen.observation import Observation
 from rsgen.report.wording import sentence
-from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
+from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
 
 EXACT = 1e-6
 """Refined parameters from steady states of accuracy 1e-7: their error, amplified by the fit."""

@@ -16,7 +16,7 @@ from rsgen.law.element import make_element
 from rsgen.measurement import read_measurement
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
-from tests.oracles.virtual_test import changed, model, noisy, surface, truth
+from tests.surfaces import changed, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01
 

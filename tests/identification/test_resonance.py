@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from rsgen.identification.data import select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
-from tests.oracles.virtual_test import model, surface
+from rsgen.surface import ResponseSurface
+from tests.surfaces import model
+
+SurfaceOf = Callable[..., ResponseSurface]
 
 LINEAR = {"k": 5920.0, "kn": 0.0, "c": 3.8}
 
@@ -13,8 +18,8 @@ INTERPOLATED = 1e-3
 """Straight lines between points 0.1 Hz apart, a quarter of the width of the resonance."""
 
 
-def test_linear_structure_has_one_resonance_at_every_level() -> None:
-    points = select_points(surface("cubic", values=LINEAR), model("cubic"))
+def test_linear_structure_has_one_resonance_at_every_level(surface_of: SurfaceOf) -> None:
+    points = select_points(surface_of("cubic", values=LINEAR), model("cubic"))
     mass, error = mass_from_slices(points)
     assert mass == pytest.approx(1.5, rel=INTERPOLATED)
     assert error < 1e-2
@@ -29,20 +34,20 @@ def test_linear_structure_has_one_resonance_at_every_level() -> None:
     assert turning[:, 0] == pytest.approx(-turning[:, 1], rel=1e-6)
 
 
-def test_jumps_across_the_resonance_are_marked() -> None:
-    table = surface("quintic", levels=np.array([2.0, 20.0]))
+def test_jumps_across_the_resonance_are_marked(surface_of: SurfaceOf) -> None:
+    table = surface_of("quintic", levels=np.array([2.0, 20.0]))
     found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
     assert [resonance.jump for resonance in found] == [False, True]
 
 
-def test_a_coarse_grid_is_no_jump() -> None:
+def test_a_coarse_grid_is_no_jump(surface_of: SurfaceOf) -> None:
     # two points on either side of the resonance, farther apart than it is wide
-    table = surface("cubic", values=LINEAR, frequencies=np.linspace(6, 14, 13))
+    table = surface_of("cubic", values=LINEAR, frequencies=np.linspace(6, 14, 13))
     found, _ = find_resonances(select_points(table, model("cubic")), 1.5)
     assert len(found) == 6
     assert not any(resonance.jump for resonance in found)
 
 
-def test_levels_that_miss_the_resonance_have_none() -> None:
-    table = surface("cubic", values=LINEAR, frequencies=np.linspace(6, 9, 31))
+def test_levels_that_miss_the_resonance_have_none(surface_of: SurfaceOf) -> None:
+    table = surface_of("cubic", values=LINEAR, frequencies=np.linspace(6, 9, 31))
     assert find_resonances(select_points(table, model("cubic")), 1.5)[0] == ()

@@ -12,7 +12,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
 from rsgen.oscillator import Model
 from rsgen.ranking import Candidate, Ranking
-from tests.oracles.first_order import cubic_model, cubic_surface
+from tests.samples import cubic_model, cubic_surface
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_the_table_holds_values_intervals_and_units(found: Identification) -> No
     lines = str(found).splitlines()
     assert lines[0] == "c1*v + k1*x + kn1*x**3"
     assert lines[1].split("  ")[0] == "parameter"
-    for line, estimate in zip(lines[2:], found.refined, strict=False):
+    for line, estimate in zip(lines[2 : 2 + len(found.refined)], found.refined, strict=True):
         name, value, low, to, high, unit = line.split()
         assert (name, to, unit) == (estimate.name, "to", estimate.unit)
         width = estimate.interval[1] - estimate.interval[0]

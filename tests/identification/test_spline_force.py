@@ -9,7 +9,7 @@ from rsgen.identification import identify
 from rsgen.identification.data import select_points
 from rsgen.identification.restoring_force import invert_motion
 from rsgen.law.numeric import compile_law
-from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface
+from tests.surfaces import LAWS, MASS, changed, model, noisy, surface
 
 WANTED = 1e-2
 """Of the largest force: what a force without a law may be off, noise-free."""

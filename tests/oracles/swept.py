@@ -32,7 +32,22 @@ def _compiled(force: sympy.Expr, values: tuple[tuple[str, float], ...]) -> Calla
 
 
 @numba.njit
-def _march(
+def _step(
+    n: Any, m: float, x: float, v: float, begin: float, middle: float, end: float, h: float
+) -> tuple[float, float]:
+    """One step of Runge and Kutta; the force at its begin, middle and end."""
+    a1 = (begin - n(x, v)) / m
+    v2 = v + h / 2 * a1
+    a2 = (middle - n(x + h / 2 * v, v2)) / m
+    v3 = v + h / 2 * a2
+    a3 = (middle - n(x + h / 2 * v2, v3)) / m
+    v4 = v + h * a3
+    a4 = (end - n(x + h * v3, v4)) / m
+    return x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+@numba.njit
+def _integrate(
     n: Any, m: float, F: float, f0: float, rate: float, logarithmic: bool, h: float, keep: int, count: int
 ) -> Any:
     out = np.empty((count, 2))
@@ -51,15 +66,7 @@ def _march(
             out[i // keep, 0] = begin
             out[i // keep, 1] = x
         middle, end = force(t + h / 2), force(t + h)
-        a1 = (begin - n(x, v)) / m
-        v2 = v + h / 2 * a1
-        a2 = (middle - n(x + h / 2 * v, v2)) / m
-        v3 = v + h / 2 * a2
-        a3 = (middle - n(x + h / 2 * v2, v3)) / m
-        v4 = v + h * a3
-        a4 = (end - n(x + h * v3, v4)) / m
-        x += h / 6 * (v + 2 * v2 + 2 * v3 + v4)
-        v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        x, v = _step(n, m, x, v, begin, middle, end, h)
     return out
 
 
@@ -69,7 +76,7 @@ def sweep(oscillator: Oscillator, level: float, law: SweepLaw, stop: float, rate
     rate = rate or 32 * highest
     keep = max(1, int(np.ceil(STEPS * highest / rate)))
     count = int(law.time_of(stop) * rate)
-    table = _march(
+    table = _integrate(
         compiled(oscillator), oscillator.mass, level, law.frequency, law.rate, law.kind == "logarithmic",
         1 / (rate * keep), keep, count,
     )  # fmt: skip
@@ -85,15 +92,7 @@ def _follow(n: Any, m: float, force: Any, h: float, fine: int) -> Any:
         step = (force[i + 1] - force[i]) / fine
         for j in range(fine):
             begin, middle, end = force[i] + j * step, force[i] + (j + 0.5) * step, force[i] + (j + 1) * step
-            a1 = (begin - n(x, v)) / m
-            v2 = v + h / 2 * a1
-            a2 = (middle - n(x + h / 2 * v, v2)) / m
-            v3 = v + h / 2 * a2
-            a3 = (middle - n(x + h / 2 * v2, v3)) / m
-            v4 = v + h * a3
-            a4 = (end - n(x + h * v3, v4)) / m
-            x += h / 6 * (v + 2 * v2 + 2 * v3 + v4)
-            v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+            x, v = _step(n, m, x, v, begin, middle, end, h)
     out[-1] = x
     return out
 

@@ -31,7 +31,7 @@ from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface, save_surface
 from tests.conftest import Answer
 from tests.oracles.memory import bouc_wen, two_masses
-from tests.oracles.virtual_test import LAWS, MASS, changed, model, noisy, surface, truth
+from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
 
 CASES = Path(__file__).parents[1] / "cases"
 NOISE = 0.01

@@ -20,8 +20,8 @@ from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 from tests.oracles.memory import two_masses
-from tests.oracles.virtual_test import MASS, changed, noisy
 from tests.ranking.test_ranking import BASE, NOISE, measured
+from tests.surfaces import MASS, changed, noisy
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
 """A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from tests.oracles.browser import Page, find_browser, in_browser
+from tests.report.browser import Page, find_browser, in_browser
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "reports"

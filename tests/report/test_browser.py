@@ -17,16 +17,16 @@ from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
 from rsgen.surface import save_surface
-from tests.oracles.axe import find_axe
-from tests.oracles.browser import Page, find_browser, in_browser
-from tests.oracles.first_order import (
+from tests.report.axe import find_axe
+from tests.report.browser import Page, find_browser, in_browser
+from tests.report.test_report import hostile_titles, identified
+from tests.samples import (
     cubic_case,
     cubic_comparison,
     cubic_identification,
     cubic_prediction,
     cubic_surface,
 )
-from tests.report.test_report import hostile_titles, identified
 
 pytestmark = pytest.mark.slow
 

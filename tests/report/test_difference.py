@@ -11,7 +11,7 @@ from rsgen.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.subject import Subject
-from tests.oracles.first_order import (
+from tests.samples import (
     cubic_case,
     cubic_comparison,
     cubic_identification,

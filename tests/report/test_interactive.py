@@ -15,8 +15,8 @@ import pytest
 from rsgen.errors import RsgenError
 from rsgen.report.interactive import render_interactive
 from rsgen.surface import save_surface
-from tests.oracles.first_order import cubic_surface
 from tests.report.test_difference import write_result
+from tests.samples import cubic_surface
 
 
 @pytest.fixture

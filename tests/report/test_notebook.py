@@ -24,8 +24,8 @@ from rsgen.errors import RsgenError
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from rsgen.report.notebook_cells import KnownResults
 from rsgen.study import run_cases
-from tests.oracles.first_order import cubic_case
 from tests.report.test_report import hostile_titles
+from tests.samples import cubic_case
 
 CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
 SMALL = """\

@@ -42,7 +42,7 @@ from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.page_sentences import verdict_sentence
 from rsgen.surface import ResponseSurface, save_surface
-from tests.oracles.first_order import (
+from tests.samples import (
     C1,
     K1,
     KN1,

@@ -9,7 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.errors import RsgenError
-from tests.oracles.first_order import cubic_case, cubic_model, cubic_surface
+from tests.samples import cubic_case, cubic_model, cubic_surface
 
 SURFACE = cubic_surface()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import fields
 
 import numpy as np
@@ -31,6 +32,7 @@ LAWS: dict[str, tuple[str, dict[str, float]]] = {
     ),
 }
 MASS = 1.5
+ACCURACY = 1e-7
 
 
 def model(law: str, mass: float | None = None, hold_out: tuple[float, ...] = ()) -> Model:
@@ -47,10 +49,27 @@ def surface(
     law: str,
     levels: np.ndarray | None = None,
     frequencies: np.ndarray | None = None,
-    accuracy: float = 1e-7,
+    accuracy: float = ACCURACY,
     values: dict[str, float] | None = None,
 ) -> ResponseSurface:
-    """Steady states from rest over a small grid."""
+    """Steady states from rest over a small grid; one without options is solved once."""
+    if levels is None and frequencies is None and values is None and accuracy == ACCURACY:
+        return _plain(law)
+    return _solve(law, levels, frequencies, accuracy, values)
+
+
+@functools.cache
+def _plain(law: str) -> ResponseSurface:
+    return _solve(law, None, None, ACCURACY, None)
+
+
+def _solve(
+    law: str,
+    levels: np.ndarray | None,
+    frequencies: np.ndarray | None,
+    accuracy: float,
+    values: dict[str, float] | None,
+) -> ResponseSurface:
     levels = np.linspace(2, 12, 6) if levels is None else levels
     frequencies = np.linspace(8, 12, 41) if frequencies is None else frequencies
     level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
