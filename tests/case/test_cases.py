@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from math import floor, log10
+from math import log10
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ def agrees(one: str, other: str) -> bool:
         a, b = float(one.removeprefix("< ")), float(other.removeprefix("< "))
     except ValueError:
         return one == other
-    digit = 10.0 ** floor(log10(min(a, b)))
+    digit = 10.0 ** (log10(min(a, b)) // 1)
     return abs(a - b) <= 1.001 * digit
 
 

@@ -117,7 +117,7 @@ def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> N
         (("--plot", "no/such/folder/a.svg"), "no/such/folder"),
     ],
 )
-def test_faults_of_options_are_told_in_one_sentence(
+def test_faults_of_options_are_named_in_one_sentence(
     words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str],
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip

@@ -14,7 +14,7 @@ LAW = "2.75*k*abs(x)**p*sign(x)"
 EXACT = 1e-10
 
 
-def test_wrong_form_is_told_and_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_form_is_found_and_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terms, "over_quarters", lambda *where: over_quarters(*where) * (1 + parse("1e-9")))
     derived = derive(LAW)
     assert not derived.closed_form

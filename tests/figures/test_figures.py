@@ -170,7 +170,7 @@ def test_band_is_linear_propagation_of_the_covariance() -> None:
     np.testing.assert_allclose(damping, 1.959964 * np.sqrt(variance[0]), rtol=1e-6)
 
 
-def test_a_parameter_that_is_not_told_leaves_the_points() -> None:
+def test_a_parameter_that_is_not_identifiable_leaves_the_points() -> None:
     from dataclasses import replace
 
     refined = tuple(
@@ -239,13 +239,13 @@ def test_every_level_gets_its_own_curve(size: float) -> None:
     assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
 
 
-def test_the_curve_is_drawn_where_single_parameters_are_not_told() -> None:
-    told, *others = IDENTIFICATION.refined
+def test_the_curve_is_drawn_where_single_parameters_are_not_identifiable() -> None:
+    first, *others = IDENTIFICATION.refined
     lost = [
         replace(estimate, value=float("nan"), finding=Finding("not-determined", "warning"))
         for estimate in others
     ]
-    known = replace(IDENTIFICATION, refined=(told, *lost))
+    known = replace(IDENTIFICATION, refined=(first, *lost))
     for draw in (figures.draw_stiffness, figures.draw_resonance, figures.draw_forces):
         lines = [
             line for line in draw(known).figure.axes[0].get_lines() if "refined" in str(line.get_label())

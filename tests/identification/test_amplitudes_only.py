@@ -19,7 +19,7 @@ from rsgen.surface import ResponseSurface
 from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}
-"""Three harmonics are carried; the quintic law bends the waveform most."""
+"""Three harmonics are carried; the waveform of the quintic law has the largest harmonics."""
 
 
 def without_phase(table: ResponseSurface) -> ResponseSurface:

@@ -15,16 +15,16 @@ def test_the_bias_of_squared_noise_is_removed() -> None:
         seen_x = x + noise * generator.normal(size=count)
         seen_y = true / 2 * x**2 + noise * generator.normal(size=count)
 
-        def linearise(p: np.ndarray, own: np.ndarray) -> Linearisation:
-            s = own[:, 0]
-            residual = np.stack([seen_x - s, seen_y - p[0] / 2 * s**2, -own[:, 1]], axis=1) / noise
+        def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+            s = nuisance[:, 0]
+            residual = np.stack([seen_x - s, seen_y - p[0] / 2 * s**2, -nuisance[:, 1]], axis=1) / noise
             by_own, by_parameter = np.zeros((count, 3, 2)), np.zeros((count, 3, 1))
             by_own[:, 0, 0], by_own[:, 1, 0], by_own[:, 2, 1] = 1, p[0] * s, 1
             by_parameter[:, 1, 0] = s**2 / 2
             return Linearisation(residual, by_own / noise, by_parameter / noise)
 
-        own = np.stack([seen_x, np.zeros(count)], axis=1)
-        fitted = fit(linearise, np.array([1.5]), own, reject=False)
+        nuisance = np.stack([seen_x, np.zeros(count)], axis=1)
+        fitted = fit(linearise, np.array([1.5]), nuisance, reject=False)
         if corrected:
             second = np.zeros((count, 3, 2))
             second[:, 1, 0] = fitted.parameters[0] / noise

@@ -17,7 +17,7 @@ def test_columns_of_any_size_are_solved_exactly() -> None:
     assert (inverse @ inverse.T) / np.outer(true, true) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_what_is_not_told_is_named() -> None:
+def test_what_is_not_identifiable_is_named() -> None:
     generator = np.random.default_rng(2)
     one, other = generator.normal(size=(2, 30))
     matrix = np.stack([one, 1e9 * one, other, np.zeros(30)], axis=1)
@@ -34,13 +34,15 @@ def line_through(noise: float, seed: int, spoilt: int = 0):
     seen_x, seen_y = x + noise * generator.normal(size=60), 0.5 + 2 * x + noise * generator.normal(size=60)
     seen_y[:spoilt] += 1
 
-    def linearise(p: np.ndarray, own: np.ndarray) -> Linearisation:
-        predicted = p[0] + p[1] * own[:, 0]
-        residual = np.stack([seen_x - own[:, 0], seen_y - predicted, -own[:, 1]], axis=1) / max(noise, 1e-6)
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        predicted = p[0] + p[1] * nuisance[:, 0]
+        residual = np.stack([seen_x - nuisance[:, 0], seen_y - predicted, -nuisance[:, 1]], axis=1) / max(
+            noise, 1e-6
+        )
         by_own = np.zeros((60, 3, 2))
         by_own[:, 0, 0], by_own[:, 1, 0], by_own[:, 2, 1] = 1, p[1], 1
         by_parameter = np.zeros((60, 3, 2))
-        by_parameter[:, 1, 0], by_parameter[:, 1, 1] = 1, own[:, 0]
+        by_parameter[:, 1, 0], by_parameter[:, 1, 1] = 1, nuisance[:, 0]
         return Linearisation(residual, by_own / max(noise, 1e-6), by_parameter / max(noise, 1e-6))
 
     return linearise, np.stack([seen_x, np.zeros(60)], axis=1)
@@ -55,8 +57,8 @@ def test_noise_on_both_sides_does_not_bias_the_slope() -> None:
 
 
 def reordered(problem):
-    linearise, own = problem
-    return linearise, np.array([0.0, 1.0]), own
+    linearise, nuisance = problem
+    return linearise, np.array([0.0, 1.0]), nuisance
 
 
 def test_noise_and_errors_are_found() -> None:

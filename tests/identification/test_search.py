@@ -41,18 +41,18 @@ def test_groups_of_degree_one_are_found(text: str, groups: list[set[str]]) -> No
     assert [{law.parameters[i] for i in group} for group in law.scaled] == groups
 
 
-def identified(text: str, own: dict[str, float], level: tuple[float, float], noise: float, seed: int = 1):
+def identified(text: str, added: dict[str, float], level: tuple[float, float], noise: float, seed: int = 1):
     """Identify a law beside a linear spring and damper; the mass is free."""
-    elements = (make_element("base", "k*x + c*v"), make_element("own", text))
+    elements = (make_element("base", "k*x + c*v"), make_element("added", text))
     test = SimulatedTest(np.linspace(*level, 7), np.linspace(7.0, 12.0, 45), harmonics=5, accuracy=1e-7)
-    surface = rsgen.simulate(Oscillator(MASS, elements, BASE | own), test)
+    surface = rsgen.simulate(Oscillator(MASS, elements, BASE | added), test)
     found = rsgen.identify(add_noise(surface, noise, seed) if noise else surface, Model(elements))
-    return found, BASE | own | {"m": MASS}
+    return found, BASE | added | {"m": MASS}
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-2])
 @pytest.mark.parametrize(
-    ("text", "own"),
+    ("text", "added"),
     [
         (SATURATION, {"ks": 2000.0, "Fm": 20.0}),
         ("Max(0, ks*x - F0)", {"ks": 3000.0, "F0": 15.0}),
@@ -65,18 +65,18 @@ def identified(text: str, own: dict[str, float], level: tuple[float, float], noi
         ("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}),
     ],
 )
-def test_values_come_back_with_their_signs(text: str, own: dict[str, float], noise: float) -> None:
-    found, true = identified(text, own, (2.0, 12.0), noise)
+def test_values_come_back_with_their_signs(text: str, added: dict[str, float], noise: float) -> None:
+    found, true = identified(text, added, (2.0, 12.0), noise)
     for estimate in found.refined:
         error = abs(estimate.value - true[estimate.name])
         limit = 4.5 * estimate.standard_error if noise else 1e-6 * abs(true[estimate.name])
         assert error < limit, (estimate, true[estimate.name])
 
 
-@pytest.mark.parametrize("besides", ["", " + Ff*tanh(v/w)"])
-def test_a_saturation_that_is_never_reached_is_no_number(besides: str) -> None:
-    own = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if besides else {})
-    found, true = identified(SATURATION + besides, own, (2.0, 12.0), 1e-3)
+@pytest.mark.parametrize("friction", ["", " + Ff*tanh(v/w)"])
+def test_a_saturation_that_is_never_reached_is_no_number(friction: str) -> None:
+    added = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if friction else {})
+    found, true = identified(SATURATION + friction, added, (2.0, 12.0), 1e-3)
     by_name = {estimate.name: estimate for estimate in found.refined}
     # k + ks alone shows
     assert all(isnan(by_name[name].value) for name in ("k", "ks", "Fm"))
@@ -87,9 +87,9 @@ def test_a_saturation_that_is_never_reached_is_no_number(besides: str) -> None:
 
 @pytest.mark.parametrize("law", ["2000*Max(0, x - b)", "Max(0, ks*x - F0)", "2e5*x**3"])
 def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
-    elements = (make_element("base", "5000*x + 4*v"), make_element("own", law))
-    own = {"b": 0.006, "ks": 3000.0, "F0": 20.0}
-    true = {name: own[name] for element in elements for name in map(str, element.parameters)}
+    elements = (make_element("base", "5000*x + 4*v"), make_element("added", law))
+    added = {"b": 0.006, "ks": 3000.0, "F0": 20.0}
+    true = {name: added[name] for element in elements for name in map(str, element.parameters)}
     test = SimulatedTest(np.linspace(2.0, 12.0, 5), np.linspace(7.0, 12.0, 31), harmonics=3, accuracy=1e-7)
     found = rsgen.identify(rsgen.simulate(Oscillator(MASS, elements, true), test), Model(elements, MASS))
     assert {e.name: e.value for e in found.refined} == pytest.approx(true, rel=1e-6)
@@ -99,7 +99,7 @@ def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
 def test_two_switches_are_found_together() -> None:
     # softening and then hardening: a few hundred trials of two parameters at once miss it
     text = f"kg*(Max(0, x - b) + Min(0, x + b)) + {SATURATION}"
-    own = {"kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0}
-    found, true = identified(text, own, (2.0, 14.0), 1e-3)
+    added = {"kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0}
+    found, true = identified(text, added, (2.0, 14.0), 1e-3)
     for estimate in found.refined:
         assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate

@@ -175,7 +175,7 @@ def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
         assert done.stdout.strip() == expected
 
 
-def test_machine_code_is_never_told_what_is_not_so() -> None:
+def test_machine_code_never_relies_on_what_is_not_so() -> None:
     kernel = compile_kernel(parse("c*v + k*x"))
     good = {
         "points": np.arange(3), "state": np.zeros((2, 3)), "force": np.zeros((3, 2)), "omega": np.ones(3),

@@ -63,10 +63,10 @@ def _integrate(law, offset):
     return total
 
 
-def relative_errors(law, X, mean, omega, stiffness, damping, floor=1e-2):
+def relative_errors(law, X, mean, omega, stiffness, damping, least=1e-2):
     """Give the relative error of stiffness and damping, and the mean force, all against |n|; None: undefined.
 
-    ``law`` takes x and v as arrays. ``floor`` [N] is the force below which differences are round-off of the
+    ``law`` takes x and v as arrays. ``least`` [N] is the force below which differences are round-off of the
     parts that cancel there (inside a gap); the laws tested have forces of about one.
     """
 
@@ -78,7 +78,7 @@ def relative_errors(law, X, mean, omega, stiffness, damping, floor=1e-2):
         sine, cosine, level, size = _integrate(cycle, offset)
         if not np.isfinite(size):
             return None
-        scale = max(size, floor)
+        scale = max(size, least)
         errors = (
             max(abs(stiffness * np.pi * X - sine), abs(damping * np.pi * omega * X - cosine)) / scale,
             abs(level) / scale,

@@ -1,4 +1,4 @@
-"""Ranking: the true law comes first or ties, what no law describes is told, numbers mean what they say."""
+"""Ranking: the true law comes first or ties, what no law describes is said, numbers mean what they say."""
 
 from __future__ import annotations
 

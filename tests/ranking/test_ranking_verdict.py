@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,9 @@ from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 from tests.oracles.memory import two_masses
 from tests.ranking.test_ranking import BASE, NOISE, measured
-from tests.surfaces import MASS, changed, noisy
+from tests.surfaces import MASS, changed
+
+Noisy = Callable[[ResponseSurface, float, int], ResponseSurface]
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
 """A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""
@@ -42,7 +45,7 @@ def simulated(law: str, frequencies: np.ndarray, **values: float) -> ResponseSur
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.003])
-def test_the_law_is_found_where_friction_nearly_sticks(noise: float) -> None:
+def test_the_law_is_found_where_friction_nearly_sticks(noise: float, noisy: Noisy) -> None:
     # at the lowest level the truncated balance has another amplitude than the law
     table = simulated(
         "kb*Max(0, x) + Ff*sign(v)", np.linspace(8.5, 12, 36), kb=0.5 * STIFFNESS, Ff=0.15 * FORCE
@@ -135,7 +138,7 @@ def test_a_sum_stands_once_whatever_its_order() -> None:
             assert places == sorted(places)
 
 
-def test_levels_that_are_predicted_badly_are_reported() -> None:
+def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     # a stop that the highest level alone reaches: the others cannot predict it
     law = "kk*Max(0, x - b)"
     table = simulated(law, np.linspace(9, 14, 40), kk=2 * STIFFNESS, b=1.08 * AMPLITUDE)

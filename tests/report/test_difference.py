@@ -54,7 +54,7 @@ def test_a_result_does_not_differ_from_itself(tmp_path: Path) -> None:
     assert {row.change for row in difference.rows} == {0.0}
 
 
-def test_a_moved_value_is_told_in_its_own_uncertainty(tmp_path: Path) -> None:
+def test_a_moved_value_is_given_in_its_standard_errors(tmp_path: Path) -> None:
     before, after = write_result(tmp_path / "a"), write_result(tmp_path / "b", kn1=0.04)
     (difference,) = compare_results(before, after)
     (moved,) = [row for row in difference.rows if row.changed]

@@ -1,4 +1,4 @@
-"""Laws of a report as a whole: its parts are told apart by type, with a case file or without one."""
+"""Laws of a report as a whole: its parts are recognised by type, with a case file or without one."""
 
 from __future__ import annotations
 
