@@ -87,7 +87,7 @@ def identify_once(job: tuple[str, rsgen.ResponseSurface, int]) -> tuple[object, 
 
 
 def study(pool: object, name: str, runs: int) -> Runs:
-    """Identify under so many different noises."""
+    """Identify under this number of different noises."""
     surface = measured(name)
     done = list(pool.imap(identify_once, [(name, surface, seed) for seed in range(1, runs + 1)]))
     names, *columns = zip(*done, strict=True)

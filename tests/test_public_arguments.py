@@ -113,6 +113,12 @@ def test_gaps_and_points_without_force_print_no_warning(surface):
     assert found["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
 
 
+def test_a_reversed_phase_is_doubted(surface, found):
+    reversed_phase = rs.identify(linear_surface(response=surface.harmonics[:, 1].conj()), LAW)
+    assert "structure-feeds-exciter" in [finding.code for finding in reversed_phase.findings]
+    assert "structure-feeds-exciter" not in [finding.code for finding in found.findings]
+
+
 def test_a_constant_force_without_measured_mean_is_not_identifiable():
     level, frequency = (
         a.ravel() for a in np.meshgrid([2e-4, 5e-4, 1e-3, 3e-3], np.linspace(8, 13, 21), indexing="ij")

@@ -17,6 +17,7 @@ from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
 from rsgen.identification.tolerances import CHANCE, CONFIDENCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.units import parameter_units
@@ -190,6 +191,8 @@ class Findings:
         found = [*of_parameters, *(self._small_shift() if of_parameters else ()), *self.surface.findings]
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
+        elif self._feeds():
+            found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
         counts = quantities(all=len(self.surface), points=len(self.points))
@@ -206,6 +209,13 @@ class Findings:
         found += self._misfit()
         found += self._motion()
         return (*found, *self._runs())
+
+    def _feeds(self) -> bool:
+        """Whether the structure works on the exciter, in sum and at most points."""
+        if any(finding.code == "not-passive" for finding in self.surface.findings):
+            return False
+        work = cycle_work(self.points.force, self.points.harmonics[:, 1])
+        return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
     def _misfit(self) -> list[Finding]:
         # of real and imaginary part together, as everywhere in the result

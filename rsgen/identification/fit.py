@@ -17,7 +17,7 @@ from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 
-__all__ = ["FLOOR", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
+__all__ = ["RESOLUTION", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -28,7 +28,7 @@ _EXACT = 1e-3
 _FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
 
-FLOOR = 5.0
+RESOLUTION = 5.0
 """A misfit up to this many times the simulator's accuracy is the simulator's."""
 
 
@@ -73,7 +73,7 @@ class Problem:
         return replace(self, observed=self.observed.select(chosen))
 
     def compared(self, forward: Forward) -> tuple[int, ...]:
-        """Harmonics besides the fundamental that are measured and predicted."""
+        """Harmonics other than the fundamental that are measured and predicted."""
         measured = self.observed.points.measured if self.observed.phase_known else ()
         return tuple(h for h in measured if h in forward.harmonics)
 
@@ -336,12 +336,12 @@ def fit_simulator(
             nuisance,
             steps=steps,
             neighbours=observed.points.neighbours,
-            floor=FLOOR * accuracy,
+            attainable=RESOLUTION * accuracy,
         )
         if noisy:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
-        exact = found.noise < FLOOR * accuracy
+        exact = found.noise < RESOLUTION * accuracy
         if found.converged and (exact or found.noise > last * noise):
             break
         # near a fold derivatives change quickly

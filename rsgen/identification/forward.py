@@ -67,7 +67,7 @@ class Forward(Protocol):
     """From values to the response at every test point."""
 
     harmonics: tuple[int, ...]
-    """Predicted ones besides the fundamental."""
+    """Predicted ones other than the fundamental."""
 
     step: float
     """Change of the logarithm of the size by which second derivatives are taken."""

@@ -21,7 +21,7 @@ from rsgen.identification.findings import (
     repeat_findings,
     units_of,
 )
-from rsgen.identification.fit import FLOOR, Fit, Problem, fit_balance, fit_simulator
+from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.resonance import fit_resonances
@@ -147,7 +147,7 @@ def _fit(problem: Problem, start: Array) -> Fit:
     if sharp:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
-        if not problem.law.rough and 2 * FLOOR * _ACCURACIES[-1] < found.regression.noise < NOISY:
+        if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:
             found = _add_harmonics(found)
     return found
 

@@ -69,7 +69,7 @@ class Regression:
     nuisance
         (n, k) the nuisances of each point.
     covariance
-        (q, q), scaled with the noise found in the residual; NaN for parameters that are not told.
+        (q, q), scaled with the noise found in the residual; NaN for parameters that are not identifiable.
     null
         (q, d) directions in the space of scaled parameters that the points do not tell.
     noise
@@ -124,7 +124,7 @@ def fit(
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
     used: NDArray[np.bool_] | None = None,
-    floor: float = 0.0,
+    attainable: float = 0.0,
 ) -> Regression:
     """Gauss-Newton with step halving on parameters and nuisances together.
 
@@ -145,7 +145,7 @@ def fit(
         the law that does not fit, and no point is set aside.
     used
         (n,) points to begin with, all where it is None.
-    floor
+    attainable
         Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
@@ -153,7 +153,7 @@ def fit(
     converged = False
     for _ in range(rounds):
         parameters, nuisance, line, converged = _descend(
-            linearise, parameters, nuisance, used, steps, small, floor
+            linearise, parameters, nuisance, used, steps, small, attainable
         )
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
@@ -187,16 +187,16 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
     matrix, right
         (r, q) and (r,).
     size
-        (q,) present sizes of the unknowns; one whose whole effect is round-off beside the others is not told.
+        (q,) present sizes of the unknowns; one whose whole effect is round-off is not identifiable.
 
     Returns
     -------
     solution
         (q,), of smallest scaled norm where the matrix does not tell.
     inverse
-        (q, r) with inverse @ inverse.T the inverse of matrix.T @ matrix on what is told.
+        (q, r) with inverse @ inverse.T the inverse of matrix.T @ matrix outside its null space.
     null
-        (q, d) directions, in scaled parameters, that are not told.
+        (q, d) directions, in scaled parameters: its null vectors.
     """
     count = matrix.shape[1]
     norm = np.sqrt(np.sum(matrix**2, axis=0))
@@ -208,10 +208,10 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
     triangle: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r"))
     parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
     left, singular, across = (np.asarray(part) for part in parts)
-    told = singular > _NULL * np.max(singular, initial=1e-300)
-    solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
-    inverse = (across[told].T / singular[told]) / scale[:, None]
-    return solution, inverse, across[~told].T
+    regular = singular > _NULL * np.max(singular, initial=1e-300)
+    solution = across[regular].T @ ((left[:, regular].T @ triangle[:, count]) / singular[regular]) / scale
+    inverse = (across[regular].T / singular[regular]) / scale[:, None]
+    return solution, inverse, across[~regular].T
 
 
 def _descend(
@@ -221,7 +221,7 @@ def _descend(
     used: NDArray[np.bool_],
     steps: int,
     small: float,
-    floor: float,
+    attainable: float,
     halvings: int = 6,
 ) -> tuple[Array, Array, Linearisation, bool]:
     line = linearise(parameters, nuisance)
@@ -248,7 +248,7 @@ def _descend(
             return parameters, nuisance, line, True
         nuisance_change = np.clip(nuisance_change, -1, 1)
         realised = -1.0
-        reached = float(np.sqrt(np.mean(residual[good] ** 2))) < floor
+        reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
         for part in 0.5 ** np.arange(1 if reached else halvings):
             trial = linearise(parameters + part * change, nuisance + part * nuisance_change)
             both = good & np.isfinite(trial.residual).all(axis=1)

@@ -150,7 +150,7 @@ def _crossing(real: Array, size: Array, smooth: NDArray[np.bool_]) -> tuple[int,
     if not len(size):
         return None
     top = int(np.argmax(size))
-    # the largest response of a run that does not reach the resonance tells it only from nearby
+    # the largest response of a run that does not reach the resonance determines it only from nearby
     interior = 0 < top < len(size) - 1
     return (top, top, 0.0) if interior else None
 

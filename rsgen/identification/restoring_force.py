@@ -59,7 +59,7 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
     curve
         Equivalent stiffness and damping of all points; those that took part in the fits are used.
     mass
-        m [kg] with which the curve was made; tells the force, and so the weight, of every point.
+        m [kg] with which the curve was made; gives the force, and so the weight, of every point.
 
     Returns
     -------
@@ -306,7 +306,7 @@ def _draw(
         )
         rest = (balance - matrix @ solution).reshape(len(blocks), -1)
         spread = np.sqrt(np.mean(rest**2, axis=1))
-        # a smooth mean tells no more than the noisy one did
+        # a smooth mean says no more than the noisy one did
         spread[0] = max(spread[0], noise)
         weight = np.repeat(1 / np.maximum(spread, least * spread.max()), len(points))
     likelihood = len(points) * float(np.sum(np.log(np.maximum(spread**2, 1e-300))))

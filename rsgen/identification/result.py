@@ -190,7 +190,7 @@ class RestoringForce:
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """What the sensor sees besides the mode: x = q + b(omega) F with F = F_measured exp(i psi).
+    """The background: the sensor sees x = q + b(omega) F with F = F_measured exp(i psi).
 
     b(omega) = b0 + b1 (omega^-2 - middle)/(width), complex: residual terms of modes above and below the band,
     or what the sensor picks up of the drive.
@@ -272,7 +272,7 @@ class Identification(Printed):
         (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
         parameters that are not identifiable. Predictions use it.
     background
-        What was found besides the mode and subtracted; None where nothing was asked for.
+        The background that was found and subtracted; None where nothing was asked for.
     """
 
     model: Model

@@ -32,7 +32,7 @@ _ROUND_OFF = 1e-12
 """What is left of parts that cancel, relative to the largest of them: b*ks - b*abs(ks)."""
 
 _MOST_LINEAR_SETS = 12
-"""Above so many parameters the linear ones are chosen greedily instead of by trying every set."""
+"""Above this number of parameters the linear ones are chosen greedily instead of by trying every set."""
 
 _LARGEST_GROUP = 3
 """Parameters in a group of degree one; force and stiffness of a saturation are two."""

@@ -28,7 +28,7 @@ from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.ranking_result import Candidate, Ranking
 from rsgen.ranking.reference import (
     NOISE,
-    NOISE_FLOOR,
+    NOISE_LEAST,
     ORDER,
     Reference,
     first_rows,
@@ -126,7 +126,7 @@ def rank(
     rounds = _rounds(points, found, entries)
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
-    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_FLOOR)
+    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
     return _ranking(points, *rounds[best], base, surface)
 
 
@@ -220,7 +220,7 @@ def _round(
         if leader is None or last:
             break
         _, apart = neighbour_noise(leader.residual, _trusted(leader, noise, chosen), rows.compared)
-        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOISE_FLOOR)
+        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOISE_LEAST)
     return None if leader is None else _Round(reference, noise, rows, leader)
 
 
@@ -297,7 +297,7 @@ def _merged(candidates: list[Fitted], rows: Rows) -> list[Fitted]:
         fit for fit in candidates if fit is not given and len(fit.guess.values) == len(given.guess.values)
     ]
     apart = [float(np.max(np.abs(force(fit) - reference))) for fit in like]
-    if not apart or min(apart) > NOISE_FLOOR * largest:
+    if not apart or min(apart) > NOISE_LEAST * largest:
         return candidates
     twin = like[int(np.argmin(apart))]
     named = replace(given, guess=replace(given.guess, name=twin.guess.name))

@@ -21,7 +21,7 @@ from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = [
     "NOISE",
-    "NOISE_FLOOR",
+    "NOISE_LEAST",
     "ORDER",
     "Reference",
     "first_rows",
@@ -57,7 +57,7 @@ _NEAR = 0.02
 _CLEARLY = 0.7
 """Second differences smaller than this share of the first ones measure the noise better."""
 
-NOISE_FLOOR = 1e-3
+NOISE_LEAST = 1e-3
 """Least relative noise of a ranking: corners and the simulation leave as much."""
 
 _FEW = 0.05
@@ -274,10 +274,10 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -
 def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
     """(n,) True for a few points that a law leaves far more of than of the others; none where they are many.
 
-    Such a point tells of itself, a spike or a motion that the simulation misses, not of the law.
+    Such a point shows a spike or a motion that the simulation misses, not a fault of the law.
     """
     size = np.abs(fitted.residual[:, fitted.compared])
-    least = (NOISE_FLOOR / np.repeat(noise, 2)[1:])[fitted.compared]
+    least = (NOISE_LEAST / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
     out = np.asarray((size > SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
     return out if np.mean(out) <= _FEW else np.zeros_like(out)

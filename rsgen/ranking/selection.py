@@ -53,14 +53,14 @@ class _Variant:
     ----------
     values
         Of these parameters.
-    room
+    reach
         How far from each of them its slope is trusted: to half way to the next value.
     columns, slopes
         Where the columns of coefficients and of slopes stand; slopes are those of a last coefficient of one.
     """
 
     values: tuple[float, ...]
-    room: tuple[float, ...]
+    reach: tuple[float, ...]
     columns: tuple[int, ...]
     slopes: tuple[int, ...]
 
@@ -91,9 +91,9 @@ class _Columns:
                     point[names.index(name)] = value
                 sample = term.law.sample(x, v, a, step, point)
                 blocks.append(rows.of(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
-                room = tuple(_room(values, value) for values, value in zip(ranges, trial, strict=True))
+                reach = tuple(_reach(values, value) for values, value in zip(ranges, trial, strict=True))
                 middle, end = count + len(term.linear), count + len(order)
-                variant = _Variant(trial, room, tuple(range(count, middle)), tuple(range(middle, end)))
+                variant = _Variant(trial, reach, tuple(range(count, middle)), tuple(range(middle, end)))
                 self.variants[term.name].append(variant)
                 count = end
         compared = rows.compared
@@ -161,7 +161,7 @@ def search_sums(
     return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
 
 
-def _room(values: Sequence[float], value: float) -> float:
+def _reach(values: Sequence[float], value: float) -> float:
     """Half the distance to the farther of the next values, and a little more."""
     apart = sorted(abs(other - value) for other in values if other != value)[:2]
     return 0.6 * apart[-1] if apart else 0.1 * abs(value)
@@ -242,6 +242,6 @@ def _near(law: Sum, named: dict[str, Array], choices: Sequence[tuple[_Variant, .
     near = np.ones(len(choices), dtype=bool)
     for t, (term, names) in enumerate(zip(law.terms, law.names, strict=True)):
         for i, name in enumerate(term.search):
-            at, room = np.array([(choice[t].values[i], choice[t].room[i]) for choice in choices]).T
-            near &= np.abs(named[names[name]] - at) <= room
+            at, reach = np.array([(choice[t].values[i], choice[t].reach[i]) for choice in choices]).T
+            near &= np.abs(named[names[name]] - at) <= reach
     return near

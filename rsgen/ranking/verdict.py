@@ -13,7 +13,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.tolerances import EXCESS, SIGNIFICANT
 from rsgen.ranking.fitting import Fitted
 from rsgen.ranking.ranking_result import Candidate
-from rsgen.ranking.reference import NOISE_FLOOR, neighbour_noise, outlying
+from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms
 
 __all__ = ["Judgement", "judge"]
@@ -94,7 +94,7 @@ def _limits(points: Points, count: int) -> Array:
     size = np.zeros(count)
     relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
     size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(NOISE_FLOOR, _HARMONIC_SHARE * size)
+    limits = np.maximum(NOISE_LEAST, _HARMONIC_SHARE * size)
     limits[:2] = _FUNDAMENTAL
     return np.asarray(limits)
 
@@ -115,7 +115,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     scale = np.repeat(noise, 2)[1:]
     fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
-    if not first.held_out_error > EXCESS * max(fitted, NOISE_FLOOR):
+    if not first.held_out_error > EXCESS * max(fitted, NOISE_LEAST):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
     found = [Finding("levels-predicted-worse", "warning", numbers=numbers)]
@@ -150,7 +150,7 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
-    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "floor": Quantity(NOISE_FLOOR)}
+    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOISE_LEAST)}
     law = {"law": best}
     if sure:
         found = [Finding("law-fits-best", "info", numbers=numbers, names=law)]

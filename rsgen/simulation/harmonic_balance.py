@@ -7,14 +7,15 @@ leaves errors of the order of 1/H^2.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.arrays import Array, ComplexArray
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.motion import FourierSeries, fourier_series
+from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.point_grid import Progress, in_parts, swept
 from rsgen.simulation.virtual_test import SimulatedTest
@@ -22,6 +23,7 @@ from rsgen.steady_state import SteadyStates
 
 __all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
 
+Floats = NDArray[np.float64]
 
 _ITERATIONS = 40
 """Newton steps at most; ten are usual, a step that jumps over a corner needs more."""
@@ -41,46 +43,128 @@ _DAMPED = 0.02
 """Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
 
 
-def _series(harmonics: int) -> FourierSeries:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Basis:
+    """Waveforms from coefficients q = (X0, Re X1, -Im X1, Re X2, ...): x = displacement @ q and so on.
+
+    A product g(phase) x has the coefficients M q, where M takes the Fourier coefficients of g at the sums and
+    the differences of the orders: ``same`` and ``sum`` are their places, with a sign each. ``turn`` @ q are
+    the coefficients of the derivative by the phase.
+    """
+
+    displacement: Floats
+    velocity: Floats
+    order: Floats
+    turn: Floats
+    same: NDArray[np.intp]
+    sum: NDArray[np.intp]
+    same_sign: Floats
+    sum_sign: Floats
+
+    @property
+    def samples(self) -> int:
+        return len(self.displacement)
+
+
+@lru_cache(maxsize=8)
+def _basis(harmonics: int) -> _Basis:
     samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
-    return fourier_series(tuple(range(harmonics + 1)), samples, half=False)
+    phase = 2 * np.pi * np.arange(samples) / samples
+    shape = np.ones((samples, 2 * harmonics + 1))
+    rate = np.zeros((samples, 2 * harmonics + 1))
+    order = np.zeros(2 * harmonics + 1)
+    for h in range(1, harmonics + 1):
+        shape[:, 2 * h - 1], shape[:, 2 * h] = np.cos(h * phase), np.sin(h * phase)
+        rate[:, 2 * h - 1], rate[:, 2 * h] = -h * np.sin(h * phase), h * np.cos(h * phase)
+        order[2 * h - 1 : 2 * h + 1] = h
+    turn = np.zeros((len(order), len(order)))
+    for h in range(1, harmonics + 1):
+        turn[2 * h - 1, 2 * h], turn[2 * h, 2 * h - 1] = h, -h
+    is_sine = (np.arange(len(order)) > 0) & (np.arange(len(order)) % 2 == 0)
+    whole = order.astype(np.intp)
+    difference = whole[None, :] - whole[:, None]
+    row, column = is_sine[:, None], is_sine[None, :]
+    mixed = row != column
+    # cos a cos b, sin a sin b: cosines of a - b and a + b; mixed: sines
+    sines = np.where(mixed, 2 * harmonics + 1, 0)
+    same_sign = np.where(mixed, np.sign(difference) * np.where(column, 1, -1), 1)
+    sum_sign = np.where(row & column, -1, 1)
+    half = np.where(whole == 0, 0.5, 1.0)[:, None]
+    return _Basis(
+        shape,
+        rate,
+        order,
+        turn,
+        np.abs(difference) + sines,
+        whole[None, :] + whole[:, None] + sines,
+        0.5 * half * same_sign,
+        0.5 * half * sum_sign,
+    )
 
 
+def _project(basis: _Basis, waveform: Floats) -> Floats:
+    """Coefficients (n, 2H+1) of waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : int(basis.order[-1]) + 1] * (2 / basis.samples)
+    return _to_coefficients(spectrum / np.where(np.arange(spectrum.shape[1]) == 0, 2, 1))
+
+
+def _product(basis: _Basis, waveform: Floats) -> Floats:
+    """Matrices (n, 2H+1, 2H+1) that multiply by waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : 2 * int(basis.order[-1]) + 1] * (2 / basis.samples)
+    parts = np.hstack([spectrum.real, -spectrum.imag])
+    matrix: Floats = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
+    return matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Law:
-    """n(x, v) and its two slopes as numpy functions, and the mass."""
+    """n(x, v) and its two slopes as numpy functions, mass included."""
 
-    def __init__(self, oscillator: Oscillator) -> None:
-        x, v, law, names = symbol("x"), symbol("v"), oscillator.force, oscillator.parameters
-        # the impulse at a jump is left out of the slopes: Newton's method does without
-        slopes = (sympy.diff(law, by).replace(sympy.DiracDelta, lambda *_: sympy.S.Zero) for by in (x, v))
-        self.mass = oscillator.mass
-        self._functions = compiled((law, *slopes), (x, v, *(symbol(name) for name in names)))
-        self._values = tuple(oscillator.values[name] for name in names)
+    mass: float
+    functions: Numeric
+    values: tuple[float, ...]
 
-    def __call__(self, x: Array, v: Array) -> tuple[Array, Array, Array]:
-        n, by_x, by_v = self._functions(x, v, *self._values)
+    @classmethod
+    def of(cls, oscillator: Oscillator) -> _Law:
+        x, v = symbol("x"), symbol("v")
+        law = oscillator.force
+        slopes = (law, _slope(law, x), _slope(law, v))
+        names = oscillator.parameters
+        functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
+        return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
+
+    def __call__(self, x: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        n, by_x, by_v = self.functions(x, v, *self.values)
         return n + 0 * x, by_x + 0 * x, by_v + 0 * x
 
 
-def _balance(law: _Law, series: FourierSeries, q: Array, load: Array, omega: Array) -> tuple[Array, Array]:
+def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
+    """The derivative between jumps: the impulse at a jump is left out, Newton's method does without."""
+    slope = sympy.diff(law, variable)
+    return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
+
+
+def _balance(law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats) -> tuple[Floats, Floats]:
     """Residual (n, 2H+1) [N] and Jacobian (n, 2H+1, 2H+1) [N/m] of the balance of every harmonic."""
-    force, by_x, by_v = law(q @ series.shape, omega[:, None] * (q @ series.rate))
-    inertia = law.mass * (omega[:, None] * series.order_of) ** 2
-    jacobian = series.tangent(by_x, omega[:, None] * by_v)
-    diagonal = np.arange(len(series.order_of))
-    jacobian[:, diagonal, diagonal] -= inertia
-    return force @ series.project - inertia * q - load, jacobian
+    x = q @ basis.displacement.T
+    v = omega[:, None] * (q @ basis.velocity.T)
+    force, by_x, by_v = law(x, v)
+    inertia = law.mass * (omega[:, None] * basis.order) ** 2
+    residual = _project(basis, force) - inertia * q - load
+    jacobian = _product(basis, by_x) + _product(basis, omega[:, None] * by_v) @ basis.turn
+    jacobian[:, np.arange(len(basis.order)), np.arange(len(basis.order))] -= inertia
+    return residual, jacobian
 
 
 def _newton(
-    law: _Law, series: FourierSeries, q: Array, load: Array, omega: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+    law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
     q = q.copy()
     done = np.zeros(len(q), dtype=bool)
     active = np.arange(len(q))
     smallest = _FAINT * np.linalg.norm(load, axis=1) / (law.mass * omega**2)
     for _ in range(_ITERATIONS):
-        residual, jacobian = _balance(law, series, q[active], load[active], omega[active])
+        residual, jacobian = _balance(law, basis, q[active], load[active], omega[active])
         here = np.linalg.norm(residual, axis=1)
         try:
             step = -np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
@@ -90,7 +174,7 @@ def _newton(
         done[active] = np.linalg.norm(step, axis=1) <= _CONVERGED * size
         factor = np.ones(len(active))
         for _ in range(_HALVINGS):
-            trial, _ = _balance(law, series, q[active] + factor[:, None] * step, load[active], omega[active])
+            trial, _ = _balance(law, basis, q[active] + factor[:, None] * step, load[active], omega[active])
             worse = ~(np.linalg.norm(trial, axis=1) <= here * (1 + 1e-9)) & ~done[active]
             if not worse.any():
                 break
@@ -102,57 +186,90 @@ def _newton(
     return q, done
 
 
+def _to_harmonics(q: Floats) -> NDArray[np.complex128]:
+    return np.hstack([q[:, :1].astype(np.complex128), q[:, 1::2] - 1j * q[:, 2::2]])
+
+
+def _to_coefficients(harmonics: NDArray[np.complex128]) -> Floats:
+    q = np.empty((len(harmonics), 2 * harmonics.shape[1] - 1))
+    q[:, 0], q[:, 1::2], q[:, 2::2] = harmonics[:, 0].real, harmonics[:, 1:].real, -harmonics[:, 1:].imag
+    return q
+
+
 def solve_harmonic_balance(
     oscillator: Oscillator,
     force: ArrayLike,
     frequency: ArrayLike,
     *,
     harmonics: int = 7,
-    guess: ComplexArray | None = None,
+    guess: NDArray[np.complex128] | None = None,
 ) -> SteadyStates:
-    """Find steady states under forces (n,) [N] by harmonic balance; stable or not, near the guess.
+    """Find steady states by harmonic balance; stable or not, near the guess.
 
-    Without a ``guess`` (n, H+1) [m], it is the response of the mass alone with the slope of the law at rest,
-    damped enough to be finite. The ``residual`` is the force that the mean and ``harmonics`` leave unbalanced
-    (root mean square over |F|); more of them make it smaller. The ``error`` is not known.
+    Parameters
+    ----------
+    oscillator
+        The structure.
+    force
+        (n,) complex amplitude F [N].
+    frequency
+        (n,) [Hz].
+    harmonics
+        H, how many harmonics are balanced, in addition to the mean.
+    guess
+        (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
+        at rest, damped enough to be finite.
+
+    Returns
+    -------
+    SteadyStates
+        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); more
+        harmonics make it smaller. ``error`` is not known.
     """
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    law, series = _Law(oscillator), _series(harmonics)
+    law, basis = _Law.of(oscillator), _basis(harmonics)
     load = np.zeros((len(F), 2 * harmonics + 1))
-    load[:, 1], load[:, 2] = F.real, F.imag
-    q = _linear_guess(law, load, omega) if guess is None else series.real(guess)
+    load[:, 1], load[:, 2] = F.real, -F.imag
+    q = _linear_guess(law, F, omega, harmonics) if guess is None else _to_coefficients(guess)
     parts = [slice(low, low + _CHUNK) for low in range(0, len(F), _CHUNK)]
-    solved = [_newton(law, series, q[part], load[part], omega[part]) for part in parts]
-    q, done = (np.concatenate(found) for found in zip(*solved, strict=True))
-    return _states(law, series, q, load, omega, done)
+    solved = [_newton(law, basis, q[part], load[part], omega[part]) for part in parts]
+    q = np.concatenate([entry[0] for entry in solved])
+    done = np.concatenate([entry[1] for entry in solved])
+    return _states(law, basis, q, F, omega, done)
 
 
-def _linear_guess(law: _Law, load: Array, omega: Array) -> Array:
+def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics: int) -> Floats:
     tiny = np.array([1e-12])
     _, stiffness, damping = law(tiny, tiny)
     impedance = stiffness - law.mass * omega**2 + 1j * omega * damping
     impedance += 1j * _DAMPED * law.mass * omega**2
-    response = (load[:, 1] + 1j * load[:, 2]) / impedance
-    guess = np.zeros_like(load)
-    guess[:, 1], guess[:, 2] = response.real, response.imag
-    return guess
+    guess = np.zeros((len(F), harmonics + 1), dtype=np.complex128)
+    guess[:, 1] = F / impedance
+    return _to_coefficients(guess)
 
 
 def _states(
-    law: _Law, series: FourierSeries, q: Array, load: Array, omega: Array, done: NDArray[np.bool_]
+    law: _Law, basis: _Basis, q: Floats, F: NDArray[np.complex128], omega: Floats, done: NDArray[np.bool_]
 ) -> SteadyStates:
-    x, v = q @ series.shape, omega[:, None] * (q @ series.rate)
-    rest = law.mass * omega[:, None] ** 2 * (q @ series.bend) + law(x, v)[0] - load @ series.shape
-    harmonics = series.complex(q)
+    x = q @ basis.displacement.T
+    v = omega[:, None] * (q @ basis.velocity.T)
+    n, _, _ = law(x, v)
+    acceleration = -(omega[:, None] ** 2) * ((q * basis.order**2) @ basis.displacement.T)
+    phase = 2 * np.pi * np.arange(basis.samples) / basis.samples
+    applied = F.real[:, None] * np.cos(phase) - F.imag[:, None] * np.sin(phase)
+    rest = law.mass * acceleration + n - applied
+    left = np.linalg.norm(rest, axis=1) / np.sqrt(basis.samples) / np.abs(F)
+    harmonics = _to_harmonics(q)
     harmonics[~done] = complex(np.nan, np.nan)
+    peak = np.where(done[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan)
     return SteadyStates(
         harmonics=harmonics,
-        peak=np.where(done[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan),
+        peak=peak,
         state=np.column_stack([x[:, 0], v[:, 0]]),
-        residual=np.sqrt(np.mean(rest**2, axis=1)) / np.linalg.norm(load, axis=1),
+        residual=left,
         outcome=np.where(done, 0, 1).astype(np.int8),
-        error=np.full(len(q), np.nan),
+        error=np.full(len(F), np.nan),
     )
 
 
@@ -163,10 +280,10 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     Harmonic balance does not separate stable answers from unstable ones.
     """
 
-    def solve(force: Array, frequency: Array, guess: ComplexArray | None = None) -> SteadyStates:
+    def solve(force: Floats, frequency: Floats, guess: NDArray[np.complex128] | None = None) -> SteadyStates:
         return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
 
-    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
+    def go_on(frequency: Floats, last: SteadyStates | None) -> SteadyStates:
         if last is None:
             return solve(test.level, frequency)
         near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
@@ -179,18 +296,21 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)
 
 
-def first_order_force(oscillator: Oscillator, amplitude: Array, omega: Array) -> tuple[ComplexArray, Array]:
+def first_order_force(
+    oscillator: Oscillator, amplitude: Floats, omega: Floats
+) -> tuple[NDArray[np.complex128], Floats]:
     """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic."""
-    law, series = _Law(oscillator), _series(1)
+    law, basis = _Law.of(oscillator), _basis(1)
     mean = np.zeros_like(amplitude)
     for _ in range(_ITERATIONS):
         q = np.column_stack([mean, amplitude, np.zeros_like(amplitude)])
-        force, by_x, _ = law(q @ series.shape, omega[:, None] * (q @ series.rate))
+        force, by_x, _ = law(q @ basis.displacement.T, omega[:, None] * (q @ basis.velocity.T))
         stiffness = by_x.mean(axis=1)
         move = -force.mean(axis=1) / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
         move = np.clip(move, -amplitude, amplitude)
         mean = mean + move
         if np.all(np.abs(move) <= _FAINT * amplitude):
             break
-    fundamental: ComplexArray = series.complex(force @ series.project)[:, 1]
-    return fundamental - law.mass * omega**2 * amplitude, mean
+    fundamental = _project(basis, force)
+    F = _to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude
+    return F, mean

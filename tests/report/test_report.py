@@ -388,9 +388,9 @@ def test_a_change_within_its_uncertainty_is_none() -> None:
 
 def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> None:
     model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": 0.0})
-    told, untold = exact.refined
-    untold = replace(untold, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
-    partly = replace(exact, refined=(told, untold), solution=np.array([K1, 0.0]))
+    known, lost = exact.refined
+    lost = replace(lost, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
+    partly = replace(exact, refined=(known, lost), solution=np.array([K1, 0.0]))
     words = described(model.elements[0], partly)
     assert words.startswith("linear: stiffness stays at 5.92 kN/m")
     assert words.endswith("not identifiable from this test: kn")

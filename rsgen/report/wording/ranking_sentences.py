@@ -78,8 +78,8 @@ def _(f: Finding) -> str:
 
 @says("law-fits-best")
 def _(f: Finding) -> str:
-    small = f["noise"] <= f["floor"]
-    size = f"is less than {f['floor']:g}" if small else f"looks like noise of {f['noise']:.2g}"
+    small = f["noise"] <= f["least"]
+    size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
     return f"{f.names['law']} fits best: what it leaves of {f['points']:g} points {size}"
 
 
