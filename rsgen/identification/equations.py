@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.tolerances import ROUND_OFF, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
 
@@ -142,9 +142,8 @@ def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> t
 
 def _fundamental(signal: Array) -> NDArray[Any]:
     """Fundamental of a signal (n, s); that of a constant is zero, not the round-off of its sum."""
-    found = project(signal, 1)
-    size = np.max(np.abs(signal), axis=1)
-    return np.where(np.abs(found) > ROUND_OFF * size, found, 0.0)
+    constant = np.all(signal == signal[:, :1], axis=1)
+    return np.where(constant, 0.0, project(signal, 1))
 
 
 def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
