@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 __all__ = ["Finding", "Quantity", "Severity", "quantities"]
 
-Severity = Literal["info", "warning", "error"]
+Severity = Literal["info", "warning", "doubt", "error"]
 
 
 class Quantity(NamedTuple):
@@ -36,8 +36,9 @@ class Finding:
     code
         What was found, lower case, words joined by hyphens: "points-set-aside".
     severity
-        "info": good to know; "warning": some numbers are less certain than they look; "error": the result
-        should not be used.
+        "info": good to know; "warning": some numbers are less certain than they look; "doubt": the result may
+        be wrong, somebody has to look first; "error": the result is wrong or means nothing. The verdict on a
+        result follows from the severities alone (``rsgen.verdict``).
     parameter
         The parameter concerned, "" where the finding concerns the whole result.
     numbers

@@ -10,12 +10,16 @@ from typing import Self
 from rsgen.figures.scale import number_text, quantity_text
 from rsgen.finding import Finding, Quantity
 
-__all__ = ["CODES", "full_sentence", "say_plainly", "says", "sentence"]
+__all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "say_plainly", "says", "sentence"]
 
 Say = Callable[[Finding], str]
 
 CODES: dict[str, Say] = {}
 """The function that says a finding, by the code of the finding."""
+
+NEXT_STEPS: dict[str, str] = {}
+"""What to do about a finding that casts doubt on a result, by its code: a full sentence, with the fields of
+``say_plainly`` in braces. Every code that may have the severity "doubt" or "error" has one."""
 
 
 class _Number(float):
@@ -78,6 +82,11 @@ def say_plainly(texts: Mapping[str, str]) -> None:
 
 def _fill(text: str, finding: Finding) -> str:
     return text.format_map(_Fields(finding))
+
+
+def next_step(finding: Finding) -> str:
+    """Say in one sentence what to do about a finding; "" where nobody wrote it down."""
+    return NEXT_STEPS.get(finding.code, "").format_map(_Fields(finding))
 
 
 def sentence(finding: Finding) -> str:
