@@ -9,7 +9,9 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
+from _thread import interrupt_main
 from collections.abc import Sequence
 from types import FrameType
 
@@ -21,6 +23,9 @@ __all__ = ["main"]
 CLEARING_SECONDS = 2.0
 """For so long after an interrupt another one is the same one: clearing up must not be torn apart."""
 
+_SOON = 0.05
+"""Seconds after which an interrupt that Python threw away is repeated."""
+
 _last = -CLEARING_SECONDS
 
 
@@ -30,6 +35,16 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     if now - _last >= CLEARING_SECONDS:
         _last = now
         raise KeyboardInterrupt
+
+
+def _repeat(lost: sys.UnraisableHookArgs) -> None:
+    """Interrupt again where Python threw the interrupt away, in a finalizer or an import."""
+    global _last
+    if isinstance(lost.exc_value, KeyboardInterrupt):
+        _last = -CLEARING_SECONDS
+        threading.Timer(_SOON, interrupt_main).start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -49,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # a polite end from outside clears up as Ctrl-C does
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _interrupt)
+        sys.unraisablehook = _repeat
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)

@@ -10,6 +10,7 @@ import importlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -65,6 +66,8 @@ def _end(number: int, frame: FrameType | None) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if not _one_at_a_time.locked():
         os._exit(1)
+    # a finalizer throws the interrupt away and would print it; then _follow ends this process
+    sys.unraisablehook = lambda lost: None
     raise KeyboardInterrupt
 
 

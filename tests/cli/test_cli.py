@@ -420,6 +420,31 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     assert len(left) < 2
 
 
+_LOST = """
+import os, signal, time
+import rsgen.cli
+from rsgen.cli import application
+
+class Interrupts:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+
+def run(**arguments):
+    Interrupts()
+    time.sleep(20)
+
+application.application = run
+rsgen.cli.main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
+def test_an_interrupt_that_a_finalizer_throws_away_ends_the_run() -> None:
+    run = subprocess.run([sys.executable, "-c", _LOST], capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
+
+
 @pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
