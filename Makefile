@@ -37,13 +37,14 @@ fast: $(READY) ## the checks that take less than a minute
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" -q
 
-bench: $(READY) ## measure speed and accuracy into reports/benchmark.md and accuracy.md
+bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.background
 	$(BIN)/python -m benchmarks.ranking
 	$(BIN)/python -m benchmarks.wordings
+	$(BIN)/python -m benchmarks.verdicts
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,245 @@
+"""Measured tests of ``tests/cases`` with something wrong: in the case that reads them, or in the numbers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import rsgen
+from tests.verdict.laboratory import Laboratory
+from tests.verdict.tampering import (
+    LEVELS,
+    MISFIT,
+    SENSE,
+    SIZE,
+    TAMPERINGS,
+    WAVE,
+    Tampering,
+)
+
+CASES = Path(__file__).parent.parent / "tests" / "cases"
+NAMES = ("wire", "nlbeam", "clamp", "f16", "decay")
+TABLES = ("wire", "nlbeam", "clamp")
+"""Stepped sines; the numbers of their surfaces are tampered with as those of a virtual test."""
+
+
+def folder() -> Path | None:
+    """Where the measured data are; None where RSGEN_DATA names no folder."""
+    named = os.environ.get("RSGEN_DATA")
+    return Path(named) if named and Path(named).is_dir() else None
+
+
+@dataclass(frozen=True)
+class Edited:
+    """A measured case whose text has something replaced."""
+
+    text: str
+
+    def write(self, folder: Path) -> Path:
+        """Write the case; give its path."""
+        path = folder / "case.toml"
+        path.write_text(self.text, encoding="utf-8")
+        return path
+
+
+def edit(*changes: tuple[str, str]) -> Callable[[str], Edited]:
+    """Replace parts of the case's text; each must be there."""
+
+    def make(name: str) -> Edited:
+        text = (CASES / f"{name}.toml").read_text(encoding="utf-8")
+        for old, new in changes:
+            if old not in text:
+                raise ValueError(f"{name}.toml has no {old!r}")
+            text = text.replace(old, new)
+        return Edited(text)
+
+    return make
+
+
+def as_table(name: str) -> Laboratory:
+    """What a measured test gave, as a table like that of a laboratory."""
+    case = rsgen.load_case(CASES / f"{name}.toml", folder())
+    surface = rsgen.read(case)
+    observation = case.model.observation
+    further = f'identify = {{ background = "{observation.background}", '
+    further += (
+        f"calibrated = {str(observation.calibrated).lower()}, hold_out = {list(observation.hold_out)} }}"
+    )
+    turned = surface.harmonics[:, 1] * np.exp(-1j * np.angle(surface.force))
+    laws = tuple(str(element.force) for element in case.model.elements)
+    columns = (surface.level, surface.frequency, np.abs(surface.force), -(surface.omega**2) * turned)
+    table = Laboratory(name, laws, *columns, further=further)
+    if surface.phase_known:
+        return table
+    amplitudes = {"quantity": "acceleration", "amplitude": "a_real", "phase_known": False}
+    return replace(table, response=np.abs(table.response) + 0j, test={**table.test, "response": amplitudes})
+
+
+def _numbers(names: Iterable[str]) -> list[Tampering]:
+    """Tamperings of numbers, by their names among those of the virtual tests."""
+    known = {entry.name: entry for entry in TAMPERINGS if entry.change is not None}
+    return [replace(known[name], change=None, build=_changed(known[name])) for name in names]
+
+
+def _changed(entry: Tampering) -> Callable[[str], Laboratory]:
+    return lambda name: entry.change(as_table(name))
+
+
+WITHOUT_PHASE = (
+    "two levels swapped",
+    "the same force at every level",
+    "half of a level's points from another level",
+    "half of a level's points noise",
+    "10 % outliers in one block",
+    "frequencies of one level 2 % too high",
+    "sensor overloaded at half of the largest response",
+    "a second mode in the band",
+    "Hz read as kHz",
+)
+WITH_PHASE = (
+    *WITHOUT_PHASE,
+    "phase in the wrong sense (conjugate)",
+    "another sensor's channel, with a delay",
+)
+
+LINEAR = "law without the decisive term"
+_SOFT = ' + kn*x*abs(x)"'
+
+OF_CASE: dict[str, tuple[Tampering, ...]] = {
+    "wire": (
+        *_numbers((*WITH_PHASE, "sign of the response reversed", "one level in g, read as m/s^2")),
+        Tampering(
+            "velocity read as displacement",
+            SENSE | MISFIT,
+            build=edit(
+                ('"velocity"', '"displacement"'),
+                ('unit        = "V"', 'unit        = "V"'),
+                ("-5411.2554 m/s/V", "-5411.2554 m/V"),
+            ),
+        ),
+        Tampering(
+            "velocity read as acceleration",
+            SENSE | MISFIT,
+            build=edit(('"velocity"', '"acceleration"'), ("-5411.2554 m/s/V", "-5411.2554 m/s^2/V")),
+        ),
+        Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), (' + cn*v*abs(v)"', '"'))),
+        Tampering("the background left out", MISFIT, build=edit(('"constant"', '"none"'))),
+        Tampering(
+            "in-phase and quadrature exchanged",
+            SENSE,
+            build=edit(("real        = 3", "real        = 4"), ("imaginary   = 4", "imaginary   = 3")),
+        ),
+    ),
+    "nlbeam": (
+        *_numbers(WITH_PHASE),
+        Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), ("cn*v*abs(v)**q", "c*v"))),
+        Tampering("the phase error left out", MISFIT | SENSE, build=edit(('"phase"', '"none"'))),
+        Tampering(
+            "another channel (second harmonic) taken",
+            MISFIT | SENSE,
+            build=edit(("X1__V_", "X2__V_"), ("Y1__V_", "Y2__V_")),
+        ),
+        Tampering(
+            "velocity read as displacement",
+            SENSE | MISFIT,
+            build=edit(('"velocity"', '"displacement"'), ("1 m/s/V", "1 m/V")),
+            unseen="the phase of the drive is said to be unknown, and over a band of"
+            " 2 % a velocity is a displacement times a constant",
+        ),
+    ),
+    "clamp": (
+        *_numbers(WITHOUT_PHASE),
+        Tampering(
+            "labels 1, 2, 3, ... for the forces", LEVELS, build=edit(('"1.5 N", "2 N"', '"2 N", "3 N"'))
+        ),
+        Tampering(
+            "one file twice, once for another level", LEVELS, build=edit(("clamp_meas_1.5", "clamp_meas_1.0"))
+        ),
+        Tampering(LINEAR, MISFIT, build=edit((" + k2*x*abs(x) + k3*x**3", ""), (' + c2*v*abs(v)"', '"'))),
+        Tampering("the background left out", MISFIT, build=edit(('"constant"', '"none"'))),
+    ),
+    "f16": (
+        Tampering(
+            "sign of the response reversed",
+            SENSE,
+            build=edit(('Acceleration[3]"', 'Acceleration[3]"\nfactor = -1')),
+        ),
+        Tampering(
+            "acceleration read as displacement",
+            SENSE,
+            build=edit(('"acceleration"', '"displacement"'), ('"m/s^2"', '"m"')),
+        ),
+        Tampering("two modes in the band", MISFIT, build=edit(('"6.9 Hz", "8.2 Hz"', '"4 Hz", "8.2 Hz"'))),
+        Tampering(
+            "response in mm/s^2, read as m/s^2",
+            SIZE,
+            build=edit(('Acceleration[3]"', 'Acceleration[3]"\nfactor = 1000')),
+        ),
+        Tampering(
+            "swept sine taken as a stepped sine",
+            WAVE | MISFIT,
+            build=edit(('"swept-sine"', '"stepped-sine"')),
+            refusal="step",
+        ),
+        Tampering(
+            "sweep taken as a free decay",
+            WAVE | MISFIT,
+            build=edit(
+                ('"swept-sine"', '"ring-down"'),
+                ('[[element]]\nname  = "spring"', 'system = { mass = 1 }\n[[element]]\nname  = "spring"'),
+                ('[test.force]\nsamples = "Force"\nunit    = "N"\n', ""),
+                ('hold_out   = ["67.0 N"]', ""),
+            ),
+            refusal="decay",
+        ),
+        Tampering(
+            "samples of the generator taken for the force",
+            MISFIT | SENSE,
+            build=edit(('samples = "Force"', 'samples = "Voltage"')),
+        ),
+        Tampering(
+            "sampling rate wrong by ten",
+            SIZE | WAVE,
+            build=edit(('rate_column = "Fs"', 'rate = "4 kHz"'), ('"6.9 Hz", "8.2 Hz"', '"69 Hz", "82 Hz"')),
+        ),
+        Tampering(
+            LINEAR,
+            MISFIT,
+            build=edit((" + k2*x*abs(x) + k3*x**3", ""), (" + c3*v**3 + c5*v**5 + c7*v**7", "")),
+        ),
+    ),
+    "decay": (
+        Tampering(
+            "the drive before the decay not cut off",
+            WAVE | MISFIT,
+            build=edit(('start  = "13 s"', 'start  = "2 s"')),
+        ),
+        Tampering(
+            "driven throughout",
+            WAVE | MISFIT,
+            build=edit(('start  = "13 s"', 'start  = "2 s"'), ('stop   = "15 s"', 'stop   = "10 s"')),
+            refusal="decay",
+        ),
+        Tampering(
+            "noise after the decay",
+            WAVE | MISFIT,
+            build=edit(('start  = "13 s"', 'start  = "23 s"'), ('stop   = "15 s"', 'stop   = "28 s"')),
+            refusal="decay",
+        ),
+        Tampering(
+            "a second mode as large as the first",
+            MISFIT | WAVE,
+            build=edit(('stop   = "15 s"', 'stop   = "19 s"')),
+        ),
+        Tampering(
+            "another channel (the drive voltage)", WAVE | MISFIT, build=edit(("samples  = 3", "samples  = 2"))
+        ),
+        Tampering(
+            "milliseconds read as seconds", SIZE, build=edit(("column = 1", 'column = 1\nunit = "ms"'))
+        ),
+    ),
+}

@@ -1,0 +1,315 @@
+"""Tests with one thing wrong, tests with nothing wrong, alternate levels apart: reports/verdicts.md.
+
+Run by ``make bench``; with names of tests, or ``--part``, a part of it is only printed. Measured tests take
+part where RSGEN_DATA names their folder. Everything is seeded: the same runs give the same table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+os.environ.setdefault("RSGEN_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+import rsgen
+from benchmarks import tampered_measurements as measured
+from rsgen.output import write_atomic
+from rsgen.simulation.noise import add_noise
+from rsgen.verdict import reach_verdict
+from tests.oracles.memory import bouc_wen, two_masses
+from tests.verdict import laboratory
+from tests.verdict.laboratory import Outcome
+from tests.verdict.tampering import MATTERING, OTHER_WRONG, TAMPERINGS, UNSEEN, UNSEEN_OF, Tampering
+
+ROOT = Path(__file__).parent.parent
+NOISES = (0.0, 0.001, 0.01, 0.03)
+SEEDS = 20
+FOUND, FALSE, SCORE = 0.95, 0.02, 3.0
+"""What is asked: share of the tampered tests found, of the untampered ones doubted at most, largest |z|."""
+
+UNSEEN_IN = "cubic"
+"""The case that shows what no test can show; others would only repeat it."""
+
+KINDS = {
+    "as simulated": "the grid of the case, the mean and 15 harmonics, as `rsgen run` identifies it",
+    "as measured": "fundamentals only, every third frequency, through a file, as a laboratory has it",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One tampered test and what became of it."""
+
+    test: str
+    tampering: Tampering
+    outcome: Outcome
+    plain: tuple[str, ...]  # codes that decided on the test without the tampering
+    seconds: float
+
+    @property
+    def right(self) -> bool:
+        """Whether a right finding decided that had not decided before."""
+        new = set(self.outcome.deciding) - set(self.plain)
+        said = bool(self.tampering.refusal) and self.tampering.refusal in self.outcome.refusal
+        return bool(new & self.tampering.right) or said
+
+    @property
+    def found(self) -> bool:
+        """Whether nobody would take the result for good, for the right reason."""
+        return self.outcome.doubted and self.right
+
+    def line(self) -> str:
+        """A row of the table."""
+        decided = ", ".join(self.outcome.deciding) or self.outcome.refusal[:90].replace("|", "/") or "--"
+        right = "yes" if self.right else "cannot be seen" if self.tampering.unseen else "**no**"
+        return f"| {self.test} | {self.tampering.name} | {self.outcome.state} | {decided} | {right} |"
+
+
+def judge(write: Callable[[Path], Path]) -> Outcome:
+    """Judge a test from files in a folder of its own; what is no refusal in a sentence is a crash."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return laboratory.judge(write(Path(folder)))
+        except Exception as fault:
+            return Outcome(None, refusal=f"CRASH {type(fault).__name__}: {fault}", crashed=True)
+
+
+@cache
+def plain(name: str) -> Outcome:
+    """The verdict on the untampered test."""
+    if name in measured.NAMES:
+        return judge(lambda folder: measured.CASES / f"{name}.toml")
+    return judge(laboratory.stepped(name).write)
+
+
+def tamperings(name: str) -> tuple[Tampering, ...]:
+    """All that is done to the test of this name."""
+    if name in measured.NAMES:
+        return measured.OF_CASE[name]
+    entries = (*TAMPERINGS, *UNSEEN) if name == UNSEEN_IN else TAMPERINGS
+    return tuple(replace(entry, unseen=UNSEEN_OF.get((name, entry.name), entry.unseen)) for entry in entries)
+
+
+def tampered(job: tuple[str, int]) -> tuple[str, int, Outcome, tuple[str, ...], float]:
+    """One tampered test; functions do not cross to another process, places in the list do."""
+    name, place = job
+    begin = time.perf_counter()
+    outcome = judge(tamperings(name)[place].make(name).write)
+    return name, place, outcome, plain(name).deciding, time.perf_counter() - begin
+
+
+def untampered(job: tuple[str, str, float, int]) -> tuple[str, ...]:
+    """Codes that cast doubt on one untampered virtual test; empty where none does."""
+    name, kind, noise, seed = job
+    if kind == "as measured":
+        outcome = judge(laboratory.stepped(name, noise, seed).write)
+    else:
+        surface = add_noise(laboratory.simulated(name), noise, seed)
+        findings = rsgen.identify(surface, laboratory.load(name).model).findings
+        outcome = Outcome(reach_verdict(findings), findings)
+    return outcome.deciding or (("refused",) if outcome.doubted else ())
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A test and a law for it; the truth or not."""
+
+    name: str
+    load: Callable[[], tuple[rsgen.ResponseSurface, object]]
+
+
+def _virtual(name: str, laws: tuple[str, ...] | None) -> Callable[[], tuple[rsgen.ResponseSurface, object]]:
+    def load() -> tuple[rsgen.ResponseSurface, object]:
+        test = laboratory.stepped(name)
+        with tempfile.TemporaryDirectory() as folder:
+            case = rsgen.load_case(replace(test, laws=laws or test.laws).write(Path(folder)))
+            return rsgen.read(case), case.model
+
+    return load
+
+
+def _measured(name: str) -> Callable[[], tuple[rsgen.ResponseSurface, object]]:
+    def load() -> tuple[rsgen.ResponseSurface, object]:
+        case = rsgen.load_case(measured.CASES / f"{name}.toml", measured.folder())
+        model = replace(case.model, observation=replace(case.model.observation, hold_out=()))
+        return rsgen.read(case), model
+
+    return load
+
+
+def _oracle(make: Callable[[], rsgen.ResponseSurface], law: str) -> Callable[[], tuple[object, object]]:
+    return lambda: (add_noise(make(), laboratory.NOISE, 1), rsgen.Model(law))
+
+
+POLYNOMIAL = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v)"
+
+STRUCTURES = (
+    Structure("joint, true law", _virtual("joint", None)),
+    Structure("coulomb, true law", _virtual("coulomb", None)),
+    Structure("piecewise, true law", _virtual("piecewise", None)),
+    Structure("combined, true law", _virtual("combined", None)),
+    Structure("joint, cubic spring and quadratic damper", _virtual("joint", OTHER_WRONG["joint"])),
+    Structure("coulomb, quadratic damper", _virtual("coulomb", OTHER_WRONG["coulomb"])),
+    Structure("piecewise, cubic spring", _virtual("piecewise", ("k*x + k3*x**3", "c*v"))),
+    Structure("quintic, linear", _virtual("quintic", MATTERING["quintic"])),
+    Structure("hysteresis (Bouc-Wen), polynomial", _oracle(bouc_wen, POLYNOMIAL)),
+    Structure("two coupled masses, cubic spring", _oracle(two_masses, "k*x + k3*x**3 + c*v")),
+    *(Structure(f"{name}, measured", _measured(name)) for name in (*measured.TABLES, "f16")),
+)
+
+
+def alternate(place: int) -> str:
+    """Identify a structure from its odd and from its even levels; a row of the table."""
+    structure = STRUCTURES[place]
+    surface, model = structure.load()
+    whole = rsgen.identify(surface, model)
+    odd = np.isin(surface.level, surface.levels[::2])
+    halves = [rsgen.identify(surface.select(part), model).refined for part in (odd, ~odd)]
+    scores = {
+        one.name: abs(one.value - other.value) / np.hypot(one.standard_error, other.standard_error)
+        for one, other in zip(*halves, strict=True)
+        if one.identifiable and other.identifiable
+    }
+    worst = max(scores, key=lambda name: scores[name], default="")
+    verdict = reach_verdict(whole.findings)
+    doubted = verdict.state in ("doubtful", "rejected")
+    good = doubted or scores.get(worst, 0.0) <= SCORE
+    codes = ", ".join(dict.fromkeys(finding.code for finding in verdict.decided_by))
+    return (
+        f"| {structure.name} | {len(surface.levels)} | {scores.get(worst, float('nan')):.1f} ({worst}) | "
+        f"{verdict.state} | {codes or '--'} | {'yes' if good else '**no**'} |"
+    )
+
+
+def tampered_section(rows: Sequence[Row]) -> list[str]:
+    """The table of tampered tests with its summary."""
+    found, accepted = sum(row.found for row in rows), sum(row.outcome.state == "accepted" for row in rows)
+    other = sum(row.outcome.doubted and not row.right for row in rows)
+    unseen = [row for row in rows if row.tampering.unseen and not row.found]
+    reasons = dict.fromkeys(f"- {row.test}, {row.tampering.name}: {row.tampering.unseen}." for row in unseen)
+    return [
+        "## One thing wrong",
+        "",
+        f"Found: **{found} of {len(rows)}** ({found / len(rows):.1%}; asked {FOUND:.0%}): doubtful, rejected "
+        "or refused, for the right reason: a finding that did not decide before the tampering. "
+        f"Accepted: {accepted}. Doubted for another reason: {other}.",
+        f"Not doubted at all: {sum(not r.outcome.doubted for r in rows)}, of these {len(unseen)} that cannot "
+        "be seen from the data:"
+        if unseen
+        else "",
+        "",
+        *reasons,
+        "",
+        "| test | tampering | verdict | deciding findings | right finding |",
+        "|---|---|---|---|---|",
+        *(row.line() for row in rows),
+    ]
+
+
+def false_alarm_section(doubts: dict[tuple[str, str, float], list[tuple[str, ...]]]) -> list[str]:
+    """The tables of untampered tests."""
+    lines = ["## Nothing wrong", ""]
+    for kind, words in KINDS.items():
+        runs = {key: value for key, value in doubts.items() if key[1] == kind}
+        alarms = sum(bool(codes) for value in runs.values() for codes in value)
+        total = sum(map(len, runs.values()))
+        heads = " | ".join(f"noise {100 * noise:g} %" for noise in NOISES)
+        lines += [
+            f"Virtual tests {kind} ({words}): doubtful or rejected **{alarms} of {total}** "
+            f"({alarms / total:.1%}; asked at most {FALSE:.0%}). One run a case without noise.",
+            "",
+            f"| case | {heads} | findings |",
+            "|---|" + "---|" * (len(NOISES) + 1),
+        ]
+        for name in dict.fromkeys(key[0] for key in runs):
+            cells = [f"{sum(map(bool, runs[name, kind, n]))} of {len(runs[name, kind, n])}" for n in NOISES]
+            codes = sorted({code for n in NOISES for found in runs[name, kind, n] for code in found})
+            lines.append(f"| {name} | {' | '.join(cells)} | {', '.join(codes) or '--'} |")
+        lines.append("")
+    return lines
+
+
+def measured_section(names: Iterable[str]) -> list[str]:
+    """The table of untampered measured tests."""
+    lines = ["| measured test | verdict | deciding findings |", "|---|---|---|"]
+    for name in names:
+        outcome = plain(name)
+        lines.append(
+            f"| {name} | {outcome.state} | {', '.join(outcome.deciding) or outcome.refusal or '--'} |"
+        )
+    return lines
+
+
+def main() -> None:
+    """Judge all, or a part."""
+    reader = argparse.ArgumentParser(description=__doc__)
+    reader.add_argument("--part", choices=("tampered", "untampered", "alternate"))
+    reader.add_argument("--seeds", type=int, default=SEEDS)
+    reader.add_argument("--processes", type=int, default=os.cpu_count())
+    reader.add_argument("test", nargs="*")
+    asked = reader.parse_args()
+    there = measured.NAMES if measured.folder() else ()
+    names = [name for name in (*laboratory.NAMES, *there) if not asked.test or name in asked.test]
+    parts = [asked.part] if asked.part else ["tampered", "untampered", "alternate"]
+    text = ["# Verdicts", "", HEAD if there else f"{HEAD}\n\n{LEFT_OUT}", ""]
+    with get_context("spawn").Pool(asked.processes) as pool:
+        if "tampered" in parts:
+            rows = []
+            jobs = [(name, place) for name in names for place in range(len(tamperings(name)))]
+            for name, place, *result in pool.imap(tampered, jobs):
+                rows.append(Row(name, tamperings(name)[place], *result))
+                print(f"{rows[-1].line()} {rows[-1].seconds:.1f} s", file=sys.stderr, flush=True)
+            text += [*tampered_section(rows), ""]
+        if "untampered" in parts:
+            virtual = [name for name in names if name in laboratory.NAMES]
+            keys = [(name, kind, noise) for kind in KINDS for name in virtual for noise in NOISES]
+            jobs = [(*key, seed) for key in keys for seed in range(1, (asked.seeds if key[2] else 1) + 1)]
+            doubts: dict[tuple[str, str, float], list[tuple[str, ...]]] = {key: [] for key in keys}
+            for job, codes in zip(jobs, pool.imap(untampered, jobs, chunksize=4), strict=True):
+                doubts[job[:3]].append(codes)
+                if codes:
+                    print(*job, codes, file=sys.stderr, flush=True)
+            text += false_alarm_section(doubts) if virtual else []
+            text += [*measured_section(name for name in names if name in there), ""]
+        if "alternate" in parts:
+            places = [i for i, one in enumerate(STRUCTURES) if there or "measured" not in one.name]
+            text += [*ALTERNATE, *pool.map(alternate, places, chunksize=1), ""]
+    report = "\n".join(text)
+    if not asked.part and not asked.test and asked.seeds == SEEDS:
+        write_atomic(ROOT / "reports" / "verdicts.md", report)
+    print(report)
+
+
+HEAD = f"""What a result is called when the test or the law has one thing wrong, and when nothing is wrong.
+The virtual tests are those of `cases/` as a laboratory has them: a table of forces and of the fundamental of
+the acceleration with {100 * laboratory.NOISE:g} % noise, phases recorded, read through a case file without
+truth; histories come from an independent integrator. The measured tests are those of `tests/cases`.
+`make bench` renews this file."""
+
+LEFT_OUT = "The measured tests were left out: RSGEN_DATA names no folder."
+
+ALTERNATE = [
+    "## Alternate levels apart",
+    "",
+    "Odd and even levels identified apart: the largest difference of a parameter in its standard errors.",
+    f"Asked: at most {SCORE:g}, or a result that is doubtful or rejected.",
+    "",
+    "| structure and law | levels | largest z | verdict | deciding findings | as asked |",
+    "|---|---|---|---|---|---|",
+]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""A laboratory: a virtual test of a case of ``cases/`` as files and a case file with no truth in it.
+
+A stepped sine gives a table of the forces and of the fundamental of the acceleration, as most laboratories
+keep it; a history of force and displacement comes from an integrator that shares nothing with rsgen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.finding import Finding
+from rsgen.simulation.noise import add_noise
+from rsgen.verdict import Verdict, reach_verdict
+from tests.oracles.swept import driven
+
+CASES = Path(__file__).parents[2] / "cases"
+NAMES = tuple(sorted(path.stem for path in CASES.glob("*.toml")))
+NOISE = 0.003
+EVERY = 3
+"""Every third frequency of the case: some forty a level, as a patient laboratory steps them."""
+
+HEAD = """\
+schema = 1
+name   = "laboratory"
+title  = "A test with something wrong"
+"""
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A stepped sine in a table, a row a point; what the file says and how the case reads it.
+
+    ``test`` are the tables of the case file below ``[test]`` by name, for tamperings to change.
+    """
+
+    name: str
+    laws: tuple[str, ...]
+    level: np.ndarray  # (n,) [N]
+    frequency: np.ndarray  # (n,) [Hz]
+    force: np.ndarray  # (n,) amplitude [N]
+    response: np.ndarray  # (n,) complex, relative to the force, in the unit of the file
+    heads: tuple[str, ...] = ("level_N", "f_Hz", "force_N", "a_real", "a_imag")
+    test: dict[str, dict[str, object]] = field(
+        default_factory=lambda: {
+            "frequency": {"column": "f_Hz"},
+            "force": {"amplitude": "force_N"},
+            "response": {
+                "quantity": "acceleration",
+                "real": "a_real",
+                "imaginary": "a_imag",
+                "phase_sense": "lead",
+            },
+            "level": {"column": "level_N"},
+        }
+    )
+    further: str = ""
+
+    @property
+    def levels(self) -> np.ndarray:
+        """The levels of the test, ascending [N]."""
+        return np.unique(self.level)
+
+    @property
+    def natural_frequency(self) -> float:
+        """Where the response to the lowest level is largest [Hz]."""
+        lowest = self.at(self.levels[0])
+        size = np.abs(self.response[lowest]) / self.frequency[lowest] ** 2
+        return float(self.frequency[lowest[np.argmax(size)]])
+
+    def at(self, level: float) -> np.ndarray:
+        """Rows of a level in the order of the file."""
+        return np.flatnonzero(self.level == level)
+
+    def reading(self, table: str, **keys: object) -> Laboratory:
+        """The same file read by a case with other keys in a table."""
+        return replace(self, test={**self.test, table: {**self.test[table], **keys}})
+
+    def keep(self, rows: np.ndarray) -> Laboratory:
+        """Some of the rows."""
+        columns = ("level", "frequency", "force", "response")
+        return replace(self, **{column: getattr(self, column)[rows] for column in columns})
+
+    def write(self, folder: Path) -> Path:
+        """Write table and case; give the path of the case."""
+        table = np.column_stack(
+            [self.level, self.frequency, self.force, self.response.real, self.response.imag]
+        )
+        np.savetxt(
+            folder / "table.csv", table, fmt="%.9g", delimiter=",", header=",".join(self.heads), comments=""
+        )
+        text = [HEAD, self.further, *_elements(self.laws), '[test]\nkind = "measured"\nfile = "table.csv"']
+        for name, keys in self.test.items():
+            text += [f"[test.{name}]", *(f"{key} = {_toml(value)}" for key, value in keys.items())]
+        path = folder / "case.toml"
+        path.write_text("\n".join(text) + "\n", encoding="utf-8")
+        return path
+
+
+@dataclass(frozen=True)
+class Record:
+    """A history of force and displacement, and the ``excitation`` that the case takes it for."""
+
+    laws: tuple[str, ...]
+    mass: float
+    rate: float
+    force: np.ndarray
+    displacement: np.ndarray
+    excitation: str
+    further: str = ""
+
+    def write(self, folder: Path) -> Path:
+        """Write samples and case; give the path of the case."""
+        np.savez(folder / "record.npz", force=self.force, displacement=self.displacement)
+        ring = self.excitation == "ring-down"
+        text = [
+            HEAD,
+            f"system = {{ mass = {self.mass} }}" if ring else "",
+            *_elements(self.laws),
+            f'[test]\nkind = "measured"\nfile = "record.npz"\nexcitation = "{self.excitation}"',
+            f"[test.time]\nrate = {self.rate}\n{self.further}",
+            "" if ring else '[test.force]\nsamples = "force"',
+            '[test.response]\nquantity = "displacement"\nsamples = "displacement"',
+            "" if ring else '[test.level]\nvalue = "6 N"',
+        ]
+        path = folder / "case.toml"
+        path.write_text("\n".join(text) + "\n", encoding="utf-8")
+        return path
+
+
+def _elements(laws: Iterable[str]) -> list[str]:
+    return [f'[[element]]\nname = "part-{i}"\nforce = "{law}"' for i, law in enumerate(laws, start=1)]
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+@cache
+def load(name: str) -> rsgen.Case:
+    """A case of ``cases/``."""
+    return rsgen.load_case(CASES / f"{name}.toml")
+
+
+@cache
+def simulated(name: str) -> rsgen.ResponseSurface:
+    """Its exact surface on its own grid."""
+    case = load(name)
+    return rsgen.simulate(case.oscillator, case.test)
+
+
+def stepped(name: str, noise: float = NOISE, seed: int = 1, every: int = EVERY) -> Laboratory:
+    """The stepped sine of a case as a laboratory has it."""
+    surface = add_noise(simulated(name), noise, seed)
+    grid = np.unique(surface.frequency)[::every]
+    surface = surface.select(surface.settled & np.isin(surface.frequency, grid))
+    turned = surface.harmonics[:, 1] * np.exp(-1j * np.angle(surface.force))
+    return Laboratory(
+        name,
+        tuple(str(element.force) for element in load(name).model.elements),
+        surface.level,
+        surface.frequency,
+        np.abs(surface.force),
+        -(surface.omega**2) * turned,
+    )
+
+
+def recorded(name: str, force: np.ndarray, rate: float, excitation: str, seed: int = 1) -> Record:
+    """The displacement of a case's structure under any force, with the noise of its sensor."""
+    case = load(name)
+    x = driven(case.oscillator, force, rate)
+    x = x + NOISE * np.std(x) * np.random.default_rng(seed).standard_normal(len(x))
+    laws = tuple(str(element.force) for element in case.model.elements)
+    return Record(laws, case.oscillator.mass, rate, force, x, excitation)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What rsgen said of a case: a verdict with the findings behind it, or the sentence of a refusal."""
+
+    verdict: Verdict | None
+    findings: tuple[Finding, ...] = ()
+    refusal: str = ""
+    crashed: bool = False
+
+    @property
+    def state(self) -> str:
+        """The verdict in a word; "refused" where there is no result, "crashed" where there is no sentence."""
+        if self.verdict is not None:
+            return self.verdict.state
+        return "crashed" if self.crashed else "refused"
+
+    @property
+    def deciding(self) -> tuple[str, ...]:
+        """Codes of the findings that decided, each once."""
+        decided = self.verdict.decided_by if self.verdict is not None else ()
+        return tuple(dict.fromkeys(finding.code for finding in decided))
+
+    @property
+    def doubted(self) -> bool:
+        """Whether nobody would take the result for good."""
+        return self.state in ("refused", "rejected", "doubtful")
+
+
+def judge(path: Path, data: Path | None = None) -> Outcome:
+    """Go from a case file to the verdict as ``rsgen identify`` does; nothing is compared with a truth."""
+    try:
+        case = rsgen.load_case(path, data)
+        surface = rsgen.read(case)
+        found = rsgen.identify(surface, case.model)
+        findings = tuple(found.findings)
+    except RsgenError as refusal:
+        return Outcome(None, refusal=" ".join(str(refusal).split()))
+    return Outcome(reach_verdict(findings), findings)

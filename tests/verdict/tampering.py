@@ -1,0 +1,345 @@
+"""What goes wrong with tests: a tampering does one thing to a laboratory's test, and names its finding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tests.verdict.laboratory import EVERY, Laboratory, Record, load, recorded, stepped
+
+SENSE = frozenset({"not-passive", "structure-feeds-exciter", "mass-negative"})
+"""Force and response cannot belong together in this sense: power or mass have the wrong sign."""
+
+MISFIT = frozenset({"law-does-not-fit"})
+LEVELS = MISFIT | {"levels-contradict", "level-set-aside", "points-set-aside"}
+POINTS = frozenset({"law-does-not-fit", "points-set-aside", "level-set-aside"})
+SIZE = frozenset({"amplitude-implausible", "mass-implausible", "frequency-implausible"})
+WAVE = frozenset({"not-a-steady-sine"})
+
+MATTERING = {
+    "bilinear": ("k6*x", "c5*v"),
+    "combined": ("k8*x + kn8*x**3", "c6*v"),
+    "coulomb": ("k3*x", "c3*v"),
+    "cubic": ("k1*x", "c1*v"),
+    "cubic-hardening": ("k1*x", "c1*v"),
+    "joint": ("a1*x", "d1*v"),
+    "piecewise": ("k4*x", "c4*v"),
+    "quintic": ("k2*x", "c2*v"),
+}
+"""The law of each case without the term that decides."""
+
+OTHER_WRONG = {
+    "bilinear": ("k6*x + kn*x**3", "c5*v*abs(v)"),
+    "combined": ("k8*x", "c6*v + cn6*v*abs(v)"),
+    "coulomb": ("k3*x", "c3*v*abs(v)"),
+    "cubic": ("k1*x + kn1*x**5", "c1*v"),
+    "cubic-hardening": ("k1*x", "c1*v + cn*v**3"),
+    "joint": ("a1*x + a3*x**3", "d1*v + d2*v*abs(v)"),
+    "piecewise": ("k4*x", "c4*v + Ff*sign(v)"),
+    "quintic": ("k2*x + kn2*x**3", "c2*v"),
+}
+"""A law as somebody might guess it wrongly."""
+
+LINEAR_FUNDAMENTALS = (
+    "a spring with one stiffness a side is as stiff at every amplitude: without mean and harmonics the "
+    "fundamentals are those of a linear one"
+)
+UNSEEN_OF = {("bilinear", "law without the decisive term"): LINEAR_FUNDAMENTALS}
+"""What the test of one case cannot show, though that of the others does."""
+
+Test = Laboratory | Record
+
+
+@dataclass(frozen=True)
+class Tampering:
+    """One thing wrong with a test.
+
+    Parameters
+    ----------
+    name
+        What is wrong, in words.
+    right
+        Codes of the findings that say so; one of them must decide.
+    change
+        What is done to the stepped sine of any laboratory; None where the test is no such one.
+    build
+        The tampered test of a case otherwise.
+    refusal
+        Part of a sentence of refusal that is as right as a finding; "" where none is.
+    unseen
+        Why the data cannot show it; "" where they can.
+    """
+
+    name: str
+    right: frozenset[str]
+    change: Callable[[Laboratory], Laboratory] | None = None
+    build: Callable[[str], Test] | None = None
+    refusal: str = ""
+    unseen: str = ""
+
+    def make(self, name: str, every: int = EVERY) -> Test:
+        """Tamper with the test of this name; of a stepped sine with every n-th frequency."""
+        if self.build is not None:
+            return self.build(name)
+        assert self.change is not None
+        return self.change(stepped(name, every=every))
+
+
+def _responds(test: Laboratory, response: np.ndarray) -> Laboratory:
+    return replace(test, response=response)
+
+
+def _level(test: Laboratory, share: float) -> float:
+    """The level this far up the list, 0 the lowest, 1 the highest."""
+    return float(test.levels[round(share * (len(test.levels) - 1))])
+
+
+def _generator(test: Laboratory) -> np.random.Generator:
+    return np.random.default_rng(len(test.level))
+
+
+# ---- signs, units, channels
+
+
+def reversed_sign(test: Laboratory) -> Laboratory:
+    return _responds(test, -test.response)
+
+
+def conjugate(test: Laboratory) -> Laboratory:
+    return test.reading("response", phase_sense="lag")
+
+
+def millimetres(test: Laboratory) -> Laboratory:
+    return _responds(test, 1e3 * test.response)
+
+
+def kilonewtons(test: Laboratory) -> Laboratory:
+    return replace(test, force=1e-3 * test.force)
+
+
+def gravities_one_level(test: Laboratory) -> Laboratory:
+    rows = test.level == _level(test, 0.6)
+    return _responds(test, np.where(rows, test.response / 9.80665, test.response))
+
+
+def gravities(test: Laboratory) -> Laboratory:
+    return _responds(test, test.response / 9.80665)
+
+
+def gravities_known_mass(test: Laboratory) -> Laboratory:
+    return replace(gravities(test), further=f"system = {{ mass = {load(test.name).oscillator.mass} }}")
+
+
+def radians_as_hertz(test: Laboratory) -> Laboratory:
+    heads = (test.heads[0], "omega_rad_s", *test.heads[2:])
+    shown = replace(test, frequency=2 * np.pi * test.frequency, heads=heads)
+    return shown.reading("frequency", column="omega_rad_s")
+
+
+def hertz_as_radians(test: Laboratory) -> Laboratory:
+    return test.reading("frequency", unit="rad/s")
+
+
+def radians_unnamed(test: Laboratory) -> Laboratory:
+    shown = replace(test, frequency=2 * np.pi * test.frequency, heads=(test.heads[0], "x", *test.heads[2:]))
+    return shown.reading("frequency", column="x")
+
+
+def kilohertz(test: Laboratory) -> Laboratory:
+    return test.reading("frequency", unit="kHz")
+
+
+def as_displacement(test: Laboratory) -> Laboratory:
+    return test.reading("response", quantity="displacement")
+
+
+def as_velocity(test: Laboratory) -> Laboratory:
+    return test.reading("response", quantity="velocity")
+
+
+def delayed_channel(test: Laboratory) -> Laboratory:
+    late = 0.5 / (2 * np.pi * test.natural_frequency)
+    return _responds(test, 0.8 * test.response * np.exp(-2j * np.pi * test.frequency * late))
+
+
+# ---- levels
+
+
+def swapped_levels(test: Laboratory) -> Laboratory:
+    low, high = _level(test, 0.3), _level(test, 0.8)
+    level = np.where(test.level == low, high, np.where(test.level == high, low, test.level))
+    return replace(test, level=level, force=test.force * level / test.level)
+
+
+def labels(test: Laboratory) -> Laboratory:
+    chosen = np.unique([_level(test, share) for share in (0.0, 0.1, 0.3, 0.55, 1.0)])
+    part = test.keep(np.flatnonzero(np.isin(test.level, chosen)))
+    part = replace(part, level=1.0 + np.searchsorted(chosen, part.level))
+    return replace(part, test={**part.test, "force": {"nominal": True}})
+
+
+def same_forces(test: Laboratory) -> Laboratory:
+    return replace(test, force=np.full(len(test.force), 5.0))
+
+
+def level_twice(test: Laboratory) -> Laboratory:
+    source, other = _level(test, 0.9), _level(test, 0.5)
+    rest = np.flatnonzero(test.level != other)
+    copy = test.keep(test.at(source))
+    copy = replace(copy, force=copy.force * other / source, level=np.full(len(copy.level), other))
+    both = test.keep(rest)
+    return replace(
+        both,
+        level=np.concatenate([both.level, copy.level]),
+        frequency=np.concatenate([both.frequency, copy.frequency]),
+        force=np.concatenate([both.force, copy.force]),
+        response=np.concatenate([both.response, copy.response]),
+    )
+
+
+def half_of_another(test: Laboratory) -> Laboratory:
+    here, there = test.at(_level(test, 0.7)), test.at(_level(test, 0.2))
+    here, there = (rows[test.frequency[rows] > test.natural_frequency] for rows in (here, there))
+    response = test.response.copy()
+    for row in here:
+        response[row] = test.response[there[np.argmin(np.abs(test.frequency[there] - test.frequency[row]))]]
+    return _responds(test, response)
+
+
+def half_noise(test: Laboratory) -> Laboratory:
+    rows = test.at(_level(test, 0.7))[::2]
+    parts = _generator(test).standard_normal((len(rows), 2)) @ np.array([1, 1j])
+    response = test.response.copy()
+    response[rows] = np.sqrt(np.mean(np.abs(response[rows]) ** 2) / 2) * parts
+    return _responds(test, response)
+
+
+def outlying_block(test: Laboratory) -> Laboratory:
+    count = len(test.level) // 10
+    rows = slice(len(test.level) // 2, len(test.level) // 2 + count)
+    response = test.response.copy()
+    response[rows] *= 1.5 + 0.3 * _generator(test).standard_normal(count)
+    return _responds(test, response)
+
+
+def shifted_level(test: Laboratory) -> Laboratory:
+    return replace(
+        test, frequency=np.where(test.level == _level(test, 0.6), 1.02 * test.frequency, test.frequency)
+    )
+
+
+def clipped(test: Laboratory) -> Laboratory:
+    size = np.abs(test.response)
+    return _responds(test, test.response * np.minimum(1, 0.5 * size.max() / size))
+
+
+# ---- other modes
+
+
+def _receptance(test: Laboratory) -> np.ndarray:
+    return -test.response / (2 * np.pi * test.frequency) ** 2 / test.force
+
+
+def second_mode(test: Laboratory) -> Laboratory:
+    w, w2 = 2 * np.pi * test.frequency, 2 * np.pi * 1.08 * test.natural_frequency
+    peak = np.abs(_receptance(test)).max()
+    other = 0.5 * peak * 0.04 * w2**2 / (w2**2 - w**2 + 0.04j * w2 * w)
+    return _responds(test, test.response - w**2 * other * test.force)
+
+
+def constant_background(test: Laboratory) -> Laboratory:
+    w = 2 * np.pi * test.frequency
+    seen = 0.07 * np.abs(_receptance(test)).max() * np.exp(0.4j)
+    return _responds(test, test.response - w**2 * seen * test.force)
+
+
+def phase_error(test: Laboratory) -> Laboratory:
+    return _responds(test, test.response * np.exp(-0.2j))
+
+
+# ---- laws
+
+
+def without_term(test: Laboratory) -> Laboratory:
+    return replace(test, laws=MATTERING[test.name])
+
+
+def another_law(test: Laboratory) -> Laboratory:
+    return replace(test, laws=OTHER_WRONG[test.name])
+
+
+# ---- histories
+
+
+def _rate(name: str) -> float:
+    return 32 * stepped(name).natural_frequency
+
+
+def _drive(name: str, periods: float) -> np.ndarray:
+    return 6.0 * np.sin(2 * np.pi / 32 * np.arange(int(32 * periods)))
+
+
+def driven_first(name: str) -> Test:
+    return recorded(name, np.concatenate([_drive(name, 150), np.zeros(32 * 250)]), _rate(name), "ring-down")
+
+
+def driven_throughout(name: str) -> Test:
+    record = recorded(name, _drive(name, 400), _rate(name), "ring-down")
+    return replace(record, further=f"start = {200 / stepped(name).natural_frequency:g}")
+
+
+def noise_as(excitation: str) -> Callable[[str], Test]:
+    def make(name: str) -> Test:
+        force = 6.0 * np.random.default_rng(1).standard_normal(32 * 600)
+        return recorded(name, force, _rate(name), excitation)
+
+    return make
+
+
+_REVERSIBLE = (
+    "scaled alike, the law scales with it: stiffness, damping and mass are those of another structure"
+)
+
+TAMPERINGS = (
+    Tampering("sign of the response reversed", SENSE, reversed_sign),
+    Tampering("phase in the wrong sense (conjugate)", SENSE, conjugate),
+    Tampering("response in mm/s^2, read as m/s^2", SIZE, millimetres),
+    Tampering("force in kN, read as N", SIZE, kilonewtons),
+    Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
+    Tampering("response in g, read as m/s^2; mass known", MISFIT | SIZE, gravities_known_mass),
+    Tampering("rad/s read as Hz, column called omega", SIZE | {"unit-doubted"}, radians_as_hertz),
+    Tampering("Hz read as rad/s, column called f_Hz", SIZE | {"unit-doubted"}, hertz_as_radians),
+    Tampering("Hz read as kHz", SIZE | {"unit-doubted"}, kilohertz),
+    Tampering("acceleration read as displacement", SENSE, as_displacement),
+    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity),
+    Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
+    Tampering("two levels swapped", LEVELS, swapped_levels),
+    Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels),
+    Tampering("the same force at every level", LEVELS, same_forces),
+    Tampering("one level twice, once under another force", LEVELS, level_twice),
+    Tampering("half of a level's points from another level", LEVELS, half_of_another),
+    Tampering("half of a level's points noise", POINTS, half_noise),
+    Tampering("10 % outliers in one block", POINTS, outlying_block),
+    Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
+    Tampering("sensor overloaded at half of the largest response", MISFIT, clipped),
+    Tampering("a second mode in the band", MISFIT, second_mode),
+    Tampering("a constant background left out", MISFIT, constant_background),
+    Tampering("a phase error of 0.2 rad left out", MISFIT, phase_error),
+    Tampering("law without the decisive term", MISFIT, without_term),
+    Tampering("a law guessed wrongly", MISFIT, another_law),
+    Tampering("free decay with its drive before it", WAVE | MISFIT, build=driven_first),
+    Tampering(
+        "free decay that is driven throughout", WAVE | MISFIT, build=driven_throughout, refusal="decay"
+    ),
+    Tampering("noise taken as a swept sine", WAVE | MISFIT, build=noise_as("swept-sine"), refusal="sine"),
+    Tampering("noise taken as a stepped sine", WAVE | MISFIT, build=noise_as("stepped-sine"), refusal="sine"),
+)
+"""Every case of ``cases/`` has to stand each of them."""
+
+UNSEEN = (
+    Tampering("response in g, read as m/s^2; mass unknown", SIZE, gravities, unseen=_REVERSIBLE),
+    Tampering("rad/s read as Hz, no name says so", SIZE, radians_unnamed, unseen=_REVERSIBLE),
+)
+"""Of one case each: what one test cannot show by itself."""
