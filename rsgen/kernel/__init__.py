@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from rsgen.kernel.compiled import Integrated, Kernel, compile_kernel
 from rsgen.kernel.generation import generate, parameter_order
-from rsgen.kernel.store import cache_folder
+from rsgen.kernel.store import cache_fault, cache_folder
 
-__all__ = ["Integrated", "Kernel", "cache_folder", "compile_kernel", "generate", "parameter_order"]
+__all__ = [
+    "Integrated",
+    "Kernel",
+    "cache_fault",
+    "cache_folder",
+    "compile_kernel",
+    "generate",
+    "parameter_order",
+]

@@ -163,8 +163,6 @@ def compile_kernel(
     ------
     ExpressionError
         The law holds a function that no law may use.
-    RsgenError
-        The compiled law can be stored nowhere.
     """
     source = generate(force, values=values, locate_all=locate_all)
     return Kernel(parameter_order(force), load_kernel(source))

@@ -1,31 +1,27 @@
-"""Compiled kernels on disk: found by content, published whole, rebuilt when damaged.
+"""Compiled kernels on disk: found by content, published whole, compiled anew where a file is not as written.
 
-Each kernel has a folder, named by the hash of everything that it depends on. It is compiled in a
-temporary folder that is then renamed, so that parallel processes never see half a kernel; a list of checksums
-inside shows damage before machine code is loaded.
+Each kernel is a file, named by the hash of everything that it depends on, in a folder of this user alone.
+Where no folder can be trusted, kernels are compiled in every process and stored nowhere.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from rsgen.errors import RsgenError
 from rsgen.kernel.machine_code import compile_source, host, load_object
+from rsgen.kernel.private_folder import UntrustedFolderError, open_private_folder
 
-__all__ = ["cache_folder", "load_kernel"]
+__all__ = ["cache_fault", "cache_folder", "load_kernel"]
 
-_SOURCE, _OBJECT, _LIST = "kernel.py", "kernel.o", "kernel.json"
-_FORMAT = "2"  # of the folder; raise it when its layout changes
+_FORMAT = "3"  # of the files; raise it when their layout changes
 
 _loaded: dict[str, Callable[..., Any]] = {}
 _lock = Lock()
@@ -41,75 +37,45 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("rsgen", appauthor=False))
 
 
+def cache_fault() -> str | None:
+    """Why kernels are compiled in every process instead of stored; None where the cache can be trusted."""
+    try:
+        with open_private_folder(cache_folder()):
+            return None
+    except UntrustedFolderError as fault:
+        return f"{cache_folder()}: {fault}"
+
+
 def _key(source: str) -> str:
     parts = (_FORMAT, source, version("numba"), version("llvmlite"), *host(), sys.implementation.cache_tag)
     return hashlib.sha256("\n".join(str(part) for part in parts).encode()).hexdigest()[:32]
 
 
-def _read(folder: Path, source: str) -> tuple[bytes, str] | None:
-    """Object code and symbol of a folder where all is as it was written, else None."""
+def _stored(key: str) -> tuple[bytes, str] | None:
+    """Object code and symbol of a kernel; None where the cache has none that can be trusted."""
     try:
-        entry = json.loads((folder / _LIST).read_text(encoding="utf-8"))
-        code = (folder / _OBJECT).read_bytes()
-        healthy = (
-            isinstance(entry, dict)
-            and entry.get("sha256") == hashlib.sha256(code).hexdigest()
-            and isinstance(entry.get("symbol"), str)
-            and (folder / _SOURCE).read_text(encoding="utf-8") == source
-        )
-        return (code, entry["symbol"]) if healthy else None
-    except (OSError, ValueError):
+        with open_private_folder(cache_folder()) as folder:
+            content = folder.read(key)
+    except UntrustedFolderError:
         return None
-
-
-def _build(home: Path, target: Path, source: str) -> tuple[bytes, str]:
-    """Compile in a temporary folder and publish it; the code is good even if publishing fails."""
-    folder = Path(tempfile.mkdtemp(dir=home, prefix=".building-"))
-    try:
-        (folder / _SOURCE).write_text(source, encoding="utf-8")
-        code, symbol = compile_source(folder / _SOURCE, f"rsgen_kernel_{target.name}")
-        (folder / _OBJECT).write_bytes(code)
-        entry = {"symbol": symbol, "sha256": hashlib.sha256(code).hexdigest()}
-        (folder / _LIST).write_text(json.dumps(entry), encoding="utf-8")
-        if target.exists():
-            shutil.rmtree(target, ignore_errors=True)
-        try:
-            folder.rename(target)
-        except OSError:
-            # another process was first; its kernel is as good
-            shutil.rmtree(folder, ignore_errors=True)
-        return code, symbol
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-
-
-def load_kernel(source: str) -> Callable[..., Any]:
-    """Load the compiled entry of a kernel source; compile it first where the cache has none.
-
-    Raises
-    ------
-    RsgenError
-        The cache folder cannot be written and no other place is left.
-    """
-    key = _key(source)
-    with _lock:
-        if key not in _loaded:
-            _loaded[key] = load_object(*(_read(cache_folder() / key, source) or _compiled(key, source)))
-        return _loaded[key]
+    if content is None:
+        return None
+    symbol, _, code = content.partition(b"\0")
+    return code, symbol.decode()
 
 
 def _compiled(key: str, source: str) -> tuple[bytes, str]:
-    home = cache_folder()
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-        return _build(home, home / key, source)
-    except OSError as fault:
-        try:
-            with tempfile.TemporaryDirectory(prefix="rsgen-kernel-") as spare:
-                return _build(Path(spare), Path(spare) / key, source)
-        except OSError:
-            raise RsgenError(
-                f"{home}: compiled kernels cannot be stored here ({fault.strerror}); "
-                "set RSGEN_CACHE to a folder that can be written"
-            ) from fault
+    """Compile a kernel and store it where that can be done; the code is good even if storing fails."""
+    code, symbol = compile_source(source, f"rsgen_kernel_{key}")
+    with suppress(UntrustedFolderError, OSError), open_private_folder(cache_folder()) as folder:
+        folder.write(key, symbol.encode() + b"\0" + code)
+    return code, symbol
+
+
+def load_kernel(source: str) -> Callable[..., Any]:
+    """Load the compiled entry of a kernel source; compile it first where the cache has none."""
+    key = _key(source)
+    with _lock:
+        if key not in _loaded:
+            _loaded[key] = load_object(*(_stored(key) or _compiled(key, source)))
+        return _loaded[key]

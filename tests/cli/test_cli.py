@@ -420,6 +420,19 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     assert len(left) < 2
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
+def test_a_cache_that_others_can_write_is_named_once_and_not_used(tmp_path: Path) -> None:
+    (tmp_path / "small.toml").write_text(SMALL % "1e-2")
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(0o777)
+    run = shell("simulate", tmp_path / "small.toml", "--out", tmp_path / "surface.h5", RSGEN_CACHE=str(cache))
+    assert run.returncode == 0
+    assert run.stderr.count("compiled kernels are not stored") == 1
+    assert list(cache.iterdir()) == []
+
+
 _LOST = """
 import os, signal, time
 import rsgen.cli

@@ -1,10 +1,8 @@
-"""Generated kernels: their force is the law, their names are rsgen's own, their cache survives damage."""
+"""Generated kernels: their force is the law, their names are rsgen's own."""
 
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ import sympy
 
 from rsgen.errors import RsgenError
 from rsgen.expression import parse, symbol
-from rsgen.kernel import Kernel, compile_kernel, generate, parameter_order, store
+from rsgen.kernel import compile_kernel, generate, parameter_order
 from rsgen.kernel.store import load_kernel
 from rsgen.law.pieces import normal_form
 
@@ -112,69 +110,6 @@ def test_several_friction_terms_share_one_switch() -> None:
     assert len(form.switches) == 1
 
 
-def _one_step_further(source: str) -> np.ndarray:
-    kernel = Kernel(("c", "k"), load_kernel(source))
-    # as a new process would: from the cache, if there is one
-    store._loaded.clear()
-    values = np.array([0.3, 40.0])
-    return kernel.integrate(
-        np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
-        steps=32, periods=1,
-    ).state  # fmt: skip
-
-
-@pytest.fixture
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
-    return tmp_path
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("damage", ["code", "cut", "source", "missing", "list", "symbol"])
-def test_a_damaged_cache_is_rebuilt(own_cache: Path, damage: str) -> None:
-    source = generate(parse("c*v + k*x")) + f"\n# a kernel of this test alone, {damage}\n"
-    expected = _one_step_further(source)
-    (folder,) = [path for path in own_cache.iterdir() if path.is_dir()]
-    whole = (folder / "kernel.o").read_bytes()
-    if damage == "code":
-        content = bytearray(whole)
-        content[len(content) // 2] ^= 0xFF
-        (folder / "kernel.o").write_bytes(content)
-    elif damage == "cut":
-        (folder / "kernel.o").write_bytes(whole[:200])
-    elif damage == "source":
-        (folder / "kernel.py").write_text("raise SystemExit('not this')\n")
-    elif damage == "missing":
-        (folder / "kernel.o").unlink()
-    elif damage == "list":
-        (folder / "kernel.json").write_text("[]")
-    else:
-        (folder / "kernel.json").write_text('{"symbol": 3}')
-    assert np.array_equal(_one_step_further(source), expected)
-    assert not list(own_cache.glob(".building-*"))
-    assert store._read(folder, source) is not None
-
-
-def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
-    source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
-    expected = _one_step_further(source)
-    (file,) = own_cache.rglob("*.o")
-    before = file.stat().st_mtime_ns
-    assert np.array_equal(_one_step_further(source), expected)
-    assert file.stat().st_mtime_ns == before
-
-
-@pytest.mark.slow
-def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
-    program = (
-        "import sys; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
-        "compile_kernel(parse('c*v + k*x')); print('numba' in sys.modules)"
-    )
-    for expected in ("True", "False"):
-        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-        assert done.stdout.strip() == expected
-
-
 def test_machine_code_never_relies_on_what_is_not_so() -> None:
     kernel = compile_kernel(parse("c*v + k*x"))
     good = {
@@ -196,7 +131,8 @@ def test_machine_code_never_relies_on_what_is_not_so() -> None:
 
 
 @pytest.mark.slow
-def test_numba_is_left_as_it_was(own_cache: Path) -> None:
+def test_numba_is_left_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
     numba = pytest.importorskip("numba")
     before = numba.njit(lambda a: a + 1)
     assert before(1) == 2
@@ -218,30 +154,6 @@ def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
         steps=64, periods=2,
     )  # fmt: skip
     assert np.isfinite(moved.state).all()
-
-
-def test_without_a_place_for_the_cache_kernels_still_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    occupied = tmp_path / "file"
-    occupied.write_text("")
-    monkeypatch.setenv("RSGEN_CACHE", str(occupied))
-    source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
-    assert np.isfinite(_one_step_further(source)).all()
-
-
-@pytest.mark.slow
-def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
-    program = (
-        "from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
-        "print(compile_kernel(parse('c*v + k*x')).parameters)"
-    )
-    running = [
-        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(3)
-    ]
-    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
-    (folder,) = own_cache.iterdir()
-    assert (folder / "kernel.json").is_file()
 
 
 def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:

@@ -1,0 +1,243 @@
+"""The cache of machine code: used again, compiled anew after damage, never loaded from where others write."""
+
+from __future__ import annotations
+
+import hmac
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.expression import parse
+from rsgen.kernel import Kernel, generate, private_folder, store
+from rsgen.kernel.machine_code import compile_source
+from rsgen.kernel.private_folder import UntrustedFolderError, open_private_folder
+from rsgen.kernel.store import load_kernel
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
+
+
+def _one_step_further(source: str) -> np.ndarray:
+    kernel = Kernel(("c", "k"), load_kernel(source))
+    # as a new process would: from the cache, if there is one
+    store._loaded.clear()
+    values = np.array([0.3, 40.0])
+    return kernel.integrate(
+        np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
+        steps=32, periods=1,
+    ).state  # fmt: skip
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def _entry(cache: Path) -> Path:
+    """Give the one kernel of a cache."""
+    (entry,) = [path for path in cache.iterdir() if path.name != "key"]
+    return entry
+
+
+def _replace_by(entry: Path, make: Callable[[Path], object]) -> None:
+    entry.unlink()
+    make(entry)
+
+
+def _flip(entry: Path, place: int) -> None:
+    content = bytearray(entry.read_bytes())
+    content[place] ^= 0xFF
+    entry.write_bytes(content)
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "digest": lambda entry: _flip(entry, 0),
+    "symbol": lambda entry: _flip(entry, 40),
+    "code": lambda entry: _flip(entry, -2000),
+    "end": lambda entry: _flip(entry, -1),
+    "cut": lambda entry: entry.write_bytes(entry.read_bytes()[:200]),
+    "cut in the digest": lambda entry: entry.write_bytes(entry.read_bytes()[:20]),
+    "longer": lambda entry: entry.write_bytes(entry.read_bytes() + b"more"),
+    "empty": lambda entry: entry.write_bytes(b""),
+    "missing": Path.unlink,
+    "huge": lambda entry: os.truncate(entry, 10**12),
+    "writable by others": lambda entry: entry.chmod(0o666),
+    "pipe": lambda entry: _replace_by(entry, os.mkfifo),
+    "folder": lambda entry: _replace_by(entry, Path.mkdir),
+    "link to itself": lambda entry: _replace_by(entry, lambda path: path.symlink_to(path)),
+    "link to a device": lambda entry: _replace_by(entry, lambda path: path.symlink_to("/dev/zero")),
+    "link to the right code": lambda entry: (
+        entry.rename(entry.parent.parent / "elsewhere"),
+        entry.symlink_to(entry.parent.parent / "elsewhere"),
+    ),
+    "key missing": lambda entry: (entry.parent / "key").unlink(),
+    "key changed": lambda entry: _flip(entry.parent / "key", 3),
+    "key too long": lambda entry: (entry.parent / "key").write_bytes(bytes(33)),
+    "key that others read": lambda entry: (entry.parent / "key").chmod(0o644),
+    "key a pipe": lambda entry: _replace_by(entry.parent / "key", os.mkfifo),
+    "key a folder": lambda entry: _replace_by(entry.parent / "key", Path.mkdir),
+    "key a link": lambda entry: _replace_by(entry.parent / "key", lambda path: path.symlink_to("/dev/zero")),
+}
+
+
+@pytest.fixture(scope="module")
+def compiled_once() -> tuple[str, tuple[bytes, str]]:
+    source = generate(parse("c*v + k*x")) + "\n# a kernel that is damaged\n"
+    return source, compile_source(source, "rsgen_kernel_damaged")
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_kernel_is_compiled_again(
+    own_cache: Path,
+    compiled_once: tuple[str, tuple[bytes, str]],
+    monkeypatch: pytest.MonkeyPatch,
+    damage: str,
+) -> None:
+    source, code = compiled_once
+    compilations = []
+    monkeypatch.setattr(store, "compile_source", lambda *given: compilations.append(given) or code)
+    expected = _one_step_further(source)
+    DAMAGES[damage](_entry(own_cache))
+    for _ in range(2):
+        assert np.array_equal(_one_step_further(source), expected)
+    # once at first, once after the damage; then it is stored again
+    assert len(compilations) == 2
+    assert sorted(path.name for path in own_cache.iterdir()) == sorted(["key", _entry(own_cache).name])
+
+
+def _forged(entry: Path, code: bytes) -> bytes:
+    """Give an entry as it looks to somebody who does not know the key."""
+    content = entry.read_bytes()[32:]
+    return hmac.digest(b"guessed", entry.name.encode() + b"\0" + content + code, "sha256") + content + code
+
+
+@pytest.mark.parametrize(
+    "way", ["own folder", "writable by all", "shared sticky folder", "other user", "link"]
+)
+def test_a_planted_kernel_is_never_loaded(
+    own_cache: Path,
+    compiled_once: tuple[str, tuple[bytes, str]],
+    monkeypatch: pytest.MonkeyPatch,
+    way: str,
+) -> None:
+    source, code = compiled_once
+    loaded: list[bytes] = []
+    monkeypatch.setattr(store, "compile_source", lambda *given: code)
+    load = store.load_object
+    monkeypatch.setattr(
+        store, "load_object", lambda given, symbol: loaded.append(given) or load(given, symbol)
+    )
+    expected = _one_step_further(source)
+    entry = _entry(own_cache)
+    if way == "own folder":
+        entry.write_bytes(_forged(entry, b"planted"))
+    elif way == "writable by all":
+        own_cache.chmod(0o777)
+    elif way == "shared sticky folder":
+        own_cache.chmod(0o1777)
+    elif way == "other user":
+        if os.geteuid() != 0:
+            monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+        else:
+            os.chown(own_cache, 12345, 12345)
+    else:
+        own_cache.rename(own_cache.parent / "real")
+        own_cache.symlink_to(own_cache.parent / "real")
+    if way != "own folder":
+        # whoever can write there knows the key as well: only the folder itself speaks against it
+        with monkeypatch.context() as patch:
+            patch.setattr(private_folder, "_OTHERS_WRITE", 0)
+            patch.setattr(os, "geteuid", lambda: own_cache.stat().st_uid)
+            patch.setattr(private_folder, "_key", lambda _: (own_cache / "key").read_bytes())
+            with open_private_folder(own_cache.resolve()) as folder:
+                folder.write(entry.name, code[1].encode() + b"\0planted")
+    loaded.clear()
+    assert np.array_equal(_one_step_further(source), expected)
+    assert loaded == [code[0]]
+    if way != "own folder":
+        assert store.cache_fault() is not None
+
+
+def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
+    source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
+    expected = _one_step_further(source)
+    file = _entry(own_cache)
+    before = file.stat().st_mtime_ns
+    assert np.array_equal(_one_step_further(source), expected)
+    assert file.stat().st_mtime_ns == before
+
+
+@pytest.mark.slow
+def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
+    program = (
+        "import sys; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "compile_kernel(parse('c*v + k*x')); print('numba' in sys.modules)"
+    )
+    for expected in ("True", "False"):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected
+
+
+def test_without_a_place_for_the_cache_kernels_still_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setenv("RSGEN_CACHE", str(occupied))
+    source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
+    assert np.isfinite(_one_step_further(source)).all()
+    assert str(store.cache_fault()).startswith(f"{occupied}: ")
+
+
+@pytest.mark.slow
+def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
+    program = (
+        "from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "print(compile_kernel(parse('c*v + k*x')).parameters)"
+    )
+    running = [
+        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
+    assert _entry(own_cache).is_file()
+
+
+def test_a_cache_is_made_for_its_user_alone(own_cache: Path) -> None:
+    mask = os.umask(0)
+    try:
+        store.cache_fault()
+    finally:
+        os.umask(mask)
+    assert stat.S_IMODE(own_cache.stat().st_mode) == 0o700
+    assert stat.S_IMODE((own_cache / "key").stat().st_mode) == 0o600
+
+
+def test_what_killed_writers_left_is_removed(own_cache: Path) -> None:
+    with open_private_folder(own_cache) as folder:
+        for name, age in ((".a.1.0.part", 7200.0), (".b.1.0.part", 10.0)):
+            (own_cache / name).touch()
+            then = (own_cache / name).stat().st_mtime - age
+            os.utime(own_cache / name, (then, then))
+        folder.write("entry", b"content")
+        assert folder.read("entry") == b"content"
+        assert folder.read("other") is None
+    assert sorted(path.name for path in own_cache.iterdir()) == [".b.1.0.part", "entry", "key"]
+
+
+def test_a_file_under_another_name_is_none(own_cache: Path) -> None:
+    with open_private_folder(own_cache) as folder:
+        folder.write("one", b"content")
+        (own_cache / "one").rename(own_cache / "two")
+        assert folder.read("two") is None
+
+
+@pytest.mark.parametrize("where", ["/dev/null/cache", "/proc/cache", "x" * 300, "a\ud800b"])
+def test_a_folder_that_cannot_be_is_a_reason(where: str) -> None:
+    with pytest.raises(UntrustedFolderError), open_private_folder(Path(where)):
+        pass
