@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
-from rsgen.finding import Finding, Quantity, quantities
+from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points, Repeats
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
-from rsgen.identification.tolerances import CHANCE, CONFIDENCE, EXCESS, NULL_PART
+from rsgen.identification.soundness import aside_findings, misfit_findings, sign_findings
+from rsgen.identification.tolerances import CONFIDENCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import cycle_work
 from rsgen.oscillator import Model
@@ -42,14 +44,14 @@ _STRONG = 0.05
 _DRIFT = 0.02
 """Mean displacement, relative to the amplitude, beyond which a symmetric law misses more than an offset."""
 
-_SYSTEMATIC = 0.3
-"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+_ABOVE_NOISE = 3.0
+"""Means and harmonics below this many times the noise found may be the noise."""
 
-_REACH = 5.0
-"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
+_NO_SINE = 0.5
+"""Harmonics beyond this share of the fundamental at half of the points: hardly the answer to a sine."""
 
-_NOTICEABLE = 1e-3
-"""Misfits below this, relative, change no engineering number: a law may be as wrong."""
+_NOISE_AS_SINE = 1.0
+"""Harmonics beyond this share at half of the points: noise or a transient, taken for a steady sine."""
 
 _WHOLE = 0.99
 """Null vectors have unit norm; a shorter parameter part means that the background takes part."""
@@ -179,12 +181,15 @@ class Findings:
         The refined one.
     resonances
         Of all runs.
+    agreement
+        Of the parts of the test.
     """
 
     surface: ResponseSurface
     points: Points
     fit: Fit
     resonances: tuple[Resonance, ...]
+    agreement: Agreement
 
     def collect(self, of_parameters: tuple[Finding, ...], *, calibrated: bool) -> tuple[Finding, ...]:
         """All findings, those about parameters first."""
@@ -201,68 +206,35 @@ class Findings:
             found.append(
                 Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
             )
-        aside = int(np.count_nonzero(~self.fit.regression.used))
-        if aside:
-            found.append(Finding("points-set-aside", "warning", numbers=quantities(aside=aside, **counts)))
+        found += aside_findings(self.points, self.fit.regression, len(self.surface))
         if not self.fit.regression.converged:
-            found.append(Finding("not-converged", "warning"))
-        found += self._misfit()
+            # where the steps ended says nothing of the best values, nor do the errors there
+            found.append(Finding("not-converged", "doubt"))
+        found += misfit_findings(self.surface, self.points, self.fit, self.resonances)
+        found += self.agreement.findings
+        found += sign_findings(self.points, self.fit, self.agreement)
         found += self._motion()
         return (*found, *self._runs())
 
     def _feeds(self) -> bool:
         """Whether the structure works on the exciter, in sum and at most points."""
-        if any(finding.code == "not-passive" for finding in self.surface.findings):
-            return False
         work = cycle_work(self.points.force, self.points.harmonics[:, 1])
         return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
-    def _misfit(self) -> list[Finding]:
-        # of real and imaginary part together, as everywhere in the result
-        misfit = self.fit.regression.noise * np.sqrt(2)
-        if not (misfit > _NOTICEABLE and self._is_systematic()):
-            return []
-        found = [Finding("law-does-not-fit", "error", numbers=quantities(misfit=misfit))]
-        observed = self.fit.problem.observed
-        if self.surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
-            found.append(self._background_proposal())
-        return found
-
-    def _is_systematic(self) -> bool:
-        """Tell whether signed misfits of the force go together between neighbours in frequency of one run."""
-        points, fit = self.points, self.fit
-        rotated = points.force * np.exp(-1j * fit.turn)
-        misfit = (rotated - fit.force) / np.abs(points.force)
-        pairs = points.neighbours
-        pairs = pairs[(fit.regression.used & np.isfinite(misfit))[pairs].all(axis=1)]
-        first, second = misfit[pairs].T
-        power: NDArray[np.float64] = np.abs(misfit[pairs]) ** 2
-        if len(first) < 2 * _FEW or power.sum() == 0:
-            return False
-        correlation = float(np.mean((first * np.conj(second)).real) / np.mean(power))
-        # real and imaginary part together
-        return bool(correlation > max(_SYSTEMATIC, CHANCE / np.sqrt(2 * len(first))))
-
-    def _background_proposal(self) -> Finding:
-        """In which band to look for a background."""
-        tested = self.points.omega / (2 * np.pi)
-        low, high = float(tested.min()), float(tested.max())
-        if self.resonances:
-            reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in self.resonances]
-            low = max(min(r.frequency - width for r, width in zip(self.resonances, reach, strict=True)), low)
-            high = min(
-                max(r.frequency + width for r, width in zip(self.resonances, reach, strict=True)), high
-            )
-        numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
-        return Finding("background-possible", "info", numbers=numbers)
-
     def _motion(self) -> list[Finding]:
-        points, found = self.points, []
-        size = points.amplitude
+        points, found = self.points, list[Finding]()
+        size, noise = points.amplitude, self.fit.regression.noise
         if points.harmonics.shape[1] > 2:
             higher = np.abs(points.harmonics[:, 2:]) / size[:, None]
+            # the largest of as many harmonics that are only noise
+            chance = _ABOVE_NOISE * noise * np.sqrt(2 * np.log(max(higher.size, 2)))
             row, order = np.unravel_index(int(np.argmax(higher)), higher.shape)
-            if higher[row, order] > _STRONG:
+            largest = float(np.median(higher.max(axis=1)))
+            if largest > _NO_SINE:
+                numbers = quantities(share=largest)
+                severity: Severity = "error" if largest > _NOISE_AS_SINE else "doubt"
+                found.append(Finding("not-a-steady-sine", severity, numbers=numbers))
+            elif higher[row, order] > max(_STRONG, chance):
                 numbers = quantities(
                     harmonic=2 + int(order),
                     share=float(higher[row, order]),
@@ -271,7 +243,7 @@ class Findings:
                 )
                 found.append(Finding("harmonic-strong", "info", numbers=numbers))
         drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
-        if self.fit.problem.law.odd and drift > _DRIFT:
+        if self.fit.problem.law.odd and drift > max(_DRIFT, _ABOVE_NOISE * noise):
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 

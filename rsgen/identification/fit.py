@@ -155,7 +155,7 @@ class Fit:
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
-        of_points = ("nuisance", "misfit", "used", "influence")
+        of_points = ("nuisance", "misfit", "used", "influence", "rows", "residual")
         part = {name: getattr(self.regression, name)[chosen] for name in of_points}
         return Fit(
             self.problem.select(chosen),

@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
+from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
 from rsgen.identification.findings import (
     Findings,
@@ -34,6 +35,7 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
+from rsgen.identification.soundness import is_systematic
 from rsgen.identification.start import is_asymmetric, is_strong, start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
@@ -217,18 +219,21 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     first = _first_order(kept, test.problem, refined.values, refined.mass)
     paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
     regression, noise, about = _errors(test, refined, whole)
+    misfits = is_systematic(points, refined.regression)
+    agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
+    regression, whole = agreement.widen(regression), agreement.widen(whole)
     names, units = names_of(law, model), units_of(model)
     reasons = {
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
         for name in names
     }
-    solution = replace(refined.solution, covariance=regression.covariance)
+    solution = replace(refined.solution, covariance=regression.covariance, freedom=regression.freedom)
     estimates = make_estimates(solution, law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
-    general = Findings(surface, points, refined, resonances)
+    general = Findings(surface, points, refined, resonances, agreement)
     return Identification(
         model=model,
         paper=make_estimates(paper, law, model, {}),

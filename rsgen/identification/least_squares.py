@@ -88,6 +88,11 @@ class Regression:
         expected noise.
     influence
         (n, M, q) change of the estimate by a unit of each residual; zero for points that are not used.
+    basis
+        (q, r) the parameters by r independent directions, which the points determine equally well.
+    rows, residual
+        (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
+        sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
     """
 
     parameters: Array
@@ -101,6 +106,9 @@ class Regression:
     converged: bool
     strength: Array
     influence: Array
+    basis: Array
+    rows: Array
+    residual: Array
 
     def first(self, count: int) -> Regression:
         """What concerns the first parameters; errors that the others cause stay in."""
@@ -111,6 +119,7 @@ class Regression:
             null=self.null[:count],
             strength=self.strength[:count],
             influence=self.influence[:, :, :count],
+            basis=self.basis[:count],
         )
 
 
@@ -319,6 +328,8 @@ def _summary(
     variance = float(np.sum(residual[used] ** 2)) / freedom
     fisher = inverse @ inverse.T * variance
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
+    rows = np.zeros((*residual.shape, inverse.shape[1]))
+    rows[used] = matrix[used] @ inverse
     scores = np.einsum("nmq,nm->nq", matrix[used], residual[used]) @ inverse
     points = int(np.count_nonzero(used))
     correction = max(points, 1) / max(points - count, 1)
@@ -346,6 +357,9 @@ def _summary(
         converged,
         strength,
         influence,
+        inverse,
+        rows,
+        np.where(used[:, None], residual, 0.0),
     )
 
 
@@ -373,4 +387,8 @@ def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], 
         residual[regular].reshape(-1),
         found.parameters,
     )
-    return replace(found, parameters=found.parameters + change)
+    # what the points say of the corrected parameters
+    moved = found.residual - np.nan_to_num(matrix) @ change
+    moved[regular] += residual[regular]
+    moved[~found.used] = 0.0
+    return replace(found, parameters=found.parameters + change, residual=moved)

@@ -75,4 +75,4 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
         names["reversed"] = "unknown"
     else:
         names["reversed"] = "phase" if fed == (quantity != "velocity") else "channel and phase"
-    return (Finding("not-passive", "warning", names=names),)
+    return (Finding("not-passive", "doubt", names=names),)

@@ -80,7 +80,7 @@ def test_numbers_are_printed_as_in_a_book() -> None:
     found = Finding("law-does-not-fit", "warning", numbers={"misfit": 0.1649})
     assert "the misfit of 16.5 % is" in sentence(found)
     assert full_sentence(found).startswith("The law does not fit")
-    assert full_sentence(found).endswith("another law.")
+    assert full_sentence(found).endswith("not noise.")
 
 
 def test_names_keep_their_spelling_at_the_beginning() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.figures.scale import number_text
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import say_plainly, says
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
 
@@ -47,12 +47,34 @@ say_plainly(
             "{aside:.0f} of {points:.0f} points were set aside: they disagree with the others or lie too "
             "near a jump to be followed"
         ),
-        "not-converged": (
-            "the refined fit did not converge: compare with the first-order estimates and doubt both"
+        "not-converged": "the refined fit did not converge: the values are those at which its steps ended",
+        "misfit-large": (
+            "force and response disagree with the law by {misfit:.1%}, without a pattern: noise as large "
+            "hides what a law does wrong"
         ),
-        "law-does-not-fit": (
-            "the law does not fit: the misfit of {misfit:.1%} is systematic over amplitude and frequency, "
-            "not noise; intervals are too narrow, try another law"
+        "intervals-widened": (
+            "the misfit is not noise, so intervals are widened by what {groups:.0f} {by} of the test say "
+            "when each is left out: typically {wider:.2g} times"
+        ),
+        "parts-disagree": (
+            "{parts} identified apart differ by up to {z:.2g} standard errors of independent points, by "
+            "{after:.2g} widened ones, and by {size:.1%} of force and response: one law does not hold for all"
+        ),
+        "run-set-aside": (
+            "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, {together:.0f} of "
+            "them neighbours from {low:.4q} to {high:.4q}: a piece of this run disagrees with the law"
+        ),
+        "stiffness-negative": (
+            "k(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
+            "points)"
+        ),
+        "damping-negative": (
+            "c(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
+            "points): the structure would work on the exciter there"
+        ),
+        "not-a-steady-sine": (
+            "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
+            "that to a steady sine"
         ),
         "harmonic-strong": (
             "harmonic {harmonic:.0f} reaches {share:.0%} of the fundamental (at {level:.4q}, "
@@ -75,11 +97,57 @@ say_plainly(
         ),
         "misfit-beyond-scatter": (
             "the misfit of {misfit:.2g} is {times:.2g} times the scatter of the means: model error beyond "
-            "the noise. Standard errors are those of doing the test again with this law; were the misfit "
-            "noise, they would be {wider:.2g} times wider"
+            "the noise. The scatter alone gives the standard errors of doing the test again with this law; "
+            "were the misfit noise, they would be {wider:.2g} times wider"
         ),
     }
 )
+
+
+_OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
+_SIGN = "Check signs and units of force and response in the case; then take out terms that are not needed."
+
+NEXT_STEPS.update(
+    {
+        "law-does-not-fit": _OTHER_LAW,
+        "misfit-large": (
+            "Look at the points in the response figure: average more readings, wait longer before each, or "
+            "check that force and response belong together."
+        ),
+        "parts-disagree": (
+            "Identify the levels apart, and look for one whose force, label or set-up differs; if none does, "
+            "try another law."
+        ),
+        "points-set-aside": (
+            "Look at the points that were not used in the figure of responses; if they are sound, the law is "
+            "wrong."
+        ),
+        "run-set-aside": (
+            "Look at this run in the response figure, and repeat it, or leave it out by the case and say so."
+        ),
+        "not-converged": (
+            "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
+        ),
+        "mass-negative": _SIGN,
+        "structure-feeds-exciter": (
+            "Read the phase in the other sense (test.response.phase_sense), or give test.response.factor the "
+            "other sign."
+        ),
+        "not-passive": "Do what the finding advises, and run the case again.",
+        "stiffness-negative": _SIGN,
+        "damping-negative": _SIGN,
+        "not-a-steady-sine": (
+            "Check the excitation that the case declares: noise and transients are not read as stepped sines."
+        ),
+    }
+)
+
+
+@says("law-does-not-fit")
+def _(found: Finding) -> str:
+    term = found.names.get("term")
+    missing = f"; a term {term} would leave {number_text(100 * found['left'], 2)} %" if term else ""
+    return f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{missing}"
 
 
 @says("identified")

@@ -1,0 +1,253 @@
+"""Whether a fit is worth its numbers: its misfit, the points it set aside, the signs of what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.expression import parse
+from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.agreement import Agreement
+from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit, fit_balance
+from rsgen.identification.least_squares import Regression
+from rsgen.identification.result import Resonance
+from rsgen.identification.tolerances import CHANCE, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion, project
+from rsgen.surface import ResponseSurface
+
+__all__ = ["aside_findings", "is_systematic", "misfit_findings", "sign_findings"]
+
+Array = NDArray[np.float64]
+
+_SYSTEMATIC = 0.3
+"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+
+_PAIRS = 10
+"""Pairs of neighbours below which their correlation says nothing."""
+
+_NOTICEABLE = 1e-3
+"""Misfits below this, relative, change no engineering number: a law may be as wrong."""
+
+_POOR = 0.05
+"""A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
+law that is right."""
+
+_SCATTERS = 0.1
+"""Any misfit beyond this share: noise as large hides what a law does wrong."""
+
+_MEANINGLESS = 0.2
+"""Any misfit beyond this share: a fifth of force and response is not what the law says."""
+
+_TAKEN = 0.5
+"""A single term that takes up more than this share of a misfit is missing from the law."""
+
+_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
+"""Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
+
+_STEPS = 8
+"""Gauss-Newton steps of a trial; it starts at the solution without the term."""
+
+_REACH = 5.0
+"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
+
+_FEW_ASIDE = 0.05
+"""Points set aside beyond this share are no chance outliers: a twentieth of the test is not explained."""
+
+_MANY_ASIDE = 0.15
+"""Points set aside beyond this share: what is left is a choice of points that suit the law."""
+
+_SINGLE = 3
+"""Points set aside up to this number may be single drop-outs of a small test."""
+
+_STRETCH = 5
+"""Neighbours set aside together from which on it is a piece of a run, not a jump that came early."""
+
+_PIECE = 0.1
+"""Share of a run from which on it is a piece of it."""
+
+_WHOLE = 0.5
+"""Share of a run set aside from which on the run as a whole disagrees."""
+
+_SIGNS = 60
+"""Points, evenly over the amplitude, at which the signs of k(X) and c(X) are looked at."""
+
+_PLACES = 0.05
+"""Share of the points with a wrong sign below which it is an end of the range."""
+
+_MOST = 0.5
+"""Share of the points with a wrong sign beyond which the law as a whole has it."""
+
+
+def is_systematic(points: Points, regression: Regression) -> bool:
+    """Tell whether misfits of any quantity go together between neighbours in frequency of one run."""
+    pairs = points.neighbours
+    pairs = pairs[regression.used[pairs].all(axis=1)]
+    if len(pairs) < _PAIRS:
+        return False
+    first, second = (regression.residual[side] for side in pairs.T)
+    # (M,) of force, fundamental and harmonics, real and imaginary parts
+    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
+    counts = power > _NOTICEABLE**2 / 2
+    correlation = np.mean(first * second, axis=0)[counts] / power[counts]
+    return bool(np.any(correlation > max(_SYSTEMATIC, CHANCE / np.sqrt(len(pairs)))))
+
+
+def relative_misfit(fit: Fit) -> float:
+    """Root mean square of real and imaginary part together, as everywhere in the result."""
+    return float(fit.regression.noise * np.sqrt(2))
+
+
+def misfit_findings(
+    surface: ResponseSurface, points: Points, fit: Fit, resonances: Sequence[Resonance]
+) -> list[Finding]:
+    """Judge the misfit by its size, and whether it is the law's or the noise's."""
+    misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
+    numbers = quantities(misfit=misfit)
+    if not systematic:
+        if not misfit > _SCATTERS:
+            return []
+        return [Finding("misfit-large", "error" if misfit > _MEANINGLESS else "doubt", numbers=numbers)]
+    names, severity = dict[str, str](), _severity(misfit, _POOR, _MEANINGLESS)
+    if severity != "error":
+        term, left = _missing_term(fit)
+        if left < (1 - _TAKEN) * misfit:
+            names, severity = {"term": term}, "doubt"
+            numbers |= quantities(left=left)
+    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
+    observed = fit.problem.observed
+    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
+        found.append(_background_proposal(points, resonances))
+    return found
+
+
+def _severity(size: float, doubt: float, error: float) -> Severity:
+    return "error" if size > error else "doubt" if size > doubt else "warning"
+
+
+def _missing_term(fit: Fit) -> tuple[str, float]:
+    """Find the term that takes up most of the misfit, and what misfit it leaves, at one harmonic."""
+    chosen = fit.problem.observed.points.spread(QUICK)
+    chosen = chosen[fit.regression.used[chosen]]
+    problem = fit.problem.select(chosen)
+    force = sum((element.force for element in problem.elements[1:]), problem.elements[0].force)
+    values, mass, background = problem.split(fit.regression.parameters)
+    left: dict[str, float] = {}
+    for term in ("", *_TERMS):
+        added = force if not term else force + parse(f"extra_term*({term})")
+        law = compile_law(added)
+        known = dict(zip(problem.law.parameters, values, strict=True))
+        start = np.array([known.get(name, 0.0) for name in law.parameters])
+        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd))
+        found = fit_balance(
+            trial, trial.join(start, mass, background), order=1, reject=False, steps=_STEPS, correct=False
+        )
+        left[term] = relative_misfit(found)
+    whole = left.pop("")
+    best = min(left, key=lambda term: left[term])
+    return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
+    """In which band to look for a background."""
+    tested = points.omega / (2 * np.pi)
+    low, high = float(tested.min()), float(tested.max())
+    if resonances:
+        reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
+        low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
+        high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
+    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
+    return Finding("background-possible", "info", numbers=numbers)
+
+
+def aside_findings(points: Points, regression: Regression, tested: int) -> list[Finding]:
+    """Judge points set aside by their share, and by whether they lie together.
+
+    Parameters
+    ----------
+    points, regression
+        That were fitted.
+    tested
+        Points of the whole test.
+    """
+    aside = ~regression.used
+    count = int(np.count_nonzero(aside))
+    if not count:
+        return []
+    share = count / len(points)
+    severity = _severity(share, _FEW_ASIDE, _MANY_ASIDE) if count > _SINGLE else "warning"
+    numbers = quantities(aside=count, points=len(points), all=tested)
+    found = [Finding("points-set-aside", severity, numbers=numbers)]
+    for level, sweep in sorted({*zip(points.level.tolist(), points.sweep.tolist(), strict=True)}):
+        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
+        rows = rows[np.argsort(points.omega[rows], kind="stable")]
+        first, longest = _longest(aside[rows])
+        lost = int(np.count_nonzero(aside[rows]))
+        together = longest >= max(_STRETCH, _PIECE * len(rows))
+        if together or (lost > _SINGLE and lost > _WHOLE * len(rows)):
+            ends = points.omega[rows[[first, first + longest - 1]]] / (2 * np.pi)
+            data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
+            data |= quantities(aside=lost, points=len(rows), together=longest)
+            found.append(Finding("run-set-aside", "doubt", numbers=data | {"level": Quantity(level, "N")}))
+    return found
+
+
+def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
+    """Where the longest stretch of True begins, and its length."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marks.astype(int), [0]])))
+    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    if not len(starts):
+        return 0, 0
+    best = int(np.argmax(lengths))
+    return int(starts[best]), int(lengths[best])
+
+
+def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Finding]:
+    """Find a negative mass, and k(X) or c(X) that are negative over the tested amplitudes."""
+    regression, problem = fit.regression, fit.problem
+    basis = regression.basis * regression.noise * agreement.wider[:, None]
+    found = []
+    if problem.given is None:
+        error = float(np.linalg.norm(basis[len(problem.law.parameters)]))
+        if fit.mass < -CHANCE * error:
+            found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
+    used = np.flatnonzero(regression.used & np.isfinite(fit.harmonics).all(axis=1))
+    some = used[points.select(used).spread(_SIGNS)]
+    if not len(some):
+        return found
+    motion = Motion(points.omega[some], fit.harmonics[some])
+    size = motion.harmonics[:, 1]
+    sample = problem.law.along(motion, fit.values, SAMPLES_SWITCHED if problem.law.switched else SAMPLES)
+    ratio = project(sample.force, 1) / size
+    slopes = np.stack([project(by, 1) / size for by in sample.by_parameter], axis=1)
+    rows = basis[: slopes.shape[1]]
+    stiffness = _negative(np.abs(size), ratio.real, slopes.real @ rows, "N/m")
+    if stiffness:
+        found.append(Finding("stiffness-negative", _sign_severity(stiffness), numbers=stiffness))
+    rates = motion.omega
+    damping = _negative(np.abs(size), ratio.imag / rates, slopes.imag / rates[:, None] @ rows, "N*s/m")
+    if damping:
+        found.append(Finding("damping-negative", _sign_severity(damping), numbers=damping))
+    return found
+
+
+def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, Quantity]:
+    """Where k(X) or c(X) is negative beyond its error; empty where it is at hardly any point."""
+    wrong = value < -CHANCE * np.linalg.norm(spread, axis=1)
+    share = float(np.mean(wrong))
+    if not share > _PLACES:
+        return {}
+    return {
+        "least": Quantity(float(value.min()), unit),
+        "low": Quantity(float(size[wrong].min()), "m"),
+        "high": Quantity(float(size[wrong].max()), "m"),
+        "share": Quantity(share),
+    }
+
+
+def _sign_severity(found: dict[str, Quantity]) -> Severity:
+    return "error" if found["share"].value > _MOST else "doubt"

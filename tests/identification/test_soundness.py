@@ -1,0 +1,134 @@
+"""What makes a result doubtful or wrong: each tampered test is found, each sound one is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsgen.finding import Finding
+from rsgen.identification import identify
+from rsgen.identification.data import Points
+from rsgen.identification.soundness import aside_findings
+from rsgen.surface import ResponseSurface
+from tests.surfaces import changed, model, noisy, surface
+
+
+def findings(table: ResponseSurface, law: object = "cubic") -> dict[str, Finding]:
+    asked = model(law) if law == "cubic" else law
+    return {finding.code: finding for finding in identify(table, asked).findings}  # type: ignore[arg-type]
+
+
+def severity(found: dict[str, Finding], code: str) -> str:
+    return found[code].severity if code in found else ""
+
+
+@pytest.fixture
+def table() -> ResponseSurface:
+    return noisy(surface("cubic"), 0.01, 2)
+
+
+def test_a_sound_test_has_nothing_to_doubt(table: ResponseSurface) -> None:
+    assert {finding.severity for finding in findings(table).values()} <= {"info", "warning"}
+    assert "law-does-not-fit" not in findings(table)
+
+
+def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
+    found = findings(table, "k*x + c*v")["law-does-not-fit"]
+    assert found.severity == "doubt"
+    assert found.names["term"] == "x**3"
+    assert found["left"] < 0.3 * found["misfit"]
+
+
+@pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])
+def test_noise_is_judged_by_its_size(noise: float, expected: str) -> None:
+    assert severity(findings(noisy(surface("cubic"), noise, 5)), "misfit-large") == expected
+
+
+def test_a_small_systematic_misfit_is_a_warning() -> None:
+    # a gain that changes by a few per cent over the band
+    exact = surface("cubic")
+    gain = 1 + 0.03 * np.sin(2 * np.pi * exact.frequency)
+    table = noisy(changed(exact, harmonics=exact.harmonics * gain[:, None]), 0.002, 1)
+    assert severity(findings(table), "law-does-not-fit") == "warning"
+
+
+def test_a_reversed_phase_feeds_the_exciter(table: ResponseSurface) -> None:
+    mirrored = changed(table, harmonics=np.conj(table.harmonics))
+    found = findings(mirrored)
+    assert severity(found, "structure-feeds-exciter") == "error"
+    assert severity(found, "damping-negative") == "error"
+    # also where the reading of the file has remarked it
+    remarked = replace(mirrored, findings=(Finding("not-passive", "doubt"),))
+    assert severity(findings(remarked), "structure-feeds-exciter") == "error"
+
+
+def test_a_reversed_channel_has_a_negative_mass(table: ResponseSurface) -> None:
+    found = findings(changed(table, harmonics=-table.harmonics))
+    assert severity(found, "mass-negative") == "error"
+    assert severity(found, "stiffness-negative") == "error"
+
+
+def test_harmonics_of_noise_are_not_strong_and_no_steady_sine() -> None:
+    exact = surface("cubic")
+    generator = np.random.default_rng(7)
+
+    def with_noise(size: float) -> ResponseSurface:
+        harmonics = np.array(exact.harmonics[:, :6])
+        shape = (len(exact), 4)
+        noise = generator.normal(size=shape) + 1j * generator.normal(size=shape)
+        harmonics[:, 2:] = size * np.abs(harmonics[:, 1:2]) * noise
+        return changed(exact, harmonics=harmonics)
+
+    quiet, loud, absurd = (findings(with_noise(size)) for size in (0.03, 0.3, 2.0))
+    assert "harmonic-strong" not in quiet
+    assert "not-a-steady-sine" not in quiet
+    assert severity(loud, "not-a-steady-sine") == "doubt"
+    assert severity(absurd, "not-a-steady-sine") == "error"
+
+
+def test_a_mean_of_noise_is_no_missing_asymmetry() -> None:
+    loud = noisy(surface("cubic"), 0.05, 3)
+    assert "mean-of-symmetric-law" not in findings(loud)
+
+
+class Used:
+    """What judging points set aside needs of a regression."""
+
+    def __init__(self, used: np.ndarray) -> None:
+        self.used = used
+
+
+def aside(which: np.ndarray) -> dict[str, str]:
+    """Severities of setting these of 6 levels of 41 points aside."""
+    level, frequency = (
+        g.ravel() for g in np.meshgrid(np.arange(1.0, 7), np.linspace(8, 12, 41), indexing="ij")
+    )
+    n = len(level)
+    ones = np.ones(n, dtype=complex)
+    points = Points(
+        np.arange(n), level, 2 * np.pi * frequency, np.full(n, "rest"), ones, np.ones((n, 2), complex), (1,),
+        np.ones((n, 2)),
+    )  # fmt: skip
+    found = aside_findings(points, Used(~which), n)  # type: ignore[arg-type]
+    return {finding.code: finding.severity for finding in found}
+
+
+def test_points_set_aside_are_judged_by_share_and_pattern() -> None:
+    n = 6 * 41
+    generator = np.random.default_rng(1)
+    assert aside(np.zeros(n, bool)) == {}
+    single = np.zeros(n, bool)
+    single[generator.choice(n, 6, replace=False)] = True
+    assert aside(single) == {"points-set-aside": "warning"}
+    many = np.zeros(n, bool)
+    many[::10] = True
+    assert aside(many) == {"points-set-aside": "doubt"}
+    assert aside(np.arange(n) % 5 == 0) == {"points-set-aside": "error"}
+    end = np.zeros(n, bool)
+    end[-6:] = True
+    assert aside(end) == {"points-set-aside": "warning", "run-set-aside": "doubt"}
+    run = np.zeros(n, bool)
+    run[41:82:2] = True
+    assert aside(run) == {"points-set-aside": "doubt", "run-set-aside": "doubt"}
