@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.motion import cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
+from rsgen.surface.plausibility import Sizes, quantity_findings, size_findings
 from rsgen.units import parameter_units
 
 __all__ = [
@@ -214,7 +215,20 @@ class Findings:
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement)
         found += self._motion()
+        found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         return (*found, *self._runs())
+
+    def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
+        """What no vibration test can have: a response of another quantity, sizes of another unit."""
+        other = [finding for finding in self.surface.findings if finding.code == "another-quantity"]
+        if not other:
+            yield from (other := list(quantity_findings(self.surface)))
+        # the sizes of another quantity say nothing of units
+        if calibrated and not other:
+            mass = None if "m" in not_identifiable else self.fit.mass
+            dampings = [r.damping_ratio for r in self.resonances if r.damping_ratio > 0]
+            sizes = Sizes.of(self.surface, mass, min(dampings, default=None))
+            yield from size_findings(sizes, phase_known=self.surface.phase_known)
 
     def _feeds(self) -> bool:
         """Whether the structure works on the exciter, in sum and at most points."""

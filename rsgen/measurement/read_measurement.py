@@ -15,6 +15,7 @@ from rsgen.measurement.nominal_levels import group_levels, level_of_file
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.surface import ResponseSurface, recognise_directions
+from rsgen.surface.plausibility import quantity_findings
 
 __all__ = ["read_measurement"]
 
@@ -218,4 +219,5 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
     sense = None if test.history is not None else "lag" if test.response.lags else "lead"
     passive = passivity_findings(surface, sense, test.quantity)
-    return replace(surface, findings=(*surface.findings, *passive))
+    other = quantity_findings(surface, test.quantity)
+    return replace(surface, findings=(*surface.findings, *passive, *other))

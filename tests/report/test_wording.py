@@ -17,7 +17,12 @@ from rsgen.report.wording import CODES, full_sentence, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
 
-CHOICES = {"not-passive": {"against": "power and mass", "reversed": "channel and phase"}}
+CHOICES = {
+    "not-passive": {"against": "power and mass", "reversed": "channel and phase"},
+    "size-unusual": {"quantity": "mass", "side": "above"},
+    "size-impossible": {"quantity": "velocity", "side": "above", "mistake": "milli, inch"},
+    "another-quantity": {"is": "+1"},
+}
 """Findings whose names are chosen from a list."""
 
 

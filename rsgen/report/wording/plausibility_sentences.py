@@ -1,0 +1,112 @@
+"""Sentences about sizes that no vibration test has, and about responses that are another quantity."""
+
+from __future__ import annotations
+
+from rsgen.figures.scale import number_text, quantity_text
+from rsgen.finding import Finding
+from rsgen.report.wording.sentences import NEXT_STEPS, says
+
+_REASONS = {
+    "frequency": "only what is smaller than a grain of sand is faster, and no test waits for less",
+    "displacement": "no rig moves a structure by more than metres, and no sensor resolves less",
+    "velocity": "every solid breaks from the stress that goes with more, and no sensor resolves less",
+    "acceleration": "no structure and no sensor endures more, and quiet ground moves by as little",
+    "force": "no shaker brings more, and the motion of the air is as strong as less",
+    "mass": "a sensor alone weighs more, and no structure that is tested weighs as much",
+    "stiffness": "a cube of steel of a metre is softer, and the softest cantilever stiffer",
+    "damping": "with more there is no resonance to identify, and no material has less",
+}
+"""Why nothing lies outside the bounds of ``rsgen.surface.plausibility``: above, and below."""
+
+_WHAT = {
+    "frequency": "the frequency of resonance",
+    "displacement": "the largest displacement",
+    "velocity": "the largest velocity",
+    "acceleration": "the largest acceleration",
+    "force": "the largest force",
+    "mass": "the mass",
+    "stiffness": "the stiffness",
+    "damping": "the smallest damping ratio",
+}
+
+_MISTAKES = {
+    "milli": "a response in mm, mm/s, mm/s^2 or mV that was read as m, m/s, m/s^2 or V",
+    "micro": "a response in µm, µm/s or µV that was read as m, m/s or V",
+    "nano": "a response in nm or nm/s that was read as m or m/s",
+    "twice-milli": "a response in m, m/s, m/s^2 or V that was read as mm, mm/s, mm/s^2 or mV",
+    "twice-micro": "a response in m, m/s or V that was read as µm, µm/s or µV",
+    "inch": "a response in inches that was read as metres",
+    "g": "an acceleration in g that was read as m/s^2",
+    "acceleration-as-displacement": "an acceleration that was read as a displacement",
+    "velocity-as-displacement": "a velocity read as a displacement (or an acceleration as a velocity)",
+    "displacement-as-velocity": "a displacement read as a velocity (or a velocity as an acceleration)",
+    "displacement-as-acceleration": "a displacement that was read as an acceleration",
+    "kilonewton": "a force in kN that was read as N",
+    "millinewton": "a force in mN or mV that was read as N or V",
+    "micronewton": "a force in µN that was read as N",
+    "pound": "a force in lbf that was read as N",
+    "kilohertz": "a frequency in kHz that was read as Hz",
+    "millihertz": "a frequency in mHz that was read as Hz",
+    "rpm": "a speed in rpm that was read as Hz",
+    "radian": "a frequency in rad/s that was read as Hz",
+}
+"""What the mistakes of ``rsgen.surface.plausibility`` are."""
+
+
+def _size(found: Finding, name: str) -> str:
+    value, unit = found.numbers[name]
+    return quantity_text(value, unit, 3) if unit else f"{number_text(100 * value, 3)} %"
+
+
+def _head(found: Finding) -> str:
+    quantity, side = found.names["quantity"], found.names["side"]
+    others = found.names["others"]
+    more = f"; {others} {'are' if ',' in others else 'is'} outside as well" if others else ""
+    return f"{_WHAT[quantity]} is {_size(found, 'value')}, {side} {_size(found, 'bound')}{more}"
+
+
+@says("size-unusual")
+def _(found: Finding) -> str:
+    return f"unusual for a vibration test: {_head(found)}"
+
+
+@says("size-impossible")
+def _(found: Finding) -> str:
+    mistakes = [_MISTAKES[name] for name in found.names["mistake"].split(", ") if name]
+    likely = f"; the sizes would be ordinary if this is {', or '.join(mistakes)}" if mistakes else ""
+    return f"not possible in a vibration test: {_head(found)} ({_REASONS[found.names['quantity']]}){likely}"
+
+
+_BEHAVES = {
+    "displacement": "as a displacement",
+    "velocity": "as a velocity",
+    "acceleration": "as an acceleration",
+    "+1": "as a derivative of the displacement, a velocity",
+    "+2": "as a second derivative of the displacement, an acceleration",
+    "-1": "as an integral of the displacement: it was integrated once too often",
+    "-2": "as a twofold integral of the displacement: it was integrated twice too often",
+    "radian": "as if its phase were in radians and was read in degrees",
+}
+
+
+@says("another-quantity")
+def _(found: Finding) -> str:
+    read = f"was read as {found.names['read']} but " if found.names["read"] else ""
+    or_sign = "" if found.names["sure"] == "yes" else ", or one channel has the other sign"
+    then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
+    return (
+        f"the response {read}behaves {_BEHAVES[found.names['is']]}{or_sign}: so taken, any law leaves {then} "
+        f"of the force unexplained; as it was read, {misfit}"
+    )
+
+
+NEXT_STEPS |= {
+    "size-impossible": (
+        "Look up the units of force, response and frequency in the notes of the test, correct them in the "
+        "case, and run it again."
+    ),
+    "another-quantity": (
+        "Look up what the sensor measured and in which unit its phase is, correct [test.response], and run "
+        "the case again."
+    ),
+}

@@ -1,0 +1,183 @@
+"""Sizes that a test cannot have and responses of another quantity are found; real tests are left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.finding import Finding
+from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import next_step
+from rsgen.surface import ResponseSurface
+from rsgen.surface.plausibility import LIMITS, MISTAKES, Sizes, quantity_findings, size_findings
+from tests.samples import cubic_surface
+
+ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)
+
+
+def changed(
+    surface: ResponseSurface, response: np.ndarray, force: np.ndarray | None = None
+) -> ResponseSurface:
+    return ResponseSurface(
+        surface.level,
+        surface.frequency,
+        surface.force if force is None else force,
+        response,
+        origin="measured",
+    )
+
+
+def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
+    return [f for f in findings if f.code in ("size-impossible", "size-unusual", "another-quantity")]
+
+
+def test_an_ordinary_test_has_nothing_to_remark() -> None:
+    assert list(size_findings(ORDINARY)) == []
+    assert list(quantity_findings(cubic_surface())) == []
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
+def test_undoing_a_mistake_made_backwards_gives_the_sizes_again(mistake) -> None:
+    made = mistake.undo(ORDINARY)
+    backwards = type(mistake)(mistake.name, mistake.channel, 1 / mistake.factor, -mistake.order)
+    again = backwards.undo(made)
+    assert again.values() == pytest.approx(ORDINARY.values(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("factor", "mistake"),
+    [(1e3, "milli"), (1e6, "micro"), ((20 * np.pi) ** 2, "acceleration-as-displacement")],
+)
+def test_a_response_in_a_smaller_unit_is_impossible_and_the_unit_is_named(
+    factor: float, mistake: str
+) -> None:
+    surface = cubic_surface()
+    large = changed(surface, factor * surface.harmonics[:, 1])
+    (found,) = size_findings(Sizes.of(large))
+    assert found.severity == "doubt"
+    assert mistake in found.names["mistake"].split(", ")
+    assert "not possible" in sentence(found)
+    assert next_step(found)
+    (found,) = size_findings(Sizes.of(large), phase_known=True)
+    assert "acceleration-as-displacement" not in found.names["mistake"]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "quantity"),
+    [
+        (Sizes(10, 70.0, 1, 1, 1), "displacement"),
+        (Sizes(30, 1e-15, 1, 1, 1), "displacement"),
+        (Sizes(30, 0.1, 1, 1, 1, mass=8e-6), "mass"),
+        (Sizes(0.05, 0.1, 1, 1, 1, mass=1.9e12), "mass"),
+        (Sizes(30, 0.1, 1, 1, 1, mass=1.9e12), "stiffness"),
+        (Sizes(30, 0.1, 1, 1, 1, damping=0.47), "damping"),
+        (Sizes(500, 0.1, 1, 2e6, 1), "acceleration"),
+        (Sizes(3e6, 0.1, 1, 1, 1), "frequency"),
+        (Sizes(1e-5, 0.1, 1, 1, 1), "frequency"),
+        (Sizes(30, 0.1, 1, 1, 1e9), "force"),
+    ],
+)
+def test_each_quantity_has_its_bounds(sizes: Sizes, quantity: str) -> None:
+    (found,) = size_findings(sizes)
+    assert (found.severity, found.names["quantity"]) == ("doubt", quantity)
+    assert found.numbers["value"].unit == LIMITS[quantity].unit
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        Sizes(1e6, 1e-9, 6e-3, 4e4, 1e-9, mass=1e-11, damping=5e-5),  # a resonator on a chip
+        Sizes(5e6, 1e-7, 3.0, 1e8, 1e-6, mass=1e-12, damping=5e-6),
+        Sizes(1.6e3, 3e-6, 0.03, 340.0, 1.7e-11, mass=3e-11, damping=4e-4),  # a wire in vacuum
+        Sizes(2e4, 5e-5, 6.3, 8e5, 1e3, mass=0.5, damping=1e-4),  # an ultrasonic tool
+        Sizes(0.1, 0.3, 0.2, 0.1, 1e5, mass=1e8, damping=0.005),  # a tower
+        Sizes(1.4, 0.05, 0.4, 4.0, 2e3, mass=300.0, damping=0.3),  # a car on its springs
+        Sizes(0.16, 3.0, 3.0, 3.0, 1.0, mass=1.0, damping=0.05),  # numbers without units
+    ],
+)
+def test_what_exists_is_at_most_unusual(sizes: Sizes) -> None:
+    assert all(found.severity == "info" for found in size_findings(sizes))
+
+
+def test_a_mistake_is_named_only_where_it_explains_everything() -> None:
+    (found,) = size_findings(Sizes(10, 20.0, 1.3, 79.0, 1e12))
+    assert found.names["mistake"] == ""
+    assert "would be ordinary" not in sentence(found)
+
+
+def derived(order: int) -> Callable[[ResponseSurface], np.ndarray]:
+    return lambda surface: surface.harmonics[:, 1] * (1j * surface.omega) ** order
+
+
+def radians_as_degrees(surface: ResponseSurface) -> np.ndarray:
+    response = surface.harmonics[:, 1]
+    return np.abs(response) * np.exp(1j * np.angle(response) * np.pi / 180)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+@pytest.mark.parametrize(
+    ("tamper", "found"),
+    [
+        (derived(1), "+1"),
+        (derived(2), "+2"),
+        (derived(-1), "-1"),
+        (derived(-2), "-2"),
+        (radians_as_degrees, "radian"),
+    ],
+)
+def test_a_response_of_another_quantity_is_recognised(tamper, found: str, noise: float) -> None:
+    surface = cubic_surface(levels=4, frequencies=31)
+    random = np.random.default_rng(2)
+    scatter = 1 + noise * (random.normal(size=len(surface)) + 1j * random.normal(size=len(surface)))
+    noisy = changed(surface, surface.harmonics[:, 1] * scatter)
+    (finding,) = quantity_findings(changed(surface, tamper(noisy)))
+    assert (finding.severity, finding.names["is"], finding.names["sure"]) == ("doubt", found, "yes")
+    assert next_step(finding)
+
+
+@pytest.mark.parametrize("read", ["displacement", "velocity", "acceleration"])
+@pytest.mark.parametrize("true", ["displacement", "velocity", "acceleration"])
+def test_both_quantities_are_named_where_the_case_says_one(read: str, true: str) -> None:
+    quantities = ("displacement", "velocity", "acceleration")
+    surface = cubic_surface(levels=3, frequencies=31)
+    wrong = derived(quantities.index(true) - quantities.index(read))(surface)
+    found = list(quantity_findings(changed(surface, wrong), read))
+    assert [(f.names["read"], f.names["is"]) for f in found] == [(read, true)] * (read != true)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_reversed_sign_or_phase_is_no_other_quantity(sign: int) -> None:
+    surface = cubic_surface()
+    assert list(quantity_findings(changed(surface, -surface.harmonics[:, 1]))) == []
+    assert list(quantity_findings(changed(surface, sign * np.conj(surface.harmonics[:, 1])))) == []
+
+
+def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acceleration() -> None:
+    surface = cubic_surface(levels=4)
+    law = "k*x + k3*x**3 + c*v"
+    assert of_plausibility(rsgen.identify(surface, law).findings) == []
+    (size,) = of_plausibility(rsgen.identify(changed(surface, 1e3 * surface.harmonics[:, 1]), law).findings)
+    assert (size.code, size.severity) == ("size-impossible", "doubt")
+    (other,) = of_plausibility(rsgen.identify(changed(surface, derived(2)(surface)), law).findings)
+    assert other.code == "another-quantity"
+
+
+def test_sizes_of_an_uncalibrated_test_are_not_judged() -> None:
+    surface = cubic_surface(levels=4)
+    volts = changed(surface, 1e5 * surface.harmonics[:, 1])
+    observation = rsgen.Observation(calibrated=False)
+    assert of_plausibility(rsgen.identify(volts, "k*x + k3*x**3 + c*v", observation).findings) == []
+
+
+@pytest.mark.parametrize("name", ["bouc_wen", "f16", "wire"])
+def test_measured_tests_are_not_doubted(name: str, measured_data: Callable[[str], Path]) -> None:
+    folder = measured_data(name).parent
+    case = rsgen.load_case(Path(__file__).parent / "cases" / f"{name}.toml", data=folder)
+    surface = rsgen.read(case)
+    assert of_plausibility(surface.findings) == []
+    assert list(quantity_findings(surface)) == []
+    assert all(found.severity == "info" for found in size_findings(Sizes.of(surface)))
