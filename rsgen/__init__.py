@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsgen import figures, history
     from rsgen.case import Case, load_case, read
-    from rsgen.comparison import Comparison, compare
+    from rsgen.comparison import Comparison, compare, verdict_of
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.finding import Finding
@@ -43,10 +43,12 @@ if TYPE_CHECKING:
     from rsgen.prediction import Prediction, predict
     from rsgen.ranking import Ranking, rank
     from rsgen.report import write_report
+    from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
     from rsgen.simulation import SimulatedTest, simulate
     from rsgen.steady_state import SteadyStates, solve_steady_states
     from rsgen.surface import ResponseSurface, load_surface, save_surface
+    from rsgen.verdict import Verdict
 
 __version__ = "0.1.0"
 
@@ -72,8 +74,10 @@ _PLACES = {
     "RsgenError": "errors",
     "SimulatedTest": "simulation",
     "SteadyStates": "steady_state",
+    "Verdict": "verdict",
     "compare": "comparison",
     "derive": "describing",
+    "explain": "report.stated_verdict",
     "identify": "identification",
     "laws": "law",
     "load_case": "case",
@@ -87,6 +91,7 @@ _PLACES = {
     "sentence": "report.wording",
     "simulate": "simulation",
     "solve_steady_states": "steady_state",
+    "verdict_of": "comparison",
     "write_report": "report",
 }
 _PACKAGES = ("figures", "history")
@@ -112,8 +117,10 @@ __all__ = [
     "RsgenError",
     "SimulatedTest",
     "SteadyStates",
+    "Verdict",
     "compare",
     "derive",
+    "explain",
     "figures",
     "history",
     "identify",
@@ -129,6 +136,7 @@ __all__ = [
     "sentence",
     "simulate",
     "solve_steady_states",
+    "verdict_of",
     "write_report",
 ]
 

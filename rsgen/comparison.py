@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
+from rsgen.finding import Finding, quantities
 from rsgen.identification import Estimate, Identification
 from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Oscillator
+from rsgen.prediction import Prediction
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.verdict import Verdict, reach_verdict
 
-__all__ = ["FORCE_KEYS", "Comparison", "Row", "compare"]
+__all__ = ["FORCE_KEYS", "Comparison", "Row", "compare", "verdict_of"]
 
 Array = NDArray[np.float64]
 
@@ -90,6 +93,21 @@ class Comparison(Printed):
     def __len__(self) -> int:
         return len(self.rows)
 
+    @property
+    def outcome(self) -> Finding | None:
+        """What was judged, as a finding; None where nothing was."""
+        judged = [row for row in self if row.tolerance is not None]
+        if not judged:
+            return None
+        outside = ", ".join(row.name for row in judged if not row.passed)
+        if outside:
+            numbers = quantities(judged=len(judged))
+            return Finding("values-outside-tolerance", "info", numbers=numbers, names={"values": outside})
+        largest = max((row.relative_error for row in judged), default=nan)
+        return Finding(
+            "values-within-tolerance", "info", numbers=quantities(judged=len(judged), largest=largest)
+        )
+
     def to_frame(self) -> Any:
         """Give the rows as a ``pandas.DataFrame``.
 
@@ -145,16 +163,22 @@ def compare(
     Raises
     ------
     RsgenError
-        A name in ``accept`` is no parameter and no force, or has no truth to be held against.
+        A name in ``truth`` is no parameter; one in ``accept`` is no parameter and no force, or has no truth.
     """
     require(identification, Identification, "identification")
+    known = {*identification.model.parameters, "m"}
     if isinstance(truth, Oscillator):
-        truth = {**truth.values, "m": truth.mass}
+        # another law may have been fitted: what both have in common is compared
+        truth = {name: value for name, value in {**truth.values, "m": truth.mass}.items() if name in known}
     for place, values in (("truth", truth), ("accept", accept)):
         require({} if values is None else values, Mapping, place)
     truth, accept = dict(truth or {}), dict(accept or {})
     estimates = identification.refined
     names = [estimate.name for estimate in estimates]
+    foreign = sorted(map(repr, set(truth) - known))
+    if foreign:
+        allowed = ", ".join(sorted(known))
+        raise RsgenError(f"truth: {', '.join(foreign):.200}: no parameter of the law; allowed are {allowed}")
     unknown = sorted(set(accept) - set(names) - set(FORCE_KEYS))
     if unknown:
         raise RsgenError(
@@ -180,6 +204,32 @@ def compare(
             if (row := _force_row(identification, truth, key, accept.get(key))) is not None
         ]
     return Comparison(tuple(rows), all(row.passed for row in rows))
+
+
+def verdict_of(
+    identification: Identification, comparison: Comparison | None = None, prediction: Prediction | None = None
+) -> Verdict:
+    """Reach the verdict on a whole result: what report, notebook, terminal and ``result.json`` say of it.
+
+    Parameters
+    ----------
+    identification
+        Its findings are about test, fit and parameters.
+    comparison
+        With the truth; None: nothing is judged against tolerances.
+    prediction
+        Its findings are about the levels held out; None: they are left out of the verdict.
+    """
+    require(identification, Identification, "identification")
+    if comparison is not None:
+        require(comparison, Comparison, "comparison")
+    if prediction is not None:
+        require(prediction, Prediction, "prediction")
+    findings = [*identification.findings, *(() if prediction is None else prediction.findings)]
+    judged = None if comparison is None else comparison.outcome
+    if comparison is None or judged is None:
+        return reach_verdict(findings, summary=identification.outcome)
+    return reach_verdict(findings, comparison.passed, judged)
 
 
 def _row(found: Sequence[Estimate], errors: list[float], true: float, tolerance: float | None) -> Row:

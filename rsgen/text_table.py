@@ -79,7 +79,8 @@ class TextTable:
         def row(cells: Sequence[Any], tag: str) -> str:
             return f"<tr>{''.join(f'<{tag}>{html.escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
 
-        caption = f"<caption>{html.escape(self.caption)}</caption>" if self.caption else ""
+        lines = html.escape(self.caption).replace("\n", "<br>")
+        caption = f"<caption>{lines}</caption>" if lines else ""
         body = "".join(row(cells, "td") for cells in self.rows)
         notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
         head = row(self.heads, "th")

@@ -8,9 +8,15 @@ from typing import Literal
 
 from rsgen.finding import Finding
 
-__all__ = ["State", "Verdict", "reach_verdict"]
+__all__ = ["STATES", "USABLE", "State", "Verdict", "reach_verdict"]
 
 State = Literal["accepted", "missed", "identified", "doubtful", "rejected"]
+
+STATES: tuple[State, ...] = ("accepted", "identified", "missed", "doubtful", "rejected")
+"""From the best to the worst; in a result the worst that holds is its state."""
+
+USABLE: tuple[State, ...] = ("accepted", "identified")
+"""States in which a program may go on with the numbers before anybody has looked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +31,28 @@ class Verdict:
         within tolerance; "identified": nothing speaks against the result, and nothing was judged.
     decided_by
         The findings that decided, the gravest first; empty unless the state is "rejected" or "doubtful".
+    summary
+        What was judged, or else what was identified: the numbers of a headline; None where nobody said.
     """
 
     state: State
     decided_by: tuple[Finding, ...] = ()
+    summary: Finding | None = None
+
+    @property
+    def usable(self) -> bool:
+        """True where a program may go on with the numbers before anybody has looked."""
+        return self.state in USABLE
+
+    def __str__(self) -> str:
+        """Give the state with the codes that decided."""
+        codes = ", ".join(dict.fromkeys(finding.code for finding in self.decided_by))
+        return f"{self.state} ({codes})" if codes else self.state
 
 
-def reach_verdict(findings: Iterable[Finding], within_tolerance: bool | None = None) -> Verdict:
+def reach_verdict(
+    findings: Iterable[Finding], within_tolerance: bool | None = None, summary: Finding | None = None
+) -> Verdict:
     """Reach the verdict on a result.
 
     Parameters
@@ -40,6 +61,8 @@ def reach_verdict(findings: Iterable[Finding], within_tolerance: bool | None = N
         All of the result: about the test, the fit, its parameters, and the levels held out.
     within_tolerance
         Whether all judged estimates are; None where nothing was judged.
+    summary
+        As in ``Verdict``.
 
     Examples
     --------
@@ -52,9 +75,9 @@ def reach_verdict(findings: Iterable[Finding], within_tolerance: bool | None = N
     errors = tuple(finding for finding in findings if finding.severity == "error")
     doubts = tuple(finding for finding in findings if finding.severity == "doubt")
     if errors:
-        return Verdict("rejected", errors + doubts)
+        return Verdict("rejected", errors + doubts, summary)
     if doubts:
-        return Verdict("doubtful", doubts)
+        return Verdict("doubtful", doubts, summary)
     if within_tolerance is None:
-        return Verdict("identified")
-    return Verdict("accepted" if within_tolerance else "missed")
+        return Verdict("identified", summary=summary)
+    return Verdict("accepted" if within_tolerance else "missed", summary=summary)

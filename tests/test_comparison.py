@@ -8,6 +8,7 @@ import pytest
 from rsgen.comparison import compare
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
+from rsgen.oscillator import Oscillator
 from rsgen.surface import ResponseSurface
 from tests.samples import cubic_comparison, cubic_identification, cubic_surface
 from tests.surfaces import model, truth
@@ -88,3 +89,14 @@ def test_rows_come_by_name_as_a_table_and_as_a_frame():
     assert [line.split()[-1] for line in lines[1:]] == ["outside"] * 3
     frame = comparison.to_frame()
     assert frame.loc["k1", "relative_error"] == comparison["k1"].relative_error
+
+
+def test_names_that_the_law_does_not_have_are_refused() -> None:
+    found = cubic_identification(cubic_surface())
+    with pytest.raises(RsgenError, match="truth: 'q': no parameter of the law; allowed are c1, k1, kn1, m"):
+        compare(found, {"q": 1.0, "k1": 5920.0})
+    # an oscillator may have another law: what both have in common is compared
+    other = Oscillator(1.5, "k1*x + c1*v + q*x**5", {"k1": 5920.0, "c1": 3.8, "q": 1.0})
+    rows = {row.name: row.true for row in compare(found, other)}
+    assert rows["k1"] == 5920.0
+    assert "q" not in rows

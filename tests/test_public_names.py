@@ -32,8 +32,10 @@ PUBLIC = [
     "RsgenError",
     "SimulatedTest",
     "SteadyStates",
+    "Verdict",
     "compare",
     "derive",
+    "explain",
     "figures",
     "history",
     "identify",
@@ -49,6 +51,7 @@ PUBLIC = [
     "sentence",
     "simulate",
     "solve_steady_states",
+    "verdict_of",
     "write_report",
 ]
 

@@ -1,7 +1,8 @@
 """The command line: the only place that prints or exits.
 
-Exit codes: 0 done and accepted, 1 a case missed its [accept], 2 the input is faulty (one sentence a fault on
-standard error, no traceback), 130 interrupted.
+Exit codes: 0 every result is accepted or identified; 1 one is missed, doubtful or rejected, and a script must
+not go on with its numbers; 2 the input is faulty (one sentence a fault on standard error, no traceback);
+130 interrupted.
 """
 
 from __future__ import annotations

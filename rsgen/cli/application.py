@@ -33,7 +33,11 @@ application = typer.Typer(
       rsgen diff before after                    what changed between two results
 
     \b
-    Exit codes: 0 done and accepted; 1 a case missed its [accept]; 2 faulty input; 130 interrupted.
+    Exit codes:
+      0    every result is accepted or identified: a script may go on
+      1    a result is missed (outside [accept]), doubtful or rejected: somebody has to look
+      2    faulty input
+      130  interrupted
     """,
 )
 
@@ -291,7 +295,7 @@ def diff(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say what changed between two results in values and verdicts; 1 if an accepted one is no longer.
+    """Say what changed between two results in values and verdicts; 1 if a verdict is graver than before.
 
     \b
     Examples:

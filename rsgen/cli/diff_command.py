@@ -6,7 +6,14 @@ from pathlib import Path
 
 from rsgen.cli.terminal import ACCEPTED, MISSED, check_target, number, print_json, print_line, print_table
 from rsgen.output import write_atomic
-from rsgen.report.difference import CaseDifference, compare_results, difference_data, render_difference
+from rsgen.report.difference import (
+    CaseDifference,
+    compare_results,
+    difference_data,
+    render_difference,
+    verdict_change,
+)
+from rsgen.report.stated_verdict import verdict_lines
 
 __all__ = ["diff_command"]
 
@@ -32,7 +39,7 @@ def _rows(difference: CaseDifference) -> list[tuple[str, ...]]:
 
 
 def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int:
-    """Print what changed; the code is 1 if something accepted is no longer."""
+    """Print what changed; the code is 1 if a value left its tolerance or a verdict is graver."""
     target = None if out is None else check_target(out, ".html")
     differences = compare_results(before, after)
     if target is not None:
@@ -42,6 +49,12 @@ def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int
         print_json(difference_data(differences))
         return MISSED if worse else ACCEPTED
     rows = [row for difference in differences for row in _rows(difference)]
+    for difference in differences:
+        change = verdict_change(difference)
+        if change and not difference.only:
+            print_line(f"{difference.case}: {change}")
+            for line in verdict_lines(difference.verdict_after)[1:] if difference.verdict_after else ():
+                print_line(line)
     if rows:
         print_table(("case", "value", "before", "after", "unit", "change", "verdict"), rows)
     changed = sum(difference.changed for difference in differences)

@@ -5,14 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rsgen.case import load_case
+from rsgen.case import Case, load_case
 from rsgen.cli.progress_bar import stage_progress
-from rsgen.cli.terminal import ACCEPTED, number, print_json, print_line, print_table
+from rsgen.cli.terminal import number, print_json, print_line, print_table, print_verdict, verdict_code
+from rsgen.comparison import compare, verdict_of
 from rsgen.identification import Estimate, Identification, identify
+from rsgen.prediction import predict
 from rsgen.ranking import identify_best
+from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
 from rsgen.study import obtain_surface
-from rsgen.surface import load_surface
+from rsgen.surface import ResponseSurface, load_surface
+from rsgen.verdict import Verdict
 
 __all__ = ["identify_command"]
 
@@ -46,19 +50,22 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         tested = load_surface(surface) if surface else obtain_surface(case)
         note("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(tested, case.model)
+        verdict = _verdict(case, tested, identification)
     rows = _rows(identification)
     warnings = [*map(sentence, identification.findings)]
     if json:
         print_json(
             {
                 "case": case.name,
+                "verdict": state_verdict(verdict),
                 "parameters": rows,
                 "residual": identification.residual,
                 "outcome": sentence(identification.outcome),
                 "warnings": warnings,
             }
         )
-        return ACCEPTED
+        return verdict_code(verdict.state)
+    code = print_verdict(verdict)
     print_table(
         ("", "paper", "first order", "refined", "std. error", "unit"),
         [
@@ -72,6 +79,16 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         ],
     )
     print_line(sentence(identification.outcome))
-    for warning in warnings:
-        print_line(f"note: {warning}")
-    return ACCEPTED
+    for finding in identification.findings:
+        if finding not in verdict.decided_by:
+            print_line(f"note: {sentence(finding)}")
+    return code
+
+
+def _verdict(case: Case, surface: ResponseSurface, identification: Identification) -> Verdict:
+    """Reach the verdict as a run of the case would: with its truth and on the levels it holds out."""
+    comparison = compare(identification, case.with_model(identification.model).truth, case.accept)
+    held_out = bool(case.model.observation.hold_out)
+    return verdict_of(
+        identification, comparison, predict(identification, None, surface) if held_out else None
+    )

@@ -21,12 +21,16 @@ class Listener(NamedTuple):
     progress: Callable[[Step], None] | None = None
 
 
-def _line(run: CaseRun) -> str:
-    state = "accepted" if run.passed else "NOT accepted"
-    if not run.judged:
-        state = "identified, nothing was judged (no [accept])"
+def _lines(run: CaseRun) -> list[str]:
+    """Say what became of a case: its verdict with where the result is, then what decided; [] if it failed."""
+    if run.verdict is None:
+        return []
+    # report and its figures are slow to import
+    from rsgen.report.stated_verdict import read_verdict, verdict_lines
+
+    headline, *reasons = verdict_lines(read_verdict({"verdict": run.verdict}))
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
-    return f"{run.name}: {state} ({how}) {run.folder}"
+    return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons]
 
 
 @contextmanager
@@ -43,8 +47,8 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
     if not sys.stderr.isatty():
 
         def note(run: CaseRun) -> None:
-            if not quiet and run.passed is not None:
-                print(plain(_line(run)), flush=True)
+            for line in [] if quiet else _lines(run):
+                print(plain(line), flush=True)
             print_faults(run.faults)
 
         yield Listener(note)
@@ -56,7 +60,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
 
         def show(run: CaseRun) -> None:
             bars.finish(run.path)
-            for line in (*run.faults, *([] if quiet or run.passed is None else [_line(run)])):
+            for line in (*run.faults, *([] if quiet else _lines(run))):
                 bars.say(line)
 
         yield Listener(show, bars.show)

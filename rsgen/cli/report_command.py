@@ -10,6 +10,7 @@ from rsgen.cli.run_command import check_figures, exit_code
 from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.report import write_index
+from rsgen.report.index import read_results
 from rsgen.study import run_cases
 
 __all__ = ["report_command"]
@@ -25,13 +26,17 @@ def report_command(cases: list[Path], out: Path, data: Path | None, figures: str
     index = out / "index.html"
     if not cases:
         write_index(out)
+        verdicts = {entry.folder.name: entry.verdict for entry in read_results(out)}
         if json:
-            print_json({"index": str(index), "cases": []})
+            print_json({"index": str(index), "cases": [], "verdicts": verdicts})
         else:
+            for name, verdict in verdicts.items():
+                print_line(f"{name}: {verdict['headline']}")
             print_line(f"Table of all results: {index}")
         return ACCEPTED
     with case_progress(len(find_cases(cases)), quiet=json) as seen:
         runs = run_cases(cases, out, data=data, figures=figures, reuse_surface=True, **seen._asdict())
     if json:
-        print_json({"index": str(index), "cases": [run.name for run in runs]})
+        names = [run.name for run in runs]
+        print_json({"index": str(index), "cases": names, "verdicts": {run.name: run.verdict for run in runs}})
     return exit_code(runs)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rsgen.case import find_cases
 from rsgen.cli.progress_bar import case_progress
-from rsgen.cli.terminal import ACCEPTED, FAULTY, MISSED, print_json, print_line
+from rsgen.cli.terminal import ACCEPTED, FAULTY, print_json, print_line, verdict_code
 from rsgen.errors import RsgenError
 from rsgen.study import CaseRun, run_cases
 
@@ -17,10 +17,10 @@ FIGURE_KINDS = ("pdf", "svg", "png")
 
 
 def exit_code(runs: Sequence[CaseRun]) -> int:
-    """Give 2 if a case failed, else 1 if one missed its ``[accept]``, else 0."""
-    if any(run.passed is None for run in runs):
+    """Give 2 if a case failed, else 1 if a result is missed, doubtful or rejected, else 0."""
+    if any(run.verdict is None for run in runs):
         return FAULTY
-    return ACCEPTED if all(run.passed for run in runs) else MISSED
+    return max((verdict_code(run.verdict["state"]) for run in runs if run.verdict), default=ACCEPTED)
 
 
 def check_figures(kind: str | None) -> None:
@@ -39,7 +39,7 @@ def run_command(
     json: bool,
     cluster: str | None = None,
 ) -> int:
-    """Run cases; the code is 2 if one failed, else 1 if one missed its ``[accept]``, else 0."""
+    """Run cases; the code is that of ``exit_code``."""
     check_figures(figures)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
     if figures:
@@ -63,6 +63,7 @@ def run_command(
                     "case": run.name,
                     "file": str(run.path),
                     "passed": run.passed,
+                    "verdict": run.verdict,
                     "skipped": run.skipped,
                     "folder": str(run.folder) if run.folder else None,
                     "seconds": round(run.seconds, 3),

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
 from rsgen.output import write_atomic
+from rsgen.report.index import read_result
 from rsgen.report.interactive import render_interactive
+from rsgen.report.stated_verdict import verdict_lines
 
 __all__ = ["show_command"]
 
@@ -16,9 +18,12 @@ def show_command(folder: Path, out: Path | None, open_it: bool, json: bool) -> i
     """Write the interactive page of a result beside its folder, whose files the manifest lists."""
     target = check_target(out or folder.with_name(f"{folder.resolve().name}-surface.html"), ".html")
     write_atomic(target, render_interactive(folder))
+    entry = read_result(folder / "result.json")
     if json:
-        print_json({"file": str(target)})
+        print_json({"file": str(target), "verdict": entry and entry.verdict})
     else:
+        for line in verdict_lines(entry.verdict) if entry else ():
+            print_line(line)
         print_line(f"{target}: open it in a browser")
     if open_it:
         webbrowser.open(target.resolve().as_uri())

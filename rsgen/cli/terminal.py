@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.errors import RsgenError
+from rsgen.verdict import USABLE, Verdict
 
 __all__ = [
     "ACCEPTED",
@@ -24,10 +25,13 @@ __all__ = [
     "print_json",
     "print_line",
     "print_table",
+    "print_verdict",
+    "verdict_code",
 ]
 
 ACCEPTED, MISSED, FAULTY, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes."""
+"""Exit codes: results that may be used unseen (accepted, identified), others (missed, doubtful, rejected),
+faulty input, an interrupt."""
 
 _MOST_FAULTS = 500
 
@@ -57,6 +61,28 @@ def print_faults(faults: Iterable[str]) -> None:
         print(plain(line), file=sys.stderr)
     if len(lines) > _MOST_FAULTS:
         print(f"... and {len(lines) - _MOST_FAULTS} more", file=sys.stderr)
+
+
+def print_verdict(verdict: Verdict, name: str = "") -> int:
+    """Print a verdict, what decided and what to do next; give the exit code.
+
+    Parameters
+    ----------
+    name
+        What it is the verdict on; "" where the command line says it.
+    """
+    # report and its figures are slow to import
+    from rsgen.report.stated_verdict import state_verdict, verdict_lines
+
+    first, *reasons = verdict_lines(state_verdict(verdict))
+    for line in (f"{name}: {first}" if name else first, *reasons):
+        print_line(line)
+    return verdict_code(verdict.state)
+
+
+def verdict_code(state: object) -> int:
+    """Give the exit code of a verdict's state: 0 if a script may go on with the numbers, else 1."""
+    return ACCEPTED if state in USABLE else MISSED
 
 
 def _finite(value: Any) -> Any:

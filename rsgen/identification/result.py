@@ -16,6 +16,7 @@ from rsgen.finding import Finding
 from rsgen.identification.observed import Shape, shape_of
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.verdict import Verdict, reach_verdict
 
 __all__ = [
     "Background",
@@ -310,6 +311,11 @@ class Identification(Printed):
         return next(estimate.value for estimate in self.refined if estimate.name == "m")
 
     @property
+    def verdict(self) -> Verdict:
+        """What the findings say of the result; truth and held-out levels are in ``rsgen.verdict_of``."""
+        return reach_verdict(self.findings, summary=self.outcome)
+
+    @property
     def values(self) -> Mapping[str, float]:
         """Refined value of every parameter of the laws (not of the mass)."""
         names = set(self.model.parameters)
@@ -372,6 +378,6 @@ class Identification(Printed):
         return TextTable(
             ("parameter", "value", "95 % interval", "unit", "finding"),
             tuple(rows),
-            caption=write(self.model.force),
+            caption=f"{self.verdict}\n{write(self.model.force)}",
             notes=(tested, *map(repr, self.findings)),
         )

@@ -14,7 +14,9 @@ from rsgen.figures import number_text, quantity_text
 from rsgen.report.environment import page_environment
 from rsgen.report.index import read_result, read_results
 from rsgen.report.page_tables import Cell, Table, TableRow
+from rsgen.report.stated_verdict import StatedVerdict, read_verdict
 from rsgen.report.wording.page_sentences import error_text
+from rsgen.verdict import STATES
 
 __all__ = [
     "CaseDifference",
@@ -23,13 +25,13 @@ __all__ = [
     "difference_data",
     "difference_table",
     "render_difference",
+    "verdict_change",
 ]
 
 _SAME = 1e-12
 """Relative change below which two values are the same: the last digits differ between machines."""
 
 _VERDICTS: dict[object, str] = {True: "within", False: "outside", None: "–"}
-_STATES: dict[object, str] = {True: "accepted", False: "not accepted", None: "not judged"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,24 +77,51 @@ class ValueDifference:
 
 @dataclass(frozen=True, slots=True)
 class CaseDifference:
-    """One case in both results; ``before``, ``after`` are None where nothing was judged or it is absent."""
+    """One case in both results.
+
+    ``before``, ``after`` say whether all judged values are within tolerance, None where nothing was judged or
+    the case is absent; ``verdict_before``, ``verdict_after`` are the verdicts, None where it is absent.
+    """
 
     case: str
     before: bool | None
     after: bool | None
     rows: tuple[ValueDifference, ...]
+    verdict_before: StatedVerdict | None
+    verdict_after: StatedVerdict | None
     only: str = ""
+
+    @property
+    def verdict_changed(self) -> bool:
+        """True where the verdict is another one, or other findings decided."""
+        return _decision(self.verdict_before) != _decision(self.verdict_after)
 
     @property
     def changed(self) -> bool:
         """True where a value or a verdict differs, or one result has no such case."""
-        return bool(self.only) or self.before != self.after or any(row.changed for row in self.rows)
+        judged = self.before != self.after or self.verdict_changed
+        return bool(self.only) or judged or any(row.changed for row in self.rows)
 
     @property
     def worse(self) -> bool:
-        """True where what was accepted is no longer."""
+        """True where a value or the case is no longer within tolerance, or the verdict is a graver one."""
         lost = any(row.passed_before and row.passed_after is False for row in self.rows)
-        return lost or (self.before is True and self.after is False)
+        lost = lost or (self.before is True and self.after is False)
+        if self.verdict_before is None or self.verdict_after is None:
+            return lost
+        return lost or _grade(self.verdict_after) > _grade(self.verdict_before)
+
+
+def _decision(verdict: StatedVerdict | None) -> tuple[str, ...]:
+    """Give the state and the codes that decided."""
+    if verdict is None:
+        return ()
+    return (verdict["state"], *sorted({str(finding["code"]) for finding in verdict["decided_by"]}))
+
+
+def _grade(verdict: StatedVerdict) -> int:
+    """How grave a verdict is; without a truth, identified is the best there can be."""
+    return max(0, STATES.index(verdict["state"]) - STATES.index("identified"))
 
 
 def _results(place: Path) -> dict[str, dict[str, Any]]:
@@ -122,7 +151,7 @@ def _estimate(row: dict[str, Any], suffix: str) -> dict[str, Any]:
 
 
 def _judgement(result: dict[str, Any] | None) -> bool | None:
-    """Give the verdict on a whole case; a case without ``[accept]`` has none, whatever its result says."""
+    """Tell whether a whole case is within tolerance; None without ``[accept]``, whatever its result says."""
     rows = _rows(result).values()
     if result is None or not any(row.get("tolerance") is not None for row in rows):
         return None
@@ -141,6 +170,8 @@ def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | N
         before=_judgement(before),
         after=_judgement(after),
         rows=tuple(rows),
+        verdict_before=None if before is None else read_verdict(before),
+        verdict_after=None if after is None else read_verdict(after),
         only="" if before and after else ("before" if before else "after"),
     )
 
@@ -199,10 +230,29 @@ def _sentence(difference: CaseDifference) -> str:
         return f"This case is only in the result {difference.only}."
     moved = sum(row.changed for row in difference.rows)
     words = "No value changed" if not moved else f"{moved} of {len(difference.rows)} values changed"
-    if difference.before is None and difference.after is None:
-        return f"{words}; nothing was judged in either."
-    before, after = _STATES[difference.before], _STATES[difference.after]
+    before, after = _named(difference.verdict_before), _named(difference.verdict_after)
     return f"{words}; {before} as before." if before == after else f"{words}; {before} before, {after} now."
+
+
+def _named(verdict: StatedVerdict | None) -> str:
+    """Name a verdict, with the findings that decided."""
+    if verdict is None:
+        return "absent"
+    codes = ", ".join(dict.fromkeys(str(finding["code"]) for finding in verdict["decided_by"]))
+    return f"{verdict['state']} ({codes})" if codes else verdict["state"]
+
+
+def verdict_change(difference: CaseDifference) -> str:
+    """Say the verdicts of one case before and after; "" where they are the same."""
+    if not difference.verdict_changed:
+        return ""
+    return f"{_named(difference.verdict_before)} -> {_named(difference.verdict_after)}"
+
+
+def _reasons(difference: CaseDifference) -> list[tuple[str, str]]:
+    """Give the sentences of what decides the verdict now, with the next steps."""
+    after = difference.verdict_after
+    return [] if after is None else list(zip(after["sentences"], after["next_steps"], strict=True))
 
 
 def render_difference(differences: Sequence[CaseDifference], before: str, after: str) -> str:
@@ -221,6 +271,7 @@ def render_difference(differences: Sequence[CaseDifference], before: str, after:
                 "name": difference.case,
                 "sentence": _sentence(difference),
                 "worse": difference.worse,
+                "reasons": _reasons(difference),
                 "table": difference_table(difference) if difference.rows else None,
             }
             for difference in differences
@@ -240,6 +291,7 @@ def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any
             "changed": difference.changed,
             "worse": difference.worse,
             "passed": {"before": difference.before, "after": difference.after},
+            "verdict": {"before": difference.verdict_before, "after": difference.verdict_after},
             "only": difference.only or None,
             "values": [
                 {

@@ -18,8 +18,11 @@ from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import inline_svg
 from rsgen.report.result_json import SCHEMA
+from rsgen.report.stated_verdict import StatedVerdict, read_verdict
 from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.surface import load_surface
+from rsgen.verdict import STATES
 
 __all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 
@@ -41,11 +44,9 @@ class _Entry:
         return [*self.result["parameters"], *judged]
 
     @property
-    def status(self) -> str:
-        """Give "within" or "outside" where something was judged, else "identified"."""
-        if not any(row.get("tolerance") is not None for row in self.rows):
-            return "identified"
-        return "within" if self.result["passed"] else "outside"
+    def verdict(self) -> StatedVerdict:
+        """What the result is worth; of an older result what its findings and rows say."""
+        return read_verdict(self.result)
 
 
 def read_result(path: Path) -> _Entry | None:
@@ -55,7 +56,7 @@ def read_result(path: Path) -> _Entry | None:
             return None
         result = json.loads(path.read_text(encoding="utf-8"))
         entry = _Entry(path.parent, result)
-        if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.status:
+        if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.verdict and entry.rows:
             return entry
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass
@@ -81,13 +82,14 @@ def _quantity(value: Any, unit: Any) -> str:
 
 
 def _context(entry: _Entry, number: int) -> dict[str, Any]:
-    points = entry.result["surface"]
+    points, verdict = entry.result["surface"], entry.verdict
     return {
         "name": entry.folder.name,
         "title": entry.result["title"],
         "link": f"{quote(entry.folder.name)}/report.html",
-        "status": entry.status,
-        "outcome": entry.result.get("outcome", ""),
+        "state": verdict["state"],
+        "headline": verdict["headline"],
+        "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
         "points": points["points"],
         "origin": points["origin"],
         "thumbnail": _thumbnail(entry, number),
@@ -126,11 +128,14 @@ def table_of_results(entries: list[_Entry]) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     for entry in entries:
-        name = plain_text(entry.folder.name, 80).translate(_MARKDOWN)
+        name, state = plain_text(entry.folder.name, 80).translate(_MARKDOWN), entry.verdict["state"]
         for row in entry.rows:
             known = row["tolerance"] is not None
             tolerance = float(row["tolerance"]) if known else None
             verdict = "–" if not known else "within" if row["passed"] else "**outside**"
+            if state in MARKED:
+                # what a value is within says nothing where the result as a whole is doubted
+                verdict = f"**{state}**" if not known else f"{verdict}, result **{state}**"
             parameter = plain_text(_FORCE_NAMES.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
             cells = (
                 name,
@@ -163,8 +168,7 @@ def write_index(folder: Path | str) -> None:
     entries = read_results(place)
     contexts = [_context(entry, number) for number, entry in enumerate(entries)]
     page = page_environment().get_template("index/index.html")
-    counts = {
-        status: sum(c["status"] == status for c in contexts) for status in ("within", "outside", "identified")
-    }
+    counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
+    counts = {state: count for state, count in counts.items() if count}
     write_atomic(place / "index.html", page.render(cases=contexts, counts=counts, version=rsgen.__version__))
     write_atomic(place / "table1.md", table_of_results(entries))

@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 import rsgen
-from rsgen.comparison import Comparison
+from rsgen.comparison import Comparison, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import parse
 from rsgen.figures import Drawing
@@ -28,9 +28,11 @@ from rsgen.report.page_tables import (
     verdict_table,
 )
 from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
-from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence, verdict_sentence
+from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence
+from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.surface import ResponseSurface
 
 __all__ = ["render_page"]
@@ -97,7 +99,8 @@ def render_page(
     """
     mean = mean_finding(surface, identification)
     meaning = describe_elements(subject.elements, identification)
-    fits = not any(finding.code == "law-does-not-fit" for finding in identification.findings)
+    verdict = verdict_of(identification, comparison, prediction)
+    stated = state_verdict(verdict)
     # what comes from the case stays as it is written there
     warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
     context = {
@@ -105,14 +108,16 @@ def render_page(
         "name": subject.name,
         "source": subject.source,
         "contents": _CONTENTS,
-        "passed": comparison.passed if any(row.tolerance is not None for row in comparison.rows) else None,
-        "verdict": verdict_sentence(comparison, None if fits else identification.noise),
+        "state": verdict.state,
+        "verdict": stated["headline"],
+        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
+        "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "verdict_table": verdict_table(comparison),
         "meaning": list(meaning.items()),
         "mean_sentence": None if mean is None else full_sentence(mean),
-        "law_fits": fits,
         "warnings": warnings,
+        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
         "surface_sentence": surface_sentence(surface),
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
         "prediction_remarks": [full_sentence(found) for found in prediction.findings],

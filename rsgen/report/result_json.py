@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.comparison import FORCE_KEYS, Comparison, Row
+from rsgen.comparison import FORCE_KEYS, Comparison, Row, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import write
 from rsgen.identification import Estimate, Identification
@@ -19,6 +19,7 @@ from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
 from rsgen.report.source_formulas import PrintedFormula
+from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
@@ -119,6 +120,9 @@ def build_result(
 ) -> dict[str, Any]:
     """Give the content of result.json (schema 1); units are SI, what is not known is null.
 
+    "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
+    about each; "passed" says of the tolerances alone whether every judged value is within, true without any.
+
     Parameters
     ----------
     durations
@@ -130,6 +134,7 @@ def build_result(
         "case": subject.name,
         "title": subject.title,
         "passed": comparison.passed,
+        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
         "outcome": sentence(identification.outcome),
         "warnings": [*subject.warnings, *map(sentence, identification.findings)],
         "findings": [finding.to_dict() for finding in identification.findings],

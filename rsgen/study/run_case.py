@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rsgen.case import Case, load_case
 from rsgen.case.trial import law_faults
@@ -45,8 +46,8 @@ class CaseRun:
         How long it took.
     faults
         Why it failed, in sentences.
-    judged
-        False where ``[accept]`` is empty, so that ``passed`` says nothing.
+    verdict
+        The entry "verdict" of the result.json; None where the case failed.
     """
 
     path: Path
@@ -56,7 +57,7 @@ class CaseRun:
     skipped: bool = False
     seconds: float = 0.0
     faults: tuple[str, ...] = ()
-    judged: bool = True
+    verdict: dict[str, Any] | None = None
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -97,10 +98,16 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     if figures and not any(name.endswith(f".{figures}") for name in manifest["files"]):
         return None
     try:
-        passed = json.loads((folder / RESULT).read_text(encoding="utf-8"))["passed"]
+        passed, verdict = _said(folder)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return CaseRun(case.path, case.name, folder, bool(passed), skipped=True, judged=bool(case.accept))
+    return CaseRun(case.path, case.name, folder, passed, skipped=True, verdict=verdict)
+
+
+def _said(folder: Path) -> tuple[bool, dict[str, Any]]:
+    """Read from a result whether tolerances are kept, and its verdict."""
+    result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    return bool(result["passed"]), dict(result["verdict"])
 
 
 def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
@@ -165,8 +172,9 @@ def _execute(
         results = (case, surface, identification, comparison)
         with _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
             write_report(folder, *results, durations=durations, command=command, figures=figures)
+        passed, verdict = _said(folder)
         write_manifest(folder, inputs, seed, command)
-    return CaseRun(case.path, case.name, out / case.name, comparison.passed, judged=bool(case.accept))
+    return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
 
 
 @contextlib.contextmanager

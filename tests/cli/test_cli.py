@@ -362,12 +362,12 @@ def test_run_tells_accepted_from_missed(tmp_path: Path) -> None:
     for _ in range(2):
         open_case = shell("run", path, "--out", tmp_path / "out")
         assert open_case.returncode == 0, open_case.stderr
-        assert "small: identified, nothing was judged" in open_case.stdout
+        assert "small: Identified: 3 of 3 parameters, misfit " in open_case.stdout
     # no method is that good
     path.write_text(SMALL % "1e-300")
     missed = shell("run", path, "--out", tmp_path / "out")
     assert missed.returncode == 1, missed.stderr
-    assert "NOT accepted" in missed.stdout
+    assert "small: Missed: k outside tolerance" in missed.stdout
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")

@@ -57,9 +57,9 @@ def test_a_given_mass_has_a_name_too(found: Identification) -> None:
 
 def test_the_table_holds_values_intervals_and_units(found: Identification) -> None:
     lines = str(found).splitlines()
-    assert lines[0] == "c1*v + k1*x + kn1*x**3"
-    assert lines[1].split("  ")[0] == "parameter"
-    for line, estimate in zip(lines[2 : 2 + len(found.refined)], found.refined, strict=True):
+    assert lines[:2] == ["identified", "c1*v + k1*x + kn1*x**3"]
+    assert lines[2].split("  ")[0] == "parameter"
+    for line, estimate in zip(lines[3 : 3 + len(found.refined)], found.refined, strict=True):
         name, value, low, to, high, unit = line.split()
         assert (name, to, unit) == (estimate.name, "to", estimate.unit)
         width = estimate.interval[1] - estimate.interval[0]

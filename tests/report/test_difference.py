@@ -10,6 +10,7 @@ import pytest
 from rsgen.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.result_json import build_result, result_text
+from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.subject import Subject
 from tests.samples import (
     cubic_case,
@@ -39,6 +40,9 @@ def write_result(folder: Path, name: str = "cubic", tolerance: float | None = 1e
         row["refined"]["standard_error"] = 0.01 * abs(row["refined"]["value"])
         if row["name"] in changes:
             row["passed"] = result["passed"] = False
+    # the verdict that belongs to these rows
+    del result["verdict"]
+    result["verdict"] = read_verdict(result)
     place = folder / name
     place.mkdir(parents=True)
     (place / "result.json").write_text(result_text(result), encoding="utf-8")
@@ -85,13 +89,13 @@ def test_values_without_verdict_are_compared_too(tmp_path: Path) -> None:
     assert data["worse"] is False
     assert data["passed"] == {"before": None, "after": None}
     page = render_difference([difference], "a", "b")
-    assert "nothing was judged in either" in page
-    assert "accepted" not in page
+    assert "identified as before" in page
+    assert ">0 of 1 case changed, 0 for the worse" in page
     # what was judged once and is no longer has not become worse, but it has changed
     (loosened,) = compare_results(write_result(tmp_path / "judged"), after)
     assert loosened.changed
     assert not loosened.worse
-    assert "accepted before, not judged now" in render_difference([loosened], "a", "b")
+    assert "accepted before, identified now" in render_difference([loosened], "a", "b")
 
 
 def test_the_page_shows_names_as_text(tmp_path: Path) -> None:
@@ -100,7 +104,7 @@ def test_the_page_shows_names_as_text(tmp_path: Path) -> None:
     assert "&lt;b&gt;a" in page
     assert "<script" not in page
     assert "1 of 1 case changed, 1 for the worse" in page
-    assert "accepted before, not accepted now" in page
+    assert "accepted before, missed now" in page
 
 
 @pytest.mark.parametrize("content", [None, "", "[]", '{"schema": 1}', "[" * 100_000])

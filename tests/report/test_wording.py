@@ -13,7 +13,7 @@ import pytest
 
 import rsgen
 from rsgen.finding import Finding, Quantity
-from rsgen.report.wording import CODES, full_sentence, sentence
+from rsgen.report.wording import CODES, NEXT_STEPS, full_sentence, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
 
@@ -77,6 +77,111 @@ def test_every_sentence_can_be_said(code: str, size: float) -> None:
     assert not text.endswith(".")
     assert "  " not in text
     assert not re.search(r"\bnan\b|\{|\bNone\b", text)
+
+
+GRAVE = {"doubt", "error"}
+MILD = {"info", "warning"}
+
+
+def values_of(name: str, function: ast.AST) -> list[ast.expr]:
+    """What a name is assigned in a function."""
+    return [
+        node.value
+        for node in ast.walk(function)
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name) and target.id == name
+    ]
+
+
+def may_be_grave(severity: ast.expr, function: ast.AST, seen: frozenset[str] = frozenset()) -> bool:
+    """Whether a severity may be doubt or error; what cannot be read from the source may be."""
+    match severity:
+        case ast.Constant(value=str(text)):
+            return text not in MILD
+        case ast.IfExp(body=one, orelse=other):
+            return may_be_grave(one, function, seen) or may_be_grave(other, function, seen)
+        case ast.Name(id=name) if name not in seen:
+            values = values_of(name, function)
+            return not values or any(may_be_grave(value, function, seen | {name}) for value in values)
+    return True
+
+
+def grave_codes(tree: ast.Module) -> set[str]:
+    """Codes of a file that may have the severity "doubt" or "error"."""
+    found = set()
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    for function in functions or [tree]:
+        for node in ast.walk(function):
+            if not (isinstance(node, ast.Call) and codes_of(ast.Expression(node))):
+                continue
+            named = {word.arg: word.value for word in node.keywords}
+            made = ast.unparse(node.func).split(".")[-1] == "Finding"
+            if made:
+                severity = node.args[1] if len(node.args) > 1 else named["severity"]
+                grave = may_be_grave(severity, function)
+            else:
+                # a helper: one of its arguments may be the severity
+                texts = {
+                    part.value
+                    for argument in (*node.args[1:], *named.values())
+                    for value in [argument, *values_of(ast.unparse(argument), function)]
+                    for part in ast.walk(value)
+                    if isinstance(part, ast.Constant)
+                }
+                grave = "severity" in named or bool(GRAVE & texts)
+            if grave:
+                found |= codes_of(ast.Expression(node))
+    return found
+
+
+def test_severities_are_read_from_the_source() -> None:
+    source = """
+def f(misfit, given, table):
+    constant = Finding("a", "error")
+    mild = Finding("b", "info" if misfit < 1 else "warning")
+    computed = Finding("c", "doubt" if misfit < 1 else "warning")
+    severity = "warning"
+    if misfit > 2:
+        severity = "doubt"
+    assigned = Finding("d", severity)
+    handed = Finding("e", given)
+    looked_up = Finding("f", table[misfit])
+    called = Finding(code="x", severity=grade(misfit)) if misfit else Finding("g", severity=grade(misfit))
+    helper = make_finding("h", severity)
+    other = make_finding("i", 3)
+    choice = Finding("j" if misfit else "k", "error", "m")
+"""
+    assert grave_codes(ast.parse(source)) == {"a", "c", "d", "e", "f", "g", "h", "j", "k"}
+
+
+def test_every_finding_that_may_decide_a_verdict_has_a_next_step() -> None:
+    trees = {path: ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
+    grave = {code: path.name for path, tree in trees.items() for code in grave_codes(tree)}
+    assert {"law-does-not-fit", "structure-feeds-exciter"} <= set(grave)
+    missing = {code: place for code, place in grave.items() if code not in NEXT_STEPS or code not in CODES}
+    assert missing == {}, "add NEXT_STEPS beside the sentence"
+    assert sorted(set(NEXT_STEPS) - set(CODES)) == []
+
+
+def test_no_severity_is_changed_after_a_finding_is_made() -> None:
+    # the scan above would not see it
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "replace":
+                assert "severity" not in {word.arg for word in node.keywords}, path
+
+
+@pytest.mark.parametrize("code", sorted(NEXT_STEPS))
+def test_every_next_step_is_one_full_sentence(code: str) -> None:
+    names: dict[str, str] = defaultdict(lambda: "<name>", CHOICES.get(code, {}))
+    sample: Any = Sample(code, defaultdict(lambda: Quantity(0.5, "m")), names)
+    text = next_step(sample)
+    assert text == text.strip()
+    assert text[0].isupper()
+    assert text.endswith(".")
+    assert "  " not in text
+    assert "{" not in text
 
 
 def test_numbers_are_printed_as_in_a_book() -> None:

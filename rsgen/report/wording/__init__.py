@@ -14,7 +14,8 @@ from rsgen.report.wording import (  # noqa: F401
     prediction_sentences,
     ranking_sentences,
     surface_sentences,
+    verdict_sentences,
 )
-from rsgen.report.wording.sentences import CODES, full_sentence, sentence
+from rsgen.report.wording.sentences import CODES, NEXT_STEPS, full_sentence, next_step, sentence
 
-__all__ = ["CODES", "full_sentence", "sentence"]
+__all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "sentence"]

@@ -103,6 +103,19 @@ say_plainly(
     }
 )
 
+NEXT_STEPS.update(
+    {
+        "law-does-not-fit": (
+            "Look where the points leave the curves in the figures of stiffness and damping, and rank other "
+            "laws with `rsgen rank`; of a measured test also try a background."
+        ),
+        "structure-feeds-exciter": (
+            "Reverse the sense of the phase (test.response.phase_sense) or give the sensor the other sign "
+            "(test.response.factor), and run again."
+        ),
+    }
+)
+
 
 _OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
 _SIGN = "Check signs and units of force and response in the case; then take out terms that are not needed."
@@ -154,9 +167,9 @@ def _(found: Finding) -> str:
 def _(found: Finding) -> str:
     levels = f"{found['levels']:.0f} {'level' if found['levels'] == 1 else 'levels'}"
     return (
-        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters identified from "
-        f"{found['used']:.0f} of {found['points']:.0f} points at {levels}; force and response agree with the "
-        f"law within {number_text(100 * found['misfit'], 2)} % of their size"
+        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from "
+        f"{found['used']:.0f} of {found['points']:.0f} points at {levels}; force and response differ from "
+        f"the law by {number_text(100 * found['misfit'], 2)} % of their size"
     )
 
 

@@ -1,4 +1,4 @@
-"""Sentences of a page about the whole: the verdict, the test, the proof of a derivation."""
+"""Sentences of a page about the whole: the test, the proof of a derivation."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from rsgen.comparison import FORCE_KEYS, Comparison
 from rsgen.figures import count_text, number_text, quantity_text
 from rsgen.surface import ResponseSurface
 
-__all__ = ["error_text", "proof_sentence", "surface_sentence", "verdict_sentence"]
+__all__ = ["error_text", "proof_sentence", "surface_sentence"]
 
 
 def error_text(error: float | None, digits: int = 2) -> str:
@@ -22,36 +21,6 @@ def error_text(error: float | None, digits: int = 2) -> str:
     ('0.26 %', '–')
     """
     return "–" if error is None or not math.isfinite(error) else f"{number_text(100 * error, digits)} %"
-
-
-def verdict_sentence(comparison: Comparison, misfit: float | None = None) -> str:
-    """Say in one line whether the case is accepted.
-
-    Parameters
-    ----------
-    misfit
-        By how much of their size the law misses force and response, where that is more than noise; None where
-        the law fits.
-    """
-    judged = [row for row in comparison.rows if row.tolerance is not None]
-    if not judged:
-        parameters = [row for row in comparison.rows if row.name not in FORCE_KEYS]
-        identified = sum(row.refined.identifiable for row in parameters)
-        known = any(math.isfinite(row.true) for row in parameters)
-        why = "nothing to accept ([accept] is empty)" if known else "nothing to compare with"
-        counted = f"{identified} of {count_text(len(parameters), 'parameter')}"
-        if misfit is not None:
-            size = error_text(misfit)
-            return f"The law misses the test by {size}: {counted} identified, their intervals do not hold"
-        return f"Identified: {counted}, {why}"
-    outside = [row.name for row in judged if not row.passed]
-    if outside:
-        return f"Not accepted: {', '.join(outside)} outside tolerance"
-    worst = max((row.relative_error for row in judged if math.isfinite(row.relative_error)), default=math.nan)
-    counted = {1: "the one judged value", 2: "both judged values"}.get(
-        len(judged), f"all {len(judged)} values"
-    )
-    return f"Accepted: {counted} within tolerance, largest error {error_text(worst)}"
 
 
 def surface_sentence(surface: ResponseSurface) -> str:

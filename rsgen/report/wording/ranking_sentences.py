@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rsgen.figures.scale import number_text
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import say_plainly, says
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 _LISTED = 5
 """Names in a list; the others are counted."""
@@ -49,6 +49,19 @@ say_plainly(
             "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
         ),
         "ranking-one-level": "one level only: other levels would separate more laws",
+    }
+)
+
+NEXT_STEPS.update(
+    {
+        "mass-negative": (
+            "Check the sense of the phase and the sign of the sensor; or give the mass in the case, where it "
+            "is known."
+        ),
+        "no-law-fits": (
+            "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
+            "restoring forces show."
+        ),
     }
 )
 

@@ -1,0 +1,101 @@
+"""A verdict in words: for result.json, and from it, for pages, notebooks and terminals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypedDict
+
+from rsgen.finding import Finding
+from rsgen.report.wording.sentences import full_sentence, next_step
+from rsgen.report.wording.verdict_sentences import headline
+from rsgen.verdict import STATES, State, Verdict, reach_verdict
+
+__all__ = ["StatedVerdict", "explain", "read_verdict", "state_verdict", "verdict_lines"]
+
+
+class StatedVerdict(TypedDict):
+    """The entry "verdict" of a result.json.
+
+    ``state`` is one of ``rsgen.verdict.STATES``; ``headline`` says it in a line; ``decided_by`` are the
+    findings that decided, as objects, gravest first; ``sentences`` and ``next_steps`` have one text for each
+    of them: what it is, and what to do about it ("" where nothing is known).
+    """
+
+    state: State
+    headline: str
+    decided_by: list[dict[str, Any]]
+    sentences: list[str]
+    next_steps: list[str]
+
+
+def state_verdict(verdict: Verdict) -> StatedVerdict:
+    """Put a verdict into words."""
+    return {
+        "state": verdict.state,
+        "headline": headline(verdict),
+        "decided_by": [finding.to_dict() for finding in verdict.decided_by],
+        "sentences": [full_sentence(finding) for finding in verdict.decided_by],
+        "next_steps": [next_step(finding) for finding in verdict.decided_by],
+    }
+
+
+def verdict_lines(stated: StatedVerdict) -> list[str]:
+    """Give the headline and, indented, what decided with what to do about it."""
+    lines = [stated["headline"]]
+    for sentence, step in zip(stated["sentences"], stated["next_steps"], strict=True):
+        lines += [f"  because: {sentence}", *([f"  next: {step}"] if step else [])]
+    return lines
+
+
+def explain(verdict: Verdict) -> str:
+    """Say a verdict in lines: the headline, what decided, and what to do about it.
+
+    Parameters
+    ----------
+    verdict
+        ``found.verdict``, or that of ``rsgen.verdict_of``.
+    """
+    return "\n".join(verdict_lines(state_verdict(verdict)))
+
+
+def read_verdict(result: Mapping[str, Any]) -> StatedVerdict:
+    """Give the verdict of a result.json; of an older one that has none, from its findings and its rows.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        The entry is none of ours.
+    """
+    if "verdict" not in result:
+        return _older(result)
+    entry = result["verdict"]
+    texts = {name: [str(text) for text in entry[name]] for name in ("sentences", "next_steps")}
+    if entry["state"] not in STATES or not len(entry["decided_by"]) == len(texts["sentences"]):
+        raise ValueError(f"verdict: {entry['state']!r:.40}")
+    if len(texts["next_steps"]) != len(texts["sentences"]):
+        raise ValueError("verdict: as many next steps as sentences are needed")
+    return {
+        "state": entry["state"],
+        "headline": str(entry["headline"]),
+        "decided_by": [{**decided, "code": str(decided["code"])} for decided in entry["decided_by"]],
+        "sentences": texts["sentences"],
+        "next_steps": texts["next_steps"],
+    }
+
+
+def _older(result: Mapping[str, Any]) -> StatedVerdict:
+    """Reach the verdict on a result that was written without one; its sentences are those it was given."""
+    rows = [*result["parameters"], *result.get("forces", [])]
+    judged = any(row.get("tolerance") is not None for row in rows)
+    entries, texts = list(result.get("findings", [])), list(result.get("warnings", []))
+    findings = [Finding.from_dict(entry) for entry in entries]
+    verdict = reach_verdict(findings, bool(result["passed"]) if judged else None)
+    # warnings begin with those of the case
+    said = dict(zip(map(id, findings), texts[max(len(texts) - len(findings), 0) :], strict=False))
+    return {
+        "state": verdict.state,
+        "headline": headline(verdict),
+        "decided_by": [finding.to_dict() for finding in verdict.decided_by],
+        "sentences": [str(said.get(id(finding), finding.code)) for finding in verdict.decided_by],
+        "next_steps": [""] * len(verdict.decided_by),
+    }

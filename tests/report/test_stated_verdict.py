@@ -1,0 +1,252 @@
+"""The verdict on a result: one place reaches it, and everything that a user reads says the same of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.figures import Drawing
+from rsgen.finding import Finding
+from rsgen.identification import Identification
+from rsgen.report import draw_all
+from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
+from rsgen.report.index import read_result, read_results, table_of_results, write_index
+from rsgen.report.page import render_page
+from rsgen.report.result_json import build_result, result_text
+from rsgen.report.stated_verdict import explain, read_verdict, state_verdict, verdict_lines
+from rsgen.report.subject import Subject
+from rsgen.report.wording import full_sentence, next_step
+from rsgen.surface import save_surface
+from rsgen.verdict import STATES, Verdict, reach_verdict
+from tests.samples import (
+    cubic_case,
+    cubic_comparison,
+    cubic_identification,
+    cubic_prediction,
+    cubic_surface,
+)
+
+SURFACE = cubic_surface()
+IDENTIFICATION = cubic_identification(SURFACE)
+PREDICTION = cubic_prediction(SURFACE)
+ERROR = Finding("structure-feeds-exciter", "error")
+DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
+WARNING = Finding("points-set-aside", "warning", numbers={"aside": 3, "points": 90})
+
+
+def found_with(*findings: Finding) -> Identification:
+    return replace(IDENTIFICATION, findings=findings)
+
+
+def result_of(
+    tolerance: float | None, *findings: Finding, held_out: tuple[Finding, ...] = ()
+) -> dict[str, Any]:
+    found = found_with(*findings)
+    comparison = cubic_comparison(found, tolerance)
+    prediction = replace(PREDICTION, findings=held_out)
+    subject = Subject.of_case(cubic_case(), found)
+    parts = (subject, SURFACE, found, comparison, prediction, ())
+    content: dict[str, Any] = json.loads(result_text(build_result(*parts, {})))
+    return content
+
+
+def page_of(tolerance: float | None, *findings: Finding) -> str:
+    found = found_with(*findings)
+    subject = Subject.of_case(cubic_case(), found)
+    drawn = draw_all(subject, SURFACE, found, PREDICTION)
+    blanks = [Drawing(drawing.name, Figure(), drawing.caption, drawing.alternative) for drawing in drawn]
+    parts = (subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION, (), blanks)
+    return render_page(*parts, {"Versions": "rsgen"})
+
+
+def write(folder: Path, result: dict[str, Any], name: str = "cubic") -> Path:
+    place = folder / name
+    place.mkdir(parents=True)
+    (place / "result.json").write_text(json.dumps({**result, "case": name}), encoding="utf-8")
+    return place
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "findings", "held_out", "state", "decided"),
+    [
+        (None, (), (), "identified", ()),
+        (None, (WARNING,), (), "identified", ()),
+        (1.0, (WARNING,), (), "accepted", ()),
+        (0.0, (WARNING,), (), "missed", ()),
+        (0.0, (DOUBT,), (), "doubtful", (DOUBT,)),
+        (1.0, (), (DOUBT,), "doubtful", (DOUBT,)),
+        (1.0, (DOUBT, WARNING, ERROR), (), "rejected", (ERROR, DOUBT)),
+    ],
+)
+def test_the_gravest_of_test_fit_and_held_out_levels_decides(
+    tolerance: float | None,
+    findings: tuple[Finding, ...],
+    held_out: tuple[Finding, ...],
+    state: str,
+    decided: tuple[Finding, ...],
+) -> None:
+    found = found_with(*findings)
+    prediction = replace(PREDICTION, findings=held_out)
+    verdict = rsgen.verdict_of(found, cubic_comparison(found, tolerance), prediction)
+    assert (verdict.state, verdict.decided_by) == (state, decided)
+    stated = result_of(tolerance, *findings, held_out=held_out)["verdict"]
+    assert stated == json.loads(json.dumps(state_verdict(verdict)))
+    assert stated["headline"].startswith(f"{state.capitalize()}: ")
+    assert stated["sentences"] == [full_sentence(finding) for finding in decided]
+    assert stated["next_steps"] == [next_step(finding) for finding in decided]
+    assert all(step.endswith(".") for step in stated["next_steps"])
+    assert verdict.usable == (state in ("accepted", "identified"))
+
+
+def test_headlines_say_what_was_judged() -> None:
+    headlines = {tolerance: result_of(tolerance)["verdict"]["headline"] for tolerance in (None, 1.0, 0.0)}
+    assert headlines[None].startswith("Identified: 3 of 3 parameters, misfit ")
+    assert headlines[1.0].startswith("Accepted: all 3 values within tolerance, largest error ")
+    assert headlines[0.0] == "Missed: c1, k1, kn1 outside tolerance"
+    rows = list(cubic_comparison(IDENTIFICATION, 1.0))
+    for count, words in ((1, "the one judged value"), (2, "both judged values")):
+        judged = [row if i < count else replace(row, tolerance=None) for i, row in enumerate(rows)]
+        comparison = rsgen.Comparison(tuple(judged), True)
+        assert f"Accepted: {words} within" in explain(rsgen.verdict_of(IDENTIFICATION, comparison))
+    for state in STATES:
+        assert explain(Verdict(state)).startswith(f"{state.capitalize()}: ")
+
+
+def test_a_result_prints_its_verdict_first() -> None:
+    found = found_with(DOUBT, WARNING)
+    assert found.verdict == reach_verdict((DOUBT, WARNING), summary=found.outcome)
+    assert repr(found).splitlines()[0] == "doubtful (law-does-not-fit)"
+    assert found._repr_html_().startswith("<table><caption>doubtful (law-does-not-fit)<br>")
+    assert repr(found_with()).splitlines()[0] == "identified"
+
+
+def test_what_is_none_of_a_result_has_no_verdict() -> None:
+    wrong: Any = "found"
+    with pytest.raises(RsgenError, match="identification: str"):
+        rsgen.verdict_of(wrong)
+    with pytest.raises(RsgenError, match="comparison: str"):
+        rsgen.verdict_of(IDENTIFICATION, wrong)
+    with pytest.raises(RsgenError, match="prediction: str"):
+        rsgen.verdict_of(IDENTIFICATION, None, wrong)
+
+
+def test_a_rejected_page_marks_its_numbers() -> None:
+    text = page_of(1.0, DOUBT, ERROR).replace("\u00a0", " ")
+    begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
+    for finding in (ERROR, DOUBT):
+        assert begin < text.index(full_sentence(finding)) < text.index("<table")
+        assert begin < text.index(next_step(finding)) < text.index("<table")
+    assert "<caption>Not to be used: True against identified values" in text
+    assert text.count("<caption>Not to be used: ") == text.count("<caption>") >= 3
+    assert text.count("<strong>Not to be used: </strong>") >= 5
+    assert "This is the estimate to use" not in text
+    assert "the result is rejected" in text
+
+
+def test_a_doubtful_page_says_so_and_others_do_not() -> None:
+    text = page_of(None, DOUBT)
+    assert 'class="verdict doubtful">Doubtful: look at' in text
+    assert "<caption>Doubtful: " in text
+    assert "Not to be used" not in text
+    assert "This is the estimate to use" not in text
+    for tolerance in (None, 1.0, 0.0):
+        text = page_of(tolerance, WARNING)
+        assert "Not to be used" not in text
+        assert "oubtful" not in text.split("</style>")[1]
+        assert "This is the estimate to use." in text
+
+
+def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path: Path) -> None:
+    for tolerance, findings, state in (
+        (None, (WARNING,), "identified"),
+        (1.0, (), "accepted"),
+        (0.0, (), "missed"),
+        (0.0, (WARNING, ERROR), "rejected"),
+    ):
+        result = result_of(tolerance, *findings)
+        del result["verdict"]
+        stated = read_verdict(result)
+        assert stated["state"] == state
+        if state == "rejected":
+            # as it was said then
+            assert stated["sentences"] == [result["warnings"][-1]]
+            assert len(verdict_lines(stated)) == 2
+        entry = read_result(write(tmp_path / f"{tolerance}{state}", result) / "result.json")
+        assert entry is not None
+        assert entry.verdict == stated
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        None,
+        [],
+        {"state": "splendid"},
+        {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
+        {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
+    ],
+)
+def test_an_entry_that_is_no_verdict_is_no_result(tmp_path: Path, entry: Any) -> None:
+    place = write(tmp_path, {**result_of(None), "verdict": entry})
+    assert read_result(place / "result.json") is None
+
+
+def test_index_and_table_show_the_verdict_of_every_case(tmp_path: Path) -> None:
+    for name, tolerance, findings in (
+        ("fine", 1.0, ()),
+        ("open", None, ()),
+        ("doubted", 1.0, (DOUBT,)),
+        ("wrong", None, (ERROR,)),
+    ):
+        save_surface(write(tmp_path, result_of(tolerance, *findings), name) / "surface.h5", SURFACE)
+    write_index(tmp_path)
+    text = (tmp_path / "index.html").read_text()
+    assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text
+    for words in (
+        "Rejected: these numbers are not to be used</strong>: structure feeds exciter",
+        "Accepted: ",
+    ):
+        assert words in text
+    assert text.count('data-status="rejected"') == 2
+    assert 'id="show-doubtful"' in text
+    assert 'id="show-missed"' not in text
+    lines = table_of_results(read_results(tmp_path)).splitlines()
+    ends = {line.split(" | ")[0].strip("| "): line.split(" | ")[-1].strip("| ") for line in lines[6:]}
+    assert ends == {
+        "doubted": "within, result **doubtful**",
+        "fine": "within",
+        "open": "–",
+        "wrong": "**rejected**",
+    }
+
+
+def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
+    before = write(tmp_path / "a", result_of(1.0))
+    after = write(tmp_path / "b", result_of(1.0, DOUBT))
+    (difference,) = compare_results(before, after)
+    assert not any(row.changed for row in difference.rows)
+    assert difference.changed
+    assert difference.worse
+    assert verdict_change(difference) == "accepted -> doubtful (law-does-not-fit)"
+    page = render_difference([difference], "a", "b")
+    assert "accepted before, doubtful (law-does-not-fit) now." in page
+    assert next_step(DOUBT) in page
+    (data,) = difference_data([difference])
+    assert [data["verdict"][side]["state"] for side in ("before", "after")] == ["accepted", "doubtful"]
+    (back,) = compare_results(after, before)
+    assert back.changed
+    assert not back.worse
+    # another reason for the same state
+    (other,) = compare_results(after, write(tmp_path / "c", result_of(1.0, replace(ERROR, severity="doubt"))))
+    assert other.changed
+    assert not other.worse
+    (same,) = compare_results(after, after)
+    assert not same.changed
+    assert verdict_change(same) == ""
