@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 
 from rsgen.errors import RsgenError
 
-__all__ = ["sync_folder", "write_atomic"]
+__all__ = ["left_behind", "sync_folder", "write_atomic"]
+
+_DAY = 86_400.0
+"""Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
+
+_UNFINISHED = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)(\.\w+)?\.(part|old)")
+"""Name of an unfinished file or folder: whose place it takes, and who writes it."""
+
+
+_LONGEST = 64
+"""Characters of a name that its unfinished file has, so that this is not too long for the system."""
 
 
 def _permissions() -> int:
@@ -17,6 +30,31 @@ def _permissions() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask
+
+
+def _alive(process: int) -> bool:
+    if os.name != "posix":
+        # there, asking would end the process; age decides instead
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def left_behind(path: Path) -> str | None:
+    """Give the name whose place an unfinished file or folder was to take; None unless its writer is gone."""
+    found = _UNFINISHED.fullmatch(path.name)
+    if found is None:
+        return None
+    with suppress(OSError):
+        process, age = int(found["process"]), time.time() - path.lstat().st_mtime
+        if process != os.getpid() and _alive(process) and age < _DAY:
+            return None
+    return found["name"]
 
 
 def sync_folder(folder: Path) -> None:
@@ -28,6 +66,13 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _clear(target: Path) -> None:
+    """Remove what killed writers of this file left."""
+    for path in target.parent.iterdir():
+        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:_LONGEST]:
+            path.unlink(missing_ok=True)
 
 
 def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
@@ -63,7 +108,9 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
     try:
         if target.exists() and not target.is_symlink() and not stat.S_ISREG(target.stat().st_mode):
             raise RsgenError(f"{target}: is no regular file; only files are written")
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:64]}.", suffix=".part")
+        _clear(target)
+        prefix = f".{target.name[:_LONGEST]}.{os.getpid()}."
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix, suffix=".part")
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             file.write(content)

@@ -12,6 +12,7 @@ from rsgen.errors import RsgenError
 from rsgen.report import write_index
 from rsgen.report.index import read_results
 from rsgen.study import run_cases
+from rsgen.study.folder import check_index
 
 __all__ = ["report_command"]
 
@@ -25,6 +26,7 @@ def report_command(cases: list[Path], out: Path, data: Path | None, figures: str
         raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
     index = out / "index.html"
     if not cases:
+        check_index(out)
         write_index(out)
         verdicts = {entry.folder.name: entry.verdict for entry in read_results(out)}
         if json:

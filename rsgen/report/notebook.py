@@ -30,6 +30,8 @@ _SURFACE_FILE = "surface.h5"
 _METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
     "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
+    # a notebook with this mark may be replaced
+    "rsgen": {"lesson": True},
 }
 _CELL = re.compile(r"^--- (?P<kind>markdown|code) (?P<id>[a-z0-9-]+)\n", flags=re.MULTILINE)
 # what markdown, mathematics in markdown, or HTML gives a meaning to inside a line

@@ -3,49 +3,105 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from rsgen.errors import RsgenError
-from rsgen.output import sync_folder
-from rsgen.study.manifest import read_manifest
+from rsgen.output import left_behind, sync_folder
+from rsgen.study.manifest import MANIFEST, file_hash, listed_files, read_manifest
 
-__all__ = ["recover", "replaced_folder"]
+__all__ = ["check_index", "check_replaceable", "recover", "replaced_folder"]
 
-_DAY = 86_400.0
+_OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
+"""Files over all results, and what is near their beginning; a file without it belongs to somebody else."""
 
+_BEGINNING = 4096
+"""Bytes in which that stands."""
 
-def _alive(process: int) -> bool:
-    if os.name != "posix":
-        # there, asking would end the process; age decides instead
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+_SHOWN = 3
+"""Files that a refusal names; more would hide what to do."""
 
 
-def recover(out: Path, name: str) -> None:
-    """Clear up after killed runs of a case: a result moved aside comes back, unfinished ones are removed."""
-    place = out / name
-    for path in sorted(out.glob(f".{name}.*")):
-        found = re.fullmatch(re.escape(f".{name}.") + r"(\d+)\.(part|old)", path.name)
-        if not found or not path.is_dir():
+def recover(out: Path) -> None:
+    """Clear up after killed runs: a result moved aside comes back, unfinished ones are removed."""
+    if not out.is_dir():
+        return
+    for path in sorted(out.iterdir()):
+        name = left_behind(path)
+        if name is None or path.is_symlink() or not path.is_dir():
             continue
-        running = int(found[1]) != os.getpid() and _alive(int(found[1]))
-        if running and time.time() - path.stat().st_mtime < _DAY:
-            continue
-        if found[2] == "old" and not place.exists() and read_manifest(path) is not None:
+        place = out / name
+        if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
             path.rename(place)
         else:
             shutil.rmtree(path, ignore_errors=True)
+
+
+def check_replaceable(place: Path) -> None:
+    """Refuse to replace a folder that holds anything but what a run has written.
+
+    Raises
+    ------
+    RsgenError
+        It is a link, a file, a folder that no run made, or holds files that were added or changed since.
+    """
+    if place.is_symlink() or (place.exists() and not place.is_dir()):
+        raise RsgenError(f"{place}: is no folder; move it away, the result of the case goes there")
+    if not place.exists():
+        return
+    if not any(place.iterdir()):
+        return
+    listed = listed_files(place)
+    if listed is None:
+        raise RsgenError(
+            f"{place}: is a folder that no run made (it has no {MANIFEST}); move it away, or choose another "
+            "--out"
+        )
+    strange = [
+        path.relative_to(place).as_posix()
+        for path in sorted(place.rglob("*"))
+        if not _written_by_run(path, path.relative_to(place).as_posix(), listed)
+    ]
+    if strange:
+        more = f" and {len(strange) - _SHOWN} more" if len(strange) > _SHOWN else ""
+        raise RsgenError(
+            f"{place}: holds what no run wrote there: {', '.join(strange[:_SHOWN])}{more}; move it away, for "
+            "a new result replaces the whole folder"
+        )
+
+
+def check_index(out: Path) -> None:
+    """Refuse a folder of results in which somebody else's file has the name of the index or of Table 1.
+
+    Raises
+    ------
+    RsgenError
+        There is one; it is not touched.
+    """
+    for name, mark in _OURS.items():
+        place = out / name
+        if not place.exists() and not place.is_symlink():
+            continue
+        ours = False
+        if place.is_file() and not place.is_symlink():
+            with place.open("rb") as file:
+                ours = mark in file.read(_BEGINNING)
+        if not ours:
+            raise RsgenError(
+                f"{place}: was not written by rsgen; move it away or choose another --out, for the index of "
+                "all results has this name"
+            )
+
+
+def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
+    """Whether a path below a result is as its manifest says: a file, or a folder on the way to one."""
+    if path.is_symlink():
+        return False
+    if path.is_dir():
+        return any(file.startswith(f"{name}/") for file in listed)
+    return name == MANIFEST or (path.is_file() and name in listed and file_hash(path) == listed[name])
 
 
 @contextmanager
@@ -65,15 +121,14 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
     Raises
     ------
     RsgenError
-        The folder cannot be made or moved.
+        The folder cannot be made or moved, or what is there is not a run's.
     """
     place = out / name
     part, old = (out / f".{name}.{os.getpid()}.{kind}" for kind in ("part", "old"))
     try:
         out.mkdir(parents=True, exist_ok=True)
-        recover(out, name)
-        if place.is_symlink() or (place.exists() and not place.is_dir()):
-            raise RsgenError(f"{place}: is no folder; move it away, the result of the case goes there")
+        recover(out)
+        check_replaceable(place)
         part.mkdir()
     except OSError as fault:
         raise RsgenError(
@@ -82,6 +137,8 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
     try:
         yield part
         sync_folder(part)
+        # somebody may have put a file there meanwhile
+        check_replaceable(place)
         if place.exists():
             place.rename(old)
         part.rename(place)

@@ -15,7 +15,15 @@ from typing import Any
 import rsgen
 from rsgen.output import write_atomic
 
-__all__ = ["MANIFEST", "file_hash", "inputs_unchanged", "program_hash", "read_manifest", "write_manifest"]
+__all__ = [
+    "MANIFEST",
+    "file_hash",
+    "inputs_unchanged",
+    "listed_files",
+    "program_hash",
+    "read_manifest",
+    "write_manifest",
+]
 
 MANIFEST = "manifest.json"
 SCHEMA = 1
@@ -25,7 +33,15 @@ _MAX_MANIFEST = 1_000_000
 
 
 def file_hash(path: Path) -> str:
-    """Give the SHA-256 of a file in hexadecimal."""
+    """Give the SHA-256 of a file in hexadecimal.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is no plain file: a pipe would never end.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(path)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -87,24 +103,38 @@ def write_manifest(
     write_atomic(folder / MANIFEST, json.dumps(content, indent=1, ensure_ascii=True) + "\n")
 
 
-def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """Read a manifest and check every file that it lists; None where anything is missing or changed."""
+def _read(folder: Path) -> dict[str, Any] | None:
+    """Read a manifest as it is written; None where there is none of this schema."""
+    path = folder / MANIFEST
     try:
-        path = folder / MANIFEST
-        if path.stat().st_size > _MAX_MANIFEST:
+        if not path.is_file() or path.stat().st_size > _MAX_MANIFEST:
             return None
         content = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-            return None
-        files = content.get("files")
-        if not isinstance(files, dict) or not files:
-            return None
-        for name, digest in files.items():
-            file = folder / name
-            # a manifest may not vouch for files elsewhere
-            if ".." in Path(name).parts or Path(name).is_absolute() or file_hash(file) != digest:
-                return None
     except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        return None
+    files = content.get("files")
+    return content if isinstance(files, dict) and files else None
+
+
+def listed_files(folder: Path) -> dict[str, str] | None:
+    """Give the SHA-256 that each file of a result had when it was written; None without a manifest."""
+    content = _read(folder)
+    return None if content is None else content["files"]
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """Read a manifest and check every file that it lists; None where anything is missing or changed."""
+    content = _read(folder)
+    if content is None:
+        return None
+    try:
+        for name, digest in content["files"].items():
+            # a manifest may not vouch for files elsewhere
+            if ".." in Path(name).parts or Path(name).is_absolute() or file_hash(folder / name) != digest:
+                return None
+    except (OSError, ValueError):
         return None
     return content
 

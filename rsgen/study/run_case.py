@@ -27,6 +27,9 @@ __all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "run_ca
 RESULT = "result.json"
 SURFACE = "surface.h5"
 
+_MOST_BYTES = 50_000_000
+"""A notebook of a run is smaller."""
+
 
 @dataclass(frozen=True, slots=True)
 class CaseRun:
@@ -90,7 +93,7 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
 
     With ``figures``, the kind of file, the figures must be there as well.
     """
-    recover(out, case.name)
+    recover(out)
     folder = out / case.name
     manifest = read_manifest(folder)
     if manifest is None or not inputs_unchanged(manifest, _inputs(case)) or RESULT not in manifest["files"]:
@@ -184,9 +187,21 @@ def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
         yield
     except RsgenError:
         with contextlib.suppress(OSError):
-            (folder / "notebook.ipynb").replace(place)
+            if not place.exists() or _is_lesson(place):
+                (folder / "notebook.ipynb").replace(place)
         raise
-    place.unlink(missing_ok=True)
+    if _is_lesson(place):
+        place.unlink()
+
+
+def _is_lesson(place: Path) -> bool:
+    """Whether a file is a notebook that a run wrote."""
+    try:
+        if place.is_symlink() or not place.is_file() or place.stat().st_size > _MOST_BYTES:
+            return False
+        return "rsgen" in json.loads(place.read_text(encoding="utf-8"))["metadata"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return False
 
 
 def run_case(

@@ -13,7 +13,7 @@ from typing import Any
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.errors import CaseError, RsgenError
-from rsgen.study.folder import recover
+from rsgen.study.folder import check_index, recover
 from rsgen.study.progress import Progress, Step
 from rsgen.study.run_case import CaseRun, check_place, current_result, run_case
 from rsgen.study.workers import cluster_workers, local_workers, work
@@ -94,9 +94,8 @@ def _spread(
                 for future in done:
                     note(futures[future], _outcome(future, todo[futures[future]]))
     except BaseException:
-        for case in todo.values():
-            # what a worker of this machine had no time to remove
-            recover(out, case.name)
+        # what a worker of this machine had no time to remove
+        recover(out)
         raise
 
 
@@ -139,9 +138,11 @@ def run_cases(
     Raises
     ------
     RsgenError
-        A path does not exist or holds no case; no scheduler answers; the index cannot be written.
+        A path does not exist or holds no case; no scheduler answers; the index cannot be written, or a file
+        of its name was not written by rsgen.
     """
     files, place, runs = find_cases(paths), Path(out), dict[Path, CaseRun]()
+    check_index(place)
     settings: dict[str, Any] = {"command": tuple(command), "figures": figures, "reuse_surface": reuse_surface}
 
     def note(path: Path, run: CaseRun) -> None:

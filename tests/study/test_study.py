@@ -22,7 +22,7 @@ from rsgen.measurement import read_measurement
 from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
-from rsgen.study.run_case import current_result
+from rsgen.study.run_case import _failed_notebook, current_result
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
@@ -158,12 +158,12 @@ def test_a_killed_run_leaves_the_earlier_result(tmp_path: Path) -> None:
         assert process.is_alive()
         time.sleep(0.01)
     # while it runs, others leave its folder alone
-    recover(tmp_path, "case")
+    recover(tmp_path)
     assert list(tmp_path.glob(".case.*.part"))
     process.kill()
     process.join()
     assert content(tmp_path / "case") == before
-    recover(tmp_path, "case")
+    recover(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["case"]
 
 
@@ -181,9 +181,91 @@ def test_a_kill_between_the_two_renames_loses_nothing(tmp_path: Path) -> None:
     dead = _dead_process()
     (tmp_path / "case").rename(tmp_path / f".case.{dead}.old")
     (tmp_path / f".case.{dead}.part").mkdir()
-    recover(tmp_path, "case")
+    recover(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["case"]
     assert read_manifest(tmp_path / "case") is not None
+
+
+@posix
+def test_a_killed_run_of_another_case_is_cleared_up(tmp_path: Path) -> None:
+    dead = _dead_process()
+    (tmp_path / f".v1.5.{dead}.part").mkdir()
+    (tmp_path / f".other.{os.getppid()}.part").mkdir()
+    (tmp_path / ".notes.part").mkdir()
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "text")
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == sorted(["case", f".other.{os.getppid()}.part", ".notes.part"])
+
+
+FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a folder of the user": (lambda place: (place / MANIFEST).unlink(), "that no run made"),
+    "a manifest of something else": (lambda place: (place / MANIFEST).write_text("{}"), "that no run made"),
+    "a file": (lambda place: (place / "thesis.tex").write_text("mine"), "thesis.tex"),
+    "a hidden file": (lambda place: (place / ".env").write_text("mine"), ".env"),
+    "a file in a folder": (
+        lambda place: ((place / "more").mkdir(), (place / "more" / "thesis.tex").write_text("mine")),
+        "more, more/thesis.tex",
+    ),
+    "an empty folder": (lambda place: (place / "more").mkdir(), "more"),
+    "a link": (lambda place: (place / "data").symlink_to("/dev/null"), "data"),
+    "a link to what a run wrote": (
+        lambda place: (
+            (place / "result.json").rename(place.parent / "mine"),
+            (place / "result.json").symlink_to(place.parent / "mine"),
+        ),
+        "result.json",
+    ),
+    "a changed file": (lambda place: (place / "report.html").write_text("my remarks"), "report.html"),
+    "a pipe": (lambda place: os.mkfifo(place / "pipe"), "pipe"),
+}
+
+
+def _contents(place: Path) -> dict[str, object]:
+    return {
+        path.relative_to(place).as_posix(): path.readlink() if path.is_symlink()
+        else path.read_bytes() if path.is_file() else path.stat().st_mode
+        for path in place.rglob("*")
+    }  # fmt: skip
+
+
+@posix
+@pytest.mark.parametrize("what", FOREIGN)
+def test_what_no_run_wrote_is_never_replaced(tmp_path: Path, what: str) -> None:
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+    make, named = FOREIGN[what]
+    make(tmp_path / "case")
+    before = _contents(tmp_path)
+    # before anything is computed
+    with pytest.raises(RsgenError, match=named), replaced_folder(tmp_path, "case"):
+        pytest.fail("the block began")
+    assert _contents(tmp_path) == before
+
+
+def test_what_came_during_a_run_is_not_replaced_either(tmp_path: Path) -> None:
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+
+    def late() -> None:
+        with replaced_folder(tmp_path, "case") as folder:
+            fill(folder, "later")
+            (tmp_path / "case" / "thesis.tex").write_text("mine")
+
+    with pytest.raises(RsgenError, match=r"thesis\.tex"):
+        late()
+    assert (tmp_path / "case" / "thesis.tex").read_text() == "mine"
+    assert (tmp_path / "case" / "report.html").read_text() == "earlierearlier"
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+
+
+def test_a_result_with_missing_files_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "case").mkdir()
+    for text in ("first", "second"):
+        with replaced_folder(tmp_path, "case") as folder:
+            fill(folder, text)
+        (tmp_path / "case" / "report.html").unlink()
+    assert (tmp_path / "case" / "result.json").read_text() == "second"
 
 
 def test_a_file_in_the_way_is_a_sentence(tmp_path: Path) -> None:
@@ -292,6 +374,30 @@ def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
     assert [file.name for file in inside.iterdir()] == ["small.toml"]
 
 
+@pytest.mark.parametrize("name", ["index.html", "table1.md"])
+def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> None:
+    path, out = write_case(tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("<html>my homepage</html>")
+    with pytest.raises(RsgenError, match="was not written by rsgen"):
+        run_cases([path], out)
+    assert [file.name for file in out.iterdir()] == [name]
+    assert (out / name).read_text() == "<html>my homepage</html>"
+
+
+def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
+    tmp_path: Path, finished: tuple[Path, Path, CaseRun]
+) -> None:
+    mine, theirs = tmp_path / "small-failed.ipynb", tmp_path / "other-failed.ipynb"
+    mine.write_text('{"metadata": {}, "cells": []}')
+    theirs.write_bytes((finished[1] / "small" / "notebook.ipynb").read_bytes())
+    for place in (mine, theirs):
+        with _failed_notebook(tmp_path, place):
+            pass
+    assert mine.exists()
+    assert not theirs.exists()
+
+
 def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
     run = run_case(write_case(tmp_path, accept="-1"), tmp_path / "out")
     assert run.passed is None
@@ -342,7 +448,7 @@ def test_killing_the_command_keeps_the_earlier_result(
     assert len(list((tmp_path / "out").glob(".small.*.part"))) == 1
     assert content(tmp_path / "out" / "small") == before
     assert read_manifest(tmp_path / "out" / "small") is not None
-    recover(tmp_path / "out", "small")
+    recover(tmp_path / "out")
     assert not list((tmp_path / "out").glob(".small*"))
 
 
@@ -364,8 +470,7 @@ def test_a_lost_worker_is_a_fault_of_its_case(tmp_path: Path) -> None:
     lost = [run for run in runs if run.passed is None]
     assert lost
     assert all("its worker was lost" in run.faults[0] for run in lost)
-    for run in runs:
-        recover(tmp_path / "out", run.name)
+    recover(tmp_path / "out")
     assert not list((tmp_path / "out").glob(".*"))
 
 
