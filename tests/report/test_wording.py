@@ -46,9 +46,14 @@ def codes_of(tree: ast.AST) -> set[str]:
     for node in ast.walk(tree):
         called = ast.unparse(node.func).split(".")[-1] if isinstance(node, ast.Call) else ""
         if isinstance(node, ast.Call) and "finding" in called.lower() and node.args:
-            texts = [part for part in ast.walk(node.args[0]) if isinstance(part, ast.Constant)]
-            found |= {text.value for text in texts if isinstance(text.value, str)}
+            found |= texts_of(node.args[0])
     return found
+
+
+def texts_of(tree: ast.AST) -> set[str]:
+    """Texts that stand in a piece of source."""
+    parts = [part.value for part in ast.walk(tree) if isinstance(part, ast.Constant)]
+    return {part for part in parts if isinstance(part, str)}
 
 
 def made() -> dict[str, str]:
@@ -107,6 +112,14 @@ def may_be_grave(severity: ast.expr, function: ast.AST, seen: frozenset[str] = f
     return True
 
 
+def choices(code: ast.expr, severity: ast.expr) -> list[tuple[ast.expr, ast.expr]]:
+    """Codes with their severities, apart where one condition chooses both."""
+    match code, severity:
+        case ast.IfExp(), ast.IfExp() if ast.dump(code.test) == ast.dump(severity.test):
+            return [*choices(code.body, severity.body), *choices(code.orelse, severity.orelse)]
+    return [(code, severity)]
+
+
 def grave_codes(tree: ast.Module) -> set[str]:
     """Codes of a file that may have the severity "doubt" or "error"."""
     found = set()
@@ -116,22 +129,16 @@ def grave_codes(tree: ast.Module) -> set[str]:
             if not (isinstance(node, ast.Call) and codes_of(ast.Expression(node))):
                 continue
             named = {word.arg: word.value for word in node.keywords}
-            made = ast.unparse(node.func).split(".")[-1] == "Finding"
-            if made:
+            if ast.unparse(node.func).split(".")[-1] == "Finding":
                 severity = node.args[1] if len(node.args) > 1 else named["severity"]
-                grave = may_be_grave(severity, function)
-            else:
-                # a helper: one of its arguments may be the severity
-                texts = {
-                    part.value
-                    for argument in (*node.args[1:], *named.values())
-                    for value in [argument, *values_of(ast.unparse(argument), function)]
-                    for part in ast.walk(value)
-                    if isinstance(part, ast.Constant)
-                }
-                grave = "severity" in named or bool(GRAVE & texts)
-            if grave:
-                found |= codes_of(ast.Expression(node))
+                for code, its in choices(node.args[0], severity):
+                    found |= texts_of(code) if may_be_grave(its, function) else set()
+                continue
+            # a helper: one of its arguments may be the severity
+            given = [*node.args[1:], *named.values()]
+            given += [value for argument in given for value in values_of(ast.unparse(argument), function)]
+            if "severity" in named or GRAVE & {text for value in given for text in texts_of(value)}:
+                found |= texts_of(node.args[0])
     return found
 
 
@@ -151,8 +158,10 @@ def f(misfit, given, table):
     helper = make_finding("h", severity)
     other = make_finding("i", 3)
     choice = Finding("j" if misfit else "k", "error", "m")
+    paired = Finding("l" if misfit else "m", "info" if misfit else "doubt")
+    crossed = Finding("n" if misfit else "o", "info" if given else "doubt")
 """
-    assert grave_codes(ast.parse(source)) == {"a", "c", "d", "e", "f", "g", "h", "j", "k"}
+    assert grave_codes(ast.parse(source)) == set("acdefghjkmno")
 
 
 def test_every_finding_that_may_decide_a_verdict_has_a_next_step() -> None:
