@@ -14,11 +14,22 @@ from rsgen.expression import write
 from rsgen.kernel import generate
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
+from rsgen.oscillator import Oscillator
+from rsgen.simulation import SimulatedTest
 
 __all__ = ["law_faults"]
 
 _NEAR = 1e-12
 """So near rest [m, m/s] every motion comes: a law must be a number there."""
+
+_SIZES = np.geomspace(1e-12, 1e3, 61)
+"""Amplitudes [m] from atoms to towers, four to a decade: gaps and corners act from some of them on."""
+
+_SAMPLES = 256
+"""Of a period: enough for the sign of a work or a stiffness."""
+
+_ROUND_OFF = 1e-14
+"""Work, relative to that of the largest forces on the way, that is only round-off of a sum of 256."""
 
 
 def law_faults(case: Case) -> list[str]:
@@ -44,7 +55,44 @@ def law_faults(case: Case) -> list[str]:
             faults += [
                 f"element.{number}.force: {text}" for text in _near_rest(element, case.oscillator.values)
             ]
+    if not faults and case.oscillator is not None and isinstance(case.test, SimulatedTest):
+        faults += [f"element: {text}" for text in _never_settles(case.oscillator, case.test)]
     return [f"{case.path.name}: {fault}" for fault in faults]
+
+
+def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
+    """Say why no point of a virtual test can settle; only what is certain without simulating it."""
+    if test.method != "time" or test.control != "force":
+        return []
+    law = compile_law(oscillator.force)
+    values = np.array([oscillator.values[name] for name in law.parameters])
+    largest = float(test.level.max())
+    held = law.force(np.zeros(2), np.array([_NEAR, -_NEAR]), values)
+    if held[0] >= largest and held[1] <= -largest:
+        return [
+            f"dry friction of {min(held[0], -held[1]):.4g} N holds the mass at every level; a level above it "
+            "is needed"
+        ]
+    size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.frequency[[0, -1]], indexing="ij")
+    size, omega = size.reshape(-1, 1), omega.reshape(-1, 1)
+    phase = 2 * np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    x, v = size * np.cos(phase), -size * omega * np.sin(phase)
+    force = law.force(x, v, values)
+    # no number, where the law overflows, is no evidence
+    with np.errstate(over="ignore", invalid="ignore"):
+        work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
+        round_off = _ROUND_OFF * np.sum(np.abs(force * v), axis=1)
+    if np.all(work <= round_off):
+        return [
+            "no damping: the law takes no energy out of a motion of any amplitude, so that none settles; a "
+            "damper whose force has the sign of v is needed"
+        ]
+    if np.all(push < 0):
+        return [
+            "negative stiffness: the law pushes the mass away at every amplitude, so that no motion settles; "
+            "a spring whose force has the sign of x, at small or at large amplitudes, is needed"
+        ]
+    return []
 
 
 def _near_rest(element: Element, values: Mapping[str, float]) -> list[str]:

@@ -8,15 +8,23 @@ from typing import Any
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.case.trial import law_faults
 from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.errors import CaseError, MeasurementError
+from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.measurement import read_measurement
 from rsgen.simulation import SimulatedTest
 from rsgen.study import STAGES, expect
+from rsgen.study.foresight import point_faults
 
 __all__ = ["check_command"]
 
 
 def _plan(case: Case) -> dict[str, Any]:
+    """What a run of a case will do.
+
+    Raises
+    ------
+    CaseError
+        It would refuse the points of the test.
+    """
     test, surface = case.test, None
     warnings = list(case.warnings)
     if isinstance(test, SimulatedTest):
@@ -41,6 +49,9 @@ def _plan(case: Case) -> dict[str, Any]:
             "lowest_frequency": float(surface.frequency.min()),
             "highest_frequency": float(surface.frequency.max()),
         }
+    refused = point_faults(case, surface)
+    if refused:
+        raise CaseError(refused)
     expected = expect(case, surface)
     return {
         "case": case.name,
@@ -92,6 +103,8 @@ def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
             faults += fault.faults
         except MeasurementError as fault:
             faults.append(f"{path.name}: test.file: {fault}")
+        except RsgenError as fault:
+            faults.append(f"{path.name}: test: {' '.join(str(fault).split())}")
     faults += name_clashes(loaded).values()
     if json:
         print_json({"cases": plans, "faults": faults})

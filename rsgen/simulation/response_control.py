@@ -130,15 +130,7 @@ def solve_response_control(
 
 
 def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> ControlledStates:
-    """Solve the grid of a test, ordered level by level; levels are amplitudes X [m], the sweep is no matter.
-
-    Raises
-    ------
-    RsgenError
-        The test asks for harmonic balance.
-    """
-    if test.method != "time":
-        raise RsgenError("test.method: 'harmonic-balance' has no control 'response'; must be 'time'")
+    """Solve the grid of a test, ordered level by level; levels are X [m], the sweep does not matter."""
 
     def solve(amplitude: Array, frequency: Array) -> ControlledStates:
         return solve_response_control(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -70,3 +71,8 @@ class SimulatedTest:
         object.__setattr__(self, "level", _grid(self.level, "level", unit))
         object.__setattr__(self, "frequency", _grid(self.frequency, "frequency", "Hz"))
         check(self)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name and what is wrong with it."""
+        if self.control == "response" and self.method != "time":
+            yield "method", f"{self.method!r} has no control 'response'; must be 'time'"

@@ -1,0 +1,64 @@
+"""What identification and ranking would refuse of a test, found before the run."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.case import Case
+from rsgen.errors import RsgenError
+from rsgen.identification.data import gather_repeats, select_points
+from rsgen.simulation import SimulatedTest
+from rsgen.surface import ResponseSurface
+
+__all__ = ["point_faults"]
+
+
+def point_faults(case: Case, surface: ResponseSurface | None = None) -> list[str]:
+    """Say why identification or ranking could not use the points of a test; nothing where they can.
+
+    Parameters
+    ----------
+    case
+        As it was read.
+    surface
+        Of a measured case; of a virtual test all points count as settled, for none is simulated.
+
+    Returns
+    -------
+    list of str
+        One sentence a fault, ``file: place: what; what is allowed``.
+    """
+    if surface is None:
+        surface = _planned(case.test) if isinstance(case.test, SimulatedTest) else None
+    if surface is None:
+        return []
+    try:
+        points = select_points(gather_repeats(surface)[0], case.model)
+    except RsgenError as fault:
+        return [f"{case.path.name}: {' '.join(str(fault).split())}"]
+    return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points.omega)]
+
+
+def _planned(test: SimulatedTest) -> ResponseSurface:
+    """The grid of a virtual test, as if every point had settled with the same response."""
+    level, frequency = np.meshgrid(test.level, test.frequency, indexing="ij")
+    return ResponseSurface(
+        level.ravel(),
+        frequency.ravel(),
+        1.0,
+        np.ones(level.size, complex),
+        sweep="rest",
+        control=test.control,
+    )
+
+
+def _rank_faults(case: Case, surface: ResponseSurface, omega: NDArray[np.float64]) -> list[str]:
+    if not case.ranked:
+        return []
+    faults = []
+    if not surface.phase_known:
+        faults.append("'rank' compares laws by force and phase; a phase, or the law itself, is needed")
+    if case.model.mass is None and np.ptp(omega) == 0:
+        faults.append("'rank' needs the mass, or tests at more than one frequency")
+    return faults
