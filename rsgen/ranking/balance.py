@@ -4,6 +4,9 @@ At a motion near the measured one the balance  g = m a + n(x, v) - f  changes by
 harmonics and force z. Its covariance is J S J' with S that of the measurement; divided by its root every row
 has the same noise, whatever law is tried: the errors-in-variables step of Britt and Luecke, The estimation of
 parameters in nonlinear, implicit models, Technometrics 15 (1973).
+
+What the sensors see of other modes moves z; its values join the balance linearly, so that every candidate has
+the background that suits it.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.data import Points
+from rsgen.identification.observed import Observed
 from rsgen.identification.tolerances import BLOCK
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
@@ -22,6 +25,13 @@ __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+_REACH = 0.02
+"""Relative change of force and response that a background may bring to a candidate: the square of it, which
+the linear balance leaves out, is less than noise. Larger ones wait for the candidate's own motion."""
+
+_FIRST_NOISE = 1e-2
+"""Relative noise while rows are in units of force and response because none is known."""
 
 _UNKNOWN = 1e3
 """Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
@@ -43,6 +53,14 @@ class ReferenceMotion:
         (n, H+1), (n,) measured minus these; zero where a harmonic was not measured.
     measured
         (H+1,) which harmonics were measured; up to H the balance is looked at.
+    size
+        (n,) amplitude that the sensor sees [m], to which noise is relative.
+    receptance
+        (n,) of the background [m/N].
+    background
+        (b,) its values here.
+    fundamental_by, force_by
+        (n, b) change of the measured mode by the values of the background.
     """
 
     omega: Array
@@ -51,11 +69,23 @@ class ReferenceMotion:
     harmonics_off: ComplexArray
     force_off: ComplexArray
     measured: NDArray[np.bool_]
+    size: Array
+    receptance: ComplexArray
+    background: Array
+    fundamental_by: ComplexArray
+    force_by: ComplexArray
 
     @property
     def order(self) -> int:
         """H, the highest harmonic of the balance."""
         return len(self.measured) - 1
+
+    @property
+    def background_effect(self) -> Array:
+        """(b,) root mean square relative change of the measured mode by the values of the background."""
+        force = self.force_by / np.abs(self.force)[:, None]
+        fundamental = self.fundamental_by / self.size[:, None]
+        return np.asarray(np.sqrt(np.mean(np.abs(force) ** 2 + np.abs(fundamental) ** 2, axis=0)))
 
     def select(self, chosen: NDArray[np.intp]) -> ReferenceMotion:
         """Keep some points."""
@@ -66,6 +96,11 @@ class ReferenceMotion:
             self.harmonics_off[chosen],
             self.force_off[chosen],
             self.measured,
+            self.size[chosen],
+            self.receptance[chosen],
+            self.background,
+            self.fundamental_by[chosen],
+            self.force_by[chosen],
         )
 
     def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
@@ -74,42 +109,74 @@ class ReferenceMotion:
         return *motion.waveforms(samples), motion.interval(samples)
 
 
-def measured_motion(points: Points) -> ReferenceMotion:
-    """Take mean and fundamental as measured: first order, a start without any law."""
-    phase = np.angle(points.harmonics[:, 1])
-    harmonics = np.array(points.harmonics[:, :2])
+def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
+    """Take mean and fundamental as measured: first order, a start without any law but with a background."""
+    mode = observed.mode(background)
+    phase = np.angle(mode.harmonics[:, 1])
+    harmonics = np.array(mode.harmonics[:, :2])
     harmonics[:, 1] = np.abs(harmonics[:, 1])
     return ReferenceMotion(
-        points.omega,
+        mode.omega,
         harmonics,
-        points.force * np.exp(-1j * phase),
+        mode.force * np.exp(-1j * phase),
         np.zeros_like(harmonics),
-        np.zeros_like(points.force),
-        np.array([0 in points.measured, True]),
+        np.zeros_like(mode.force),
+        np.array([0 in mode.measured, True]),
+        observed.points.amplitude,
+        observed.background.receptance(background),
+        background,
+        *_mode_by(observed, background, phase),
     )
 
 
 def predicted_motion(
-    points: Points, harmonics: ComplexArray, force: ComplexArray, turn: Array, order: int
+    observed: Observed,
+    background: Array,
+    harmonics: ComplexArray,
+    force: ComplexArray,
+    turn: Array,
+    order: int,
 ) -> ReferenceMotion:
     """Take the motion that a fitted law predicts nearest to the measured one.
 
     Parameters
     ----------
-    points
-        The measured points.
+    observed, background
+        The measured points, and the background fitted with the law.
     harmonics, force, turn
-        Predicted, relative to a fundamental of phase zero, and the phase of the true one (``FittedModel``).
+        Predicted, relative to a fundamental of phase zero, and the phase of the true one (``Fit``).
     order
         Highest harmonic of the balance.
     """
-    count = min(order + 1, points.harmonics.shape[1])
+    mode = observed.mode(background)
+    count = min(order + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
-    off = np.zeros((len(points), order + 1), dtype=complex)
-    off[:, :count] = points.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
-    measured = np.isin(np.arange(order + 1), points.measured)
+    off = np.zeros((len(mode), order + 1), dtype=complex)
+    off[:, :count] = mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
+    measured = np.isin(np.arange(order + 1), mode.measured)
     off[:, ~measured] = 0
-    return ReferenceMotion(points.omega, harmonics, force, off, points.force * back - force, measured)
+    return ReferenceMotion(
+        mode.omega,
+        harmonics,
+        force,
+        off,
+        mode.force * back - force,
+        measured,
+        observed.points.amplitude,
+        observed.background.receptance(background),
+        background,
+        *_mode_by(observed, background, turn),
+    )
+
+
+def _mode_by(observed: Observed, background: Array, turn: Array) -> tuple[ComplexArray, ComplexArray]:
+    """(n, b) derivatives of fundamental and force of the mode, turned back, by the background."""
+    shape = observed.background
+    force = (observed.points.force * shape.turn(background) * np.exp(-1j * turn))[:, None]
+    by_psi = np.zeros((len(turn), len(background)), dtype=complex)
+    by_psi[:, :1] = 1j
+    receptance = shape.receptance(background)[:, None]
+    return -force * (shape.slopes(background) + receptance * by_psi), force * by_psi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +191,12 @@ class Rows:
         (n, 2H+1) of a unit mass.
     right
         (n, 2H+1) what laws and inertia have to balance.
+    background
+        (n, 2H+1, b) of changes of the values of the background from ``background_at``.
+    background_at
+        (b,) those at the motion.
+    background_weight
+        (b,) of these changes in the sum of squares.
     compared
         (2H+1,) False for rows that only serve to find a harmonic that was not measured.
     """
@@ -131,6 +204,9 @@ class Rows:
     trajectory: tuple[Array, Array, Array, Array]
     inertia: Array
     right: Array
+    background: Array
+    background_at: Array
+    background_weight: Array
     compared: NDArray[np.bool_]
     _project: Array
     _known: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
@@ -158,7 +234,14 @@ class Rows:
         """Keep some points."""
         x, v, a, step = (part[chosen] for part in self.trajectory)
         return Rows(
-            (x, v, a, step), self.inertia[chosen], self.right[chosen], self.compared, self._project[chosen]
+            (x, v, a, step),
+            self.inertia[chosen],
+            self.right[chosen],
+            self.background[chosen],
+            self.background_at,
+            self.background_weight,
+            self.compared,
+            self._project[chosen],
         )
 
 
@@ -190,6 +273,7 @@ def make_rows(
     """
     width, count = 2 * motion.order + 1, len(motion.omega)
     right, columns = np.empty((count, width)), np.empty((count, width))
+    background = np.empty((count, width, motion.force_by.shape[1]))
     project = np.empty((count, width, samples))
     trajectory = motion.trajectory(samples)
     series = fourier_series(tuple(range(motion.order + 1)), samples, half=False)
@@ -207,9 +291,21 @@ def make_rows(
         jacobian = series.tangent(sample.by_x, omega * sample.by_v)
         inertia = -((series.order_of * omega) ** 2)
         jacobian[:, diagonal, diagonal] += mass * inertia
-        noisy = jacobian * (np.abs(motion.harmonics[part, 1])[:, None] * spread)[:, None, :]
+
+        def moved(fundamental: ComplexArray, force: ComplexArray, jacobian: Array = jacobian) -> Array:
+            """(n, 2H+1, j) what j changes (n, j) of the measurement leave in f - J z."""
+            by = fundamental[:, None]
+            change = -(jacobian[:, :, [1]] * by.real + jacobian[:, :, [2]] * by.imag)
+            change[:, 1] += force.real
+            change[:, 2] += force.imag
+            return np.asarray(change)
+
+        noisy = jacobian * (motion.size[part, None] * spread)[:, None, :]
         covariance = noisy @ np.swapaxes(noisy, 1, 2)
-        covariance[:, [1, 2], [1, 2]] += (np.abs(motion.force[part])[:, None] * noise[1]) ** 2 / 2
+        # noise of the force moves the mode, too: the background is measured with it
+        force = motion.force[part, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
+        driven = moved(-motion.receptance[part, None] * force, force)
+        covariance += driven @ np.swapaxes(driven, 1, 2)
         # harmonics that were not measured make the matrix badly scaled: stay above round-off
         covariance[:, diagonal, diagonal] *= 1 + 1e-9
         root = np.empty_like(covariance)
@@ -226,7 +322,10 @@ def make_rows(
         rest -= (jacobian @ series.real(motion.harmonics_off[part])[:, :, None])[:, :, 0]
         rest[:, 1] += motion.force_off[part].real
         rest[:, 2] += motion.force_off[part].imag
+        # a change of the background is one of the measurement
+        background[part] = root @ -moved(motion.fundamental_by[part], motion.force_by[part])
         right[part] = (root @ rest[:, :, None])[:, :, 0]
         columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
         project[part] = root @ projection
-    return Rows(trajectory, columns, right, known, project)
+    weight = motion.background_effect / _REACH * (1.0 if balanced else _FIRST_NOISE)
+    return Rows(trajectory, columns, right, background, motion.background, weight, known, project)

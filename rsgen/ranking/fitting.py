@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import sympy
@@ -40,6 +40,8 @@ class Guess:
         Of those that have some.
     dissipates
         Parameters whose sum must not be negative.
+    background
+        (b,) values of the background beside it.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Guess:
     values: Mapping[str, float]
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     dissipates: tuple[tuple[str, ...], ...] = ()
+    background: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def force(self) -> sympy.Expr:
@@ -73,17 +76,20 @@ class Fitted:
         (n, 2H+1) the same with each level predicted by the parameters that the other levels give.
     compared
         (2H+1,) which rows count.
+    moved
+        What it costs that its background is not that of the motion.
     """
 
     guess: Guess
     residual: Array
     unseen: Array
     compared: NDArray[np.bool_]
+    moved: float
 
     @property
     def misfit(self) -> float:
         """Sum of squares."""
-        return float(np.sum(self.residual[:, self.compared] ** 2))
+        return float(np.sum(self.residual[:, self.compared] ** 2)) + self.moved
 
     @property
     def bic(self) -> float:
@@ -92,7 +98,10 @@ class Fitted:
 
 
 class _Balance:
-    """A candidate along a motion, element by element: linear ones are evaluated once for all candidates."""
+    """A candidate along a motion, element by element: linear ones are evaluated once for all candidates.
+
+    Values are those of the names and, behind them, the changes of the background.
+    """
 
     def __init__(self, guess: Guess, rows: Rows, mass: float | None) -> None:
         self.rows, self.mass = rows, mass
@@ -107,10 +116,13 @@ class _Balance:
     def evaluate(self, values: Array) -> tuple[Array, Array]:
         """Residual (n, r) and its negative slopes (n, r, q)."""
         rows = self.rows
-        residual = rows.right - (float(values[-1]) if self.mass is None else self.mass) * rows.inertia
+        count = len(self.names)
+        mass = float(values[count - 1]) if self.mass is None else self.mass
+        residual = rows.right - mass * rows.inertia - rows.background @ values[count:]
         matrix = np.zeros((*residual.shape, len(values)))
         if self.mass is None:
-            matrix[:, :, -1] = rows.inertia
+            matrix[:, :, count - 1] = rows.inertia
+        matrix[:, :, count:] = rows.background
         for law, place in zip(self.laws, self.places, strict=True):
             force, slopes = rows.along(law, values[place])
             residual = residual - force
@@ -125,12 +137,28 @@ class _Balance:
         free = [i for i in range(len(values)) if i not in self.nonlinear]
         if not np.isfinite(residual).all() or not np.isfinite(matrix).all():
             return values, residual, matrix
-        change = _solve(*_normal(residual, matrix[:, :, free], self.rows))
+        square, right = self.normal(values, residual, matrix)
+        change = _solve(square[np.ix_(free, free)], right[free])
         settled = np.array(values)
         settled[free] += change
         if not self.nonlinear:
             return settled, residual - matrix @ change, matrix
         return settled, *self.evaluate(settled)
+
+    def normal(self, values: Array, residual: Array, matrix: Array) -> tuple[Array, Array]:
+        """Normal equations (q, q), (q,) of a Gauss-Newton step."""
+        square, right = _normal(residual, matrix, self.rows)
+        weight = np.append(np.zeros(len(self.names)), self.rows.background_weight) ** 2
+        return square + np.diag(weight), right - weight * values
+
+    def moved(self, values: Array) -> float:
+        """What the changes of the background cost."""
+        return float(np.sum((self.rows.background_weight * values[len(self.names) :]) ** 2))
+
+    def cost(self, values: Array, residual: Array) -> float:
+        """Sum of squares; infinite where it overflows."""
+        cost = float(np.sum(residual[:, self.rows.compared] ** 2)) + self.moved(values)
+        return cost if np.isfinite(cost) else np.inf
 
 
 def fit_rows(
@@ -159,31 +187,36 @@ def fit_rows(
     """
     balance = _Balance(guess, rows, mass)
     names = balance.names
-    place = np.array([guess.values[each] for each in names])
-    limits = np.array([guess.limits.get(each, (-np.inf, np.inf)) for each in names]).reshape(-1, 2)
+    still = np.zeros(len(rows.background_at))
+    place = np.array([*(guess.values[each] for each in names), *still])
+    free = (-np.inf, np.inf)
+    limits = np.array([*(guess.limits.get(each, free) for each in names), *(free for _ in still)])
+    limits = limits.reshape(-1, 2)
     place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
-    cost = _cost(residual, rows)
+    cost = balance.cost(place, residual)
     for _ in range(steps if balance.nonlinear else 0):
         if not np.isfinite(cost):
             return None
-        change = _solve(*_normal(residual, matrix, rows))
+        change = _solve(*balance.normal(place, residual, matrix))
         for part in 0.5 ** np.arange(halvings):
             trial, after, slopes = balance.settle(_moved(place, part * change, limits, balance.nonlinear))
-            if _cost(after, rows) < cost:
+            if balance.cost(trial, after) < cost:
                 break
         else:
             break
-        gain = cost - _cost(after, rows)
+        gain = cost - balance.cost(trial, after)
         place, residual, matrix, cost = trial, after, slopes, cost - gain
         if gain < _GAIN:
             break
     if not np.isfinite(cost):
         return None
-    values = dict(zip(names, place.tolist(), strict=True))
+    values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
-    fitted = Guess(guess.name, guess.elements, values, guess.limits, guess.dissipates)
-    return Fitted(fitted, residual, _unseen(residual, matrix, rows, level), rows.compared)
+    background = rows.background_at + place[len(names) :]
+    fitted = replace(guess, values=values, background=background)
+    unseen = _unseen(residual, matrix, rows, level, balance.normal(place, residual, matrix))
+    return Fitted(fitted, residual, unseen, rows.compared, balance.moved(place))
 
 
 def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
@@ -209,20 +242,14 @@ def _solve(matrix: Array, right: Array) -> Array:
     return np.asarray(inverse @ (right / size)) / size
 
 
-def _cost(residual: Array, rows: Rows) -> float:
-    cost = float(np.sum(residual[:, rows.compared] ** 2))
-    return cost if np.isfinite(cost) else np.inf
-
-
-def _unseen(residual: Array, matrix: Array, rows: Rows, level: Array) -> Array:
+def _unseen(residual: Array, matrix: Array, rows: Rows, level: Array, whole: tuple[Array, Array]) -> Array:
     """Residual of each level with the parameters that the other levels give, one Gauss-Newton step away."""
     unseen = np.full_like(residual, np.nan)
     levels = np.unique(level)
     if len(levels) < 2:
         return unseen
-    parts = [level == one for one in levels]
-    each = [_normal(residual[part], matrix[part], rows) for part in parts]
-    whole = [sum(normal[i] for normal in each) for i in (0, 1)]
-    for part, (square, right) in zip(parts, each, strict=True):
+    for one in levels:
+        part = level == one
+        square, right = _normal(residual[part], matrix[part], rows)
         unseen[part] = residual[part] - matrix[part] @ _solve(whole[0] - square, whole[1] - right)
     return unseen

@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.expression import symbol, write
-from rsgen.identification import Identification, identify
+from rsgen.identification import Identification
 from rsgen.identification.data import Points, select_points
-from rsgen.identification.tolerances import ANY_LAW
+from rsgen.identification.fit import Problem, fit_balance
+from rsgen.identification.observed import Observed
+from rsgen.identification.start import start_fit
+from rsgen.identification.tolerances import ANY_LAW, QUICK
 from rsgen.law.element import Element, LawLike, as_elements
+from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
@@ -36,8 +40,8 @@ from rsgen.ranking.reference import (
     neighbour_noise,
     outlying,
 )
-from rsgen.ranking.sums import base_law
-from rsgen.ranking.verdict import judge
+from rsgen.ranking.sums import base_law, terms_of
+from rsgen.ranking.verdict import implausible, judge
 from rsgen.surface import ResponseSurface
 
 __all__ = ["identify_best", "rank"]
@@ -46,6 +50,9 @@ Array = NDArray[np.float64]
 
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
+
+_START_ORDER = 3
+"""Harmonics while only a background to start from is sought."""
 
 _FLEXIBLE = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
 """Follow other laws roughly, with friction and without: where no law is given, they fit the background."""
@@ -115,32 +122,35 @@ def rank(
         mass=base.mass if mass is None else mass,
         observation=base.observation if observation is None else observation,
     )
-    points = _points(surface, base, tuple(laws.values()))
+    observed = _observed(surface, base)
+    points = observed.points
     if base.mass is None and np.ptp(points.omega) == 0:
         raise RsgenError(
             "ranking: tests at one frequency do not determine the mass: give it, or test at more frequencies"
         )
-    given = tuple(start_guess(name, elements, points, base.mass) for name, elements in laws.items())
+    background = _start_background(observed, base, tuple(laws.values()))
+    mode = observed.mode(background)
+    given = tuple(start_guess(name, elements, mode, base.mass) for name, elements in laws.items())
     entries = Entries(given, terms, base.mass)
-    found = entries.fit(first_rows(points, base_law(), base.mass), points, first=True)
-    rounds = _rounds(points, found, entries)
+    found = entries.fit(first_rows(observed, background, base_law(), base.mass), points, first=True)
+    rounds = _rounds(observed, found, entries)
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
-    return _ranking(points, *rounds[best], base, surface)
+    return _ranking(points, *rounds[best], tuple(laws), base, surface)
 
 
 def _rounds(
-    points: Points, found: list[Fitted], entries: Entries, most: int = 5
+    observed: Observed, found: list[Fitted], entries: Entries, most: int = 5
 ) -> list[tuple[_Round, list[Fitted]]]:
     """Candidates along the motion of the best of the round before, until the best is the same again."""
     rounds: list[tuple[_Round, list[Fitted]]] = []
     tried: list[str] = []
     for _ in range(most):
-        current = _next_round(points, found, entries.mass, rounds[-1][0].noise if rounds else None)
+        current = _next_round(observed, found, entries.mass, rounds[-1][0].noise if rounds else None)
         if current is None:
             break
-        current, found = _compared(points, current, entries, found)
+        current, found = _compared(observed.points, current, entries, found)
         rounds.append((current, found))
         name = current.leader.guess.name
         if found[0].guess.name in (name, *tried):
@@ -167,26 +177,28 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     return rank(surface, model).best
 
 
-def _points(
-    surface: ResponseSurface, base: Model, given: Sequence[tuple[Element, ...]], most: int = 500
-) -> Points:
-    """Some of the points, without the background that is fitted with the law that leaves least.
-
-    At ``most`` this many separate laws; more of them only narrow intervals.
-    """
+def _observed(surface: ResponseSurface, base: Model, most: int = 500) -> Observed:
+    """Some of the points: at ``most`` this many separate laws; more of them only narrow intervals."""
     if not surface.phase_known:
         raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
     points = select_points(surface, base)
-    if base.observation.background != "none":
-        # a linear law would put its misfit into the background
-        laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
-        if _is_linear(base.force):
-            laws += [as_elements(law) for law in _FLEXIBLE]
-        fits = [identify(surface, replace(base, elements=elements)) for elements in laws]
-        background = min(fits, key=lambda found: found.residual).background
-        if background is not None:
-            points = background.shape(points.omega).subtract(points, background.values)
-    return points.select(points.spread(most))
+    observed = Observed.of(points, base.observation.background)
+    return observed.select(points.spread(most))
+
+
+def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Element, ...]]) -> Array:
+    """A background to start from: that beside the law that leaves least, of those given and flexible ones."""
+    if not observed.background.names:
+        return np.zeros(0)
+    # a linear law would put its misfit into the background
+    laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
+    laws += [as_elements(law) for law in _FLEXIBLE]
+    few = observed.select(observed.points.spread(QUICK))
+    fits = []
+    for elements in laws:
+        problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.mass)
+        fits.append(fit_balance(problem, start_fit(problem), order=_START_ORDER))
+    return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
 
 def _is_linear(force: sympy.Expr) -> bool:
@@ -196,12 +208,12 @@ def _is_linear(force: sympy.Expr) -> bool:
 
 
 def _next_round(
-    points: Points, candidates: list[Fitted], mass: float | None, before: Array | None, tried: int = 3
+    observed: Observed, candidates: list[Fitted], mass: float | None, before: Array | None, tried: int = 3
 ) -> _Round | None:
     """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
     for fit in candidates[:tried]:
-        reference = follow(points, fit.guess, mass)
-        found = None if reference is None else _round(points, fit.guess, reference, mass, before)
+        reference = follow(observed, fit.guess, mass)
+        found = None if reference is None else _round(observed.points, fit.guess, reference, mass, before)
         if found is not None:
             return found
     return None
@@ -244,13 +256,19 @@ def _compared(
 
 
 def _ranking(
-    points: Points, current: _Round, candidates: list[Fitted], base: Model, surface: ResponseSurface
+    points: Points,
+    current: _Round,
+    candidates: list[Fitted],
+    given: Sequence[str],
+    base: Model,
+    surface: ResponseSurface,
 ) -> Ranking:
     """Order the candidates, merge given laws with their like of the library, and judge the best."""
-    candidates = _merged(candidates, current.rows)
+    candidates = _merged(candidates, current.rows, given)
     lowest = min(fit.bic for fit in candidates)
     tied = [fit for fit in candidates if fit.bic - lowest < _TIE]
-    tied.sort(key=lambda fit: (len(fit.guess.values), fit.bic))
+    # a law that contradicts itself comes behind those that fit as well
+    tied.sort(key=lambda fit: (bool(implausible(fit, current.rows)), len(fit.guess.values), fit.bic))
     others = sorted((fit for fit in candidates if fit.bic - lowest >= _TIE), key=lambda fit: fit.bic)
     ordered = [*tied, *others]
     scale = np.repeat(current.noise, 2)[1:]
@@ -268,7 +286,7 @@ def _ranking(
     ]
     chosen = points.select(current.reference.chosen)
     aside = len(points) - len(chosen)
-    judgement = judge(ordered[0], chosen, current.noise, rows, aside, current.reference.feeds)
+    judgement = judge(ordered[0], chosen, current.noise, current.rows, rows, aside, current.reference.feeds)
     return Ranking(
         tuple(rows),
         replace(base, elements=ordered[0].guess.elements),
@@ -280,25 +298,30 @@ def _ranking(
     )
 
 
-def _merged(candidates: list[Fitted], rows: Rows) -> list[Fitted]:
-    """Drop sums of the library that are the model's law under another name, which that law takes."""
-    given = next((fit for fit in candidates if fit.guess.name == MODEL), None)
-    if given is None:
-        return candidates
+def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> list[Fitted]:
+    """Drop what is a given law under another name; the law of a model takes the name of the library."""
+    for name in given:
+        law = next((fit for fit in candidates if fit.guess.name == name), None)
+        if law is None:
+            continue
+        twins = [fit for fit in candidates if fit is not law and _is_same(fit, law, rows)]
+        named = replace(law, guess=replace(law.guess, name=twins[0].guess.name if twins else name))
+        kept = [fit for fit in candidates if not any(fit is twin for twin in twins)]
+        candidates = [named if fit is law and name == MODEL else fit for fit in kept]
+    return candidates
+
+
+def _is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
+    """Whether two candidates are one law: by their normal forms, or by forces where parameters differ."""
+    if len(one.guess.values) != len(other.guess.values):
+        return False
+    if terms_of(one.guess.force) == terms_of(other.guess.force):
+        return True
     x, v, a, step = (part[::7] for part in rows.trajectory)
-
-    def force(fit: Fitted) -> Array:
+    forces = []
+    for fit in (one, other):
         law = fit.guess.law
-        return law.sample(x, v, a, step, np.array([fit.guess.values[n] for n in law.parameters])).force
-
-    reference = force(given)
-    largest = float(np.max(np.abs(reference)))
-    like = [
-        fit for fit in candidates if fit is not given and len(fit.guess.values) == len(given.guess.values)
-    ]
-    apart = [float(np.max(np.abs(force(fit) - reference))) for fit in like]
-    if not apart or min(apart) > NOISE_LEAST * largest:
-        return candidates
-    twin = like[int(np.argmin(apart))]
-    named = replace(given, guess=replace(given.guess, name=twin.guess.name))
-    return [named if each is given else each for each in candidates if each is not twin]
+        values = np.array([fit.guess.values[name] for name in law.parameters])
+        forces.append(law.sample(x, v, a, step, values).force)
+    apart = float(np.max(np.abs(forces[0] - forces[1])))
+    return apart <= NOISE_LEAST * float(np.max(np.abs(forces[1])))

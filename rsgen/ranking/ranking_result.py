@@ -12,6 +12,7 @@ from rsgen.identification import Identification, identify
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.verdict import Verdict, reach_verdict
 
 __all__ = ["Candidate", "Ranking"]
 
@@ -97,9 +98,16 @@ class Ranking(Printed):
             raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
             found = identify(self.surface, self.model)
-            findings = found.findings if self.fits else (*self.findings, *found.findings)
+            # what speaks against the law chosen speaks against its identification
+            against = self.verdict.decided_by if self.fits else self.findings
+            findings = (*against, *found.findings)
             self._best.append(replace(found, ranking=self, findings=findings))
         return self._best[0]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the ranking is worth: "rejected" where none fits, "doubtful" where one has to look first."""
+        return reach_verdict(self.findings)
 
     def __getitem__(self, name: str) -> Candidate:
         """Candidate of this name.
@@ -141,6 +149,9 @@ class Ranking(Printed):
             for each in self
         )
         fits = "fits" if self.fits else f"none fits, unexplained {self.unexplained:.2g}"
+        verdict = self.verdict
+        if verdict.decided_by:
+            fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
         heads = ("law", "parameters", "BIC", "held-out error", "verdict", "force")
         return TextTable(
             heads, rows, caption=f"best: {self.candidates[0].name} ({fits}), noise {self.noise:.2g}"

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
-from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.tolerances import FLAT, MOVE, OUTLIERS, SIGMAS
+from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Oscillator
@@ -107,19 +107,20 @@ class Reference:
         return bool(np.mean(work <= 0) > 0.5)
 
 
-def first_rows(points: Points, law: ForceLaw, mass: float | None) -> Rows:
+def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float | None) -> Rows:
     """Prepare a first-order balance about the measured motion.
 
     Parameters
     ----------
-    points
-        The measured points.
+    observed, background
+        The measured points, and a background to start from.
     law
         The base, ``c*v + k*x``.
     mass
         [kg], None where it is free.
     """
-    motion = measured_motion(points)
+    motion = measured_motion(observed, background)
+    points = observed.points
     # F/X = k - m omega^2 + i omega c, relative to its size
     stiffness = motion.force / motion.harmonics[:, 1]
     zero, one = np.zeros(len(points)), np.ones(len(points))
@@ -143,15 +144,15 @@ def first_rows(points: Points, law: ForceLaw, mass: float | None) -> Rows:
     )
 
 
-def follow(points: Points, best: Guess, mass: float | None, steps: int = 12) -> Reference | None:
-    """Fit a candidate to the measured waveforms.
+def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12) -> Reference | None:
+    """Fit a candidate and its background to the measured waveforms.
 
     Parameters
     ----------
-    points
+    observed
         The measured points.
     best
-        The candidate.
+        The candidate, and the background to start from.
     mass
         [kg], None where it is free.
     steps
@@ -165,23 +166,26 @@ def follow(points: Points, best: Guess, mass: float | None, steps: int = 12) -> 
     law = best.law
     values = np.array([best.values[name] for name in law.parameters])
     start = best.values["m"] if mass is None else mass
-    problem = Problem(best.elements, law, Observed.of(points), mass)
-    found = fit_balance(problem, problem.join(values, start), order=ORDER, reject=False, steps=steps)
-    if law.rough and found.mass > 0 and _shared(points, found) < _NEAR:
-        exact = _simulated(points, best, found, mass)
+    problem = Problem(best.elements, law, observed, mass)
+    place = problem.join(values, start, best.background)
+    found = fit_balance(problem, place, order=ORDER, reject=False, steps=steps)
+    if law.rough and found.mass > 0 and _shared(found) < _NEAR:
+        exact = _simulated(best, found, mass)
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_followed(found))
-    if len(chosen) < _FOLLOWED * len(points):
+    if len(chosen) < _FOLLOWED * len(found.force):
         return None
+    part = found.select(chosen)
     motion = predicted_motion(
-        points.select(chosen), found.harmonics[chosen], found.force[chosen], found.turn[chosen], ORDER
+        part.problem.observed, found.background, part.harmonics, part.force, part.turn, ORDER
     )
     return Reference(chosen, motion, law, found.values, found.mass)
 
 
-def _shared(points: Points, found: Fit) -> float:
+def _shared(found: Fit) -> float:
     """Root mean square of the relative misfit of the force that neighbours share, without extreme points."""
+    points = found.problem.observed.mode(found.background)
     misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
     first, second = misfit[points.neighbours].T
     common = np.sort((first * np.conj(second)).real)
@@ -198,43 +202,44 @@ def _followed(found: Fit) -> NDArray[np.bool_]:
     )
 
 
-def _simulated(
-    points: Points, best: Guess, found: Fit, mass: float | None, again: int = 2
-) -> Reference | None:
+def _simulated(best: Guess, found: Fit, mass: float | None, again: int = 2) -> Reference | None:
     """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
-    reference = _hold(points, best, found.values, found.mass, found)
+    level = found.problem.observed.points.level
+    reference = _hold(best.elements, found.values, found.mass, found.background, found)
     for _ in range(again):
         if reference is None:
             return None
         noise = np.full(ORDER + 1, NOISE)
-        rows, level = reference.rows(noise), points.level[reference.chosen]
+        rows, inside = reference.rows(noise), reference.chosen
         guess = replace(best, values=reference.named(mass))
-        leader = fit_rows(guess, rows, level, mass)
+        leader = fit_rows(guess, rows, level[inside], mass)
         out = None if leader is None else outlying(leader, noise)
         if out is not None and out.any():
-            inside = np.flatnonzero(~out)
-            leader = fit_rows(guess, rows.select(inside), level[inside], mass)
+            agreeing = np.flatnonzero(~out)
+            leader = fit_rows(guess, rows.select(agreeing), level[inside[agreeing]], mass)
         if leader is None:
             return reference
         values = np.array([leader.guess.values[name] for name in reference.law.parameters])
-        reference = (
-            _hold(points, best, values, leader.guess.values.get("m", reference.mass), found) or reference
-        )
+        inertia = leader.guess.values.get("m", reference.mass)
+        reference = _hold(best.elements, values, inertia, leader.guess.background, found) or reference
     return reference
 
 
-def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -> Reference | None:
+def _hold(
+    elements: tuple[Element, ...], values: Array, mass: float, background: Array, found: Fit
+) -> Reference | None:
     """Simulate the points with the force that holds the measured amplitude; None where too few are held.
 
     The truncated balance only gives the state to start from: near sticking its amplitude is far off.
     """
-    law = best.law
+    law, observed = found.problem.law, found.problem.observed
+    points = observed.mode(background)
     good = _followed(found)
     wanted = points.amplitude
     drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
     state = Motion(points.omega, found.harmonics).states()
     state[~good] = 0
-    oscillator = Oscillator(mass, best.elements, dict(zip(law.parameters, values.tolist(), strict=True)))
+    oscillator = Oscillator(mass, elements, dict(zip(law.parameters, values.tolist(), strict=True)))
 
     def solve(force: ComplexArray, start: Array) -> SteadyStates:
         return solve_steady_states(
@@ -265,9 +270,8 @@ def _hold(points: Points, best: Guess, values: Array, mass: float, found: Fit) -
     # to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
     harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
-    motion = predicted_motion(
-        points.select(chosen), harmonics, drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag, ORDER
-    )
+    drive, turn = drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag
+    motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn, ORDER)
     return Reference(chosen, motion, law, values, mass)
 
 

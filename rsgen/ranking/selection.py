@@ -106,6 +106,16 @@ class _Columns:
         self.products = matrix.T @ matrix
         self.against = matrix.T @ flat
         self.power = float(flat @ flat)
+        # every sum has the background that suits it: only what that leaves is compared
+        background = rows.background[:, compared].reshape(len(flat), -1)
+        if background.shape[1]:
+            whole = np.vstack([background, np.diag(rows.background_weight)])
+            orthonormal, _ = np.linalg.qr(whole / np.sqrt(np.sum(whole**2, axis=0)))
+            basis = orthonormal[: len(flat)]
+            taken = basis.T @ matrix
+            self.products -= taken.T @ taken
+            self.against -= taken.T @ (basis.T @ flat)
+            self.power -= float(np.sum((basis.T @ flat) ** 2))
         self.rows = len(flat)
 
 

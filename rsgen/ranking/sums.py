@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import permutations
+
+import sympy
 
 from rsgen.expression import parse, symbol
 from rsgen.law.element import Element, Law, Range, Search, make_element
 from rsgen.law.library import laws
 from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.pieces import normal_form
 
-__all__ = ["Sum", "Term", "base_law", "library_terms"]
+__all__ = ["Sum", "Term", "base_law", "library_terms", "terms_of"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,21 @@ def base_law() -> ForceLaw:
 def library_terms() -> tuple[Term, ...]:
     """Give the terms of all laws of the library, each once."""
     return tuple(Term(law, law.search) for law in laws if law.search is not None)
+
+
+@lru_cache(maxsize=256)
+def terms_of(force: sympy.Expr) -> frozenset[str]:
+    """Give the terms that the linear parameters multiply, in normal form: the same whatever their names."""
+    law = compile_law(force)
+    found = []
+    for order in permutations(law.nonlinear):
+        names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
+        plain = force.xreplace(names)
+        parts = [plain.diff(symbol(law.parameters[i])) for i in law.linear]
+        parts.append(plain.xreplace({symbol(law.parameters[i]): sympy.S.Zero for i in law.linear}))
+        positive = frozenset(map(str, names.values()))
+        found.append(sorted(str(normal_form(part, positive).expression) for part in parts))
+    return frozenset(min(found))
 
 
 @dataclass(frozen=True)

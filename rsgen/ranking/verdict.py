@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,14 @@ from numpy.typing import NDArray
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
 from rsgen.identification.tolerances import EXCESS, SIGNIFICANT
-from rsgen.ranking.fitting import Fitted
+from rsgen.law.numeric import compile_law
+from rsgen.ranking.balance import Rows
+from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms
 
-__all__ = ["Judgement", "judge"]
+__all__ = ["Judgement", "implausible", "judge"]
 
 Array = NDArray[np.float64]
 
@@ -25,6 +28,22 @@ _FUNDAMENTAL = 5e-3
 
 _HARMONIC_SHARE = 0.1
 """A law fits a higher harmonic of which it leaves less, or less than the least noise of a ranking."""
+
+_PREDICTED_BADLY = 0.1
+"""A law that fits every level, but misses one predicted from the others by more, is not their law."""
+
+_FED = 0.5
+"""A damper that gives back this share of what the law dissipates stands against another one: such a pair
+follows any curve, and a structure at rest has no such dampers."""
+
+_CANCELLED = 0.2
+"""Two terms whose sum is smaller than this share of the larger cancel each other."""
+
+_TURNED = np.pi / 2
+"""A phase error beyond a quarter of a turn [rad] is a reversed sign that the background takes up."""
+
+_MANY = 0.05
+"""Points set aside are bad readings while they are at most this share; more of them may be the structure."""
 
 _POINTS_A_PARAMETER = 6
 """Fewer points a parameter are few."""
@@ -40,7 +59,13 @@ class Judgement:
 
 
 def judge(
-    best: Fitted, points: Points, noise: Array, candidates: Sequence[Candidate], aside: int, feeds: bool
+    best: Fitted,
+    points: Points,
+    noise: Array,
+    rows: Rows,
+    candidates: Sequence[Candidate],
+    aside: int,
+    feeds: bool,
 ) -> Judgement:
     """Judge a ranking.
 
@@ -52,6 +77,8 @@ def judge(
         Those that took part.
     noise
         (H+1,) relative, of mean, fundamental and harmonics.
+    rows
+        The balance that the candidates were fitted to.
     candidates
         Best first.
     aside
@@ -70,6 +97,7 @@ def judge(
     missing = significant & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
+    doubts = [*implausible(best, rows), *_flexible(best, noise, candidates)]
     findings = list(absurd)
     if missing.any():
         findings += [
@@ -82,8 +110,9 @@ def judge(
             _where(best, points, pairs, missing, left),
         ]
     else:
-        findings += _fitting(candidates, float(noise[1]), points, sure=len(pairs) > 0 and not absurd)
-    findings += _flexible(best, noise, candidates)
+        sure = len(pairs) > 0 and not absurd and all(finding.severity != "doubt" for finding in doubts)
+        findings += _fitting(candidates, float(noise[1]), points, sure=sure)
+    findings += doubts
     findings += _uncertain(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
     return Judgement(len(pairs) > 0 and not absurd and not missing.any(), unexplained, tuple(findings))
 
@@ -110,6 +139,52 @@ def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
     return found
 
 
+def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
+    """Find what speaks against a candidate by itself, however well it fits."""
+    guess, found = fitted.guess, []
+    for name, (low, high) in guess.limits.items():
+        value = guess.values[name]
+        if value in (low, high):
+            numbers = {"value": Quantity(value)}
+            found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
+    found += _cancelling(guess, rows)
+    if len(guess.background) and abs(guess.background[0]) > _TURNED:
+        found.append(Finding("phase-turned", "doubt", "psi", {"phase": Quantity(guess.background[0], "rad")}))
+    return found
+
+
+def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
+    """Find a damper that feeds energy against another, and two terms that nearly take each other away."""
+    names = [element.name for element in guess.elements]
+    if len(names) < 2:
+        return []
+    x, v, a, step = rows.trajectory
+    # every point counts the same, whatever its level
+    level = np.sqrt(np.mean((x * v) ** 2, axis=1))[:, None]
+    forces = []
+    for element in guess.elements:
+        law = compile_law(element.force)
+        values = np.array([guess.values[name] for name in law.parameters])
+        forces.append(law.sample(x, v, a, step, values).force / level)
+    work = np.array([float(np.mean(force * v)) for force in forces])
+    size = [float(np.sqrt(np.mean(force**2))) for force in forces]
+    sums = {
+        (i, j): float(np.sqrt(np.mean((forces[i] + forces[j]) ** 2))) / max(size[i], size[j], 1e-300)
+        for i, j in combinations(range(len(names)), 2)
+    }
+    least = min(sums, key=lambda pair: sums[pair])
+    fed = float(np.sum(np.maximum(-work, 0.0)) / max(abs(float(work.sum())), 1e-300))
+    if fed > _FED:
+        one, other = names[int(np.argmin(work))], names[int(np.argmax(work))]
+        numbers = {"share": Quantity(fed)}
+        return [Finding("damping-feeds-energy", "doubt", "", numbers, {"law": one, "other": other})]
+    if sums[least] < _CANCELLED:
+        one, other = (names[i] for i in least)
+        numbers = {"share": Quantity(sums[least])}
+        return [Finding("terms-cancel", "doubt", "", numbers, {"law": one, "other": other})]
+    return []
+
+
 def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
     """Find where the first predicts levels clearly worse than it fits them, or than others predict them."""
     scale = np.repeat(noise, 2)[1:]
@@ -118,7 +193,8 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     if not first.held_out_error > EXCESS * max(fitted, NOISE_LEAST):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
-    found = [Finding("levels-predicted-worse", "warning", numbers=numbers)]
+    badly = first.held_out_error > _PREDICTED_BADLY
+    found = [Finding("levels-predicted-worse", "doubt" if badly else "warning", numbers=numbers)]
     better = [
         candidate
         for candidate in candidates
@@ -137,7 +213,8 @@ def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Fi
     found = []
     if out:
         numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
-        found.append(Finding("ranking-points-aside", "warning", numbers=numbers))
+        many = out > _MANY * (len(points) + aside)
+        found.append(Finding("ranking-points-aside", "doubt" if many else "warning", numbers=numbers))
     if len(points) < _POINTS_A_PARAMETER * parameters:
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ import pytest
 import rsgen
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
+from rsgen.expression import parse
 from rsgen.identification import identify
 from rsgen.identification.data import Points, select_points
+from rsgen.identification.observed import Observed
 from rsgen.law import laws
 from rsgen.law.element import make_element
 from rsgen.law.numeric import compile_law
@@ -26,7 +29,7 @@ from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Guess, fit_rows
 from rsgen.ranking.reference import follow
 from rsgen.ranking.selection import search_sums
-from rsgen.ranking.sums import Sum, library_terms
+from rsgen.ranking.sums import Sum, library_terms, terms_of
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface, save_surface
 from tests.conftest import Answer
@@ -143,7 +146,7 @@ def along() -> tuple[Points, Rows, Guess]:
     """The balance of a noisy test along the motion of its own law, in units of the true noise."""
     points = select_points(measured("combined"), model("combined"))
     guess = Guess("own", model("combined").elements, truth("combined"))
-    reference = follow(points, guess, None)
+    reference = follow(Observed.of(points), guess, None)
     assert reference is not None
     assert len(reference.chosen) == len(points)
     return points, reference.rows(np.full(10, NOISE)), guess
@@ -390,6 +393,33 @@ def test_the_background_does_not_take_what_only_a_candidate_explains() -> None:
     ranking = rank(seen, candidates, Observation(background="constant"))
     assert ranking.fits
     assert ranking.candidates[0].values["Ff"] == pytest.approx(LAWS["coulomb"][1]["Ff"], rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("law", "kind"), [("combined", "constant"), ("piecewise", "residuals")])
+def test_a_known_law_is_found_beside_a_background(law: str, kind: Any) -> None:
+    table = measured(law, 0.0)
+    receptance = 3e-4 - 4e-5j + (0.9 + 0.1j) / table.omega**2 * (kind == "residuals")
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 1] += receptance * table.force
+    seen = changed(table, harmonics=harmonics, force=table.force * np.exp(-0.2j))
+    ranking = rank(noisy(seen, 0.003, 1), None, Observation(background=kind))
+    assert NAMES[law] in winners(ranking)
+    assert ranking.fits
+    assert ranking.verdict.state == "identified"
+
+
+def test_a_formula_that_the_library_has_stands_once() -> None:
+    ranking = rank(measured("cubic"), ["c*v + q*x**3 + k*x", laws["cubic-spring"], laws["coulomb"]])
+    assert ranking.candidates[0].values.keys() == {"c", "k", "q", "m"}
+    assert "cubic-spring" not in {candidate.name for candidate in ranking}
+
+
+def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
+    gap = terms_of(parse("k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)"))
+    assert gap == terms_of(parse("q*(Min(0, x + g) + Max(0, x - g)) + p*x"))
+    assert gap != terms_of(parse("q*Max(0, x - g) + p*x"))
+    assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
 
 
 def test_laws_of_the_library_stand_on_a_linear_base() -> None:

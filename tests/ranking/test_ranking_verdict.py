@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,19 +11,26 @@ import pytest
 
 import rsgen
 from rsgen.errors import RsgenError
+from rsgen.finding import Finding
+from rsgen.identification.data import select_points
+from rsgen.identification.observed import Observed
 from rsgen.law.element import make_element
+from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 from rsgen.ranking import Ranking, rank
-from rsgen.ranking.fitting import Fitted
+from rsgen.ranking.balance import Rows
+from rsgen.ranking.fitting import Fitted, Guess
+from rsgen.ranking.reference import follow
 from rsgen.ranking.sums import library_terms
-from rsgen.ranking.verdict import Judgement, judge
+from rsgen.ranking.verdict import Judgement, implausible, judge
 from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import next_step
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 from tests.oracles.memory import two_masses
 from tests.ranking.test_ranking import BASE, NOISE, measured
-from tests.surfaces import MASS, changed
+from tests.surfaces import MASS, changed, model, truth
 
 Noisy = Callable[[ResponseSurface, float, int], ResponseSurface]
 
@@ -92,6 +100,60 @@ def test_a_structure_that_feeds_the_exciter_is_doubted(law: str, fault: str) -> 
     assert "sense of the phase" in sentence(ranking.findings[0])
 
 
+@pytest.mark.parametrize("fault", ["sign", "sense"])
+def test_what_speaks_against_a_ranking_is_its_verdict(fault: str) -> None:
+    table = measured("cubic")
+    spoilt = changed(table, harmonics=-table.harmonics if fault == "sign" else np.conj(table.harmonics))
+    ranking = rank(spoilt, ["k*x + c*v", "k*x + k3*x**3 + c*v"])
+    assert ranking.verdict.state == "rejected"
+    assert "rejected: " in str(ranking)
+    assert "structure-feeds-exciter" in str(ranking)
+    right = rank(table, ["k*x + c*v", "k*x + k3*x**3 + c*v"])
+    assert right.verdict.state == "identified"
+    assert "rejected" not in str(right)
+
+
+def test_a_background_does_not_reverse_a_sensor() -> None:
+    table = measured("cubic")
+    spoilt = changed(table, harmonics=-table.harmonics)
+    ranking = rank(spoilt, ["k*x + c*v", "k*x + k3*x**3 + c*v"], Observation(background="phase"))
+    assert ranking.verdict.state == "doubtful"
+    assert "phase-turned" in codes(ranking)
+    assert "law-fits-best" not in codes(ranking)
+    right = rank(table, ["k*x + c*v", "k*x + k3*x**3 + c*v"], Observation(background="phase"))
+    assert right.verdict.state == "identified"
+
+
+def cubic_with(rows: Rows, *dampers: tuple[str, str], **values: float) -> list[str]:
+    """Codes of what speaks against a cubic law with these dampers beside its own."""
+    elements = tuple(make_element(name, force) for name, force in dampers)
+    limits = {name: (0.05, 6.0) for name in values if name == "p"}
+    guess = Guess("all", (*model("cubic").elements, *elements), {**truth("cubic"), **values}, limits)
+    fitted = Fitted(guess, rows.right, rows.right, rows.compared, 0.0)
+    return [finding.code for finding in implausible(fitted, rows)]
+
+
+def test_terms_against_each_other_and_a_search_at_its_limit_are_doubted() -> None:
+    points = select_points(measured("cubic", 0.0), model("cubic"))
+    reference = follow(Observed.of(points), Guess("own", model("cubic").elements, truth("cubic")), None)
+    assert reference is not None
+    rows = reference.rows(np.full(10, NOISE))
+    grows, rests = ("grows", "mu*abs(x)*sign(v)"), ("rests", "cx*x**2*v")
+    assert cubic_with(rows, grows, rests, mu=60.0, cx=300.0) == []
+    # the values of a wrong background: dampers that take away and give back many times what is dissipated
+    assert cubic_with(rows, grows, rests, c=50.0, mu=-4580.0, cx=-2847.0) == ["damping-feeds-energy"]
+    twice = ("spring", "kn_*x**3")
+    assert cubic_with(rows, ("other", "ka*x**3"), twice, ka=5e6, kn_=-4.9e6) == ["terms-cancel"]
+    assert cubic_with(rows, ("power", "cp*abs(v)**p*sign(v)"), cp=0.5, p=0.05) == ["law-at-limit"]
+    assert cubic_with(rows, ("power", "cp*abs(v)**p*sign(v)"), cp=0.5, p=0.5) == []
+
+
+def test_everything_doubted_has_a_next_step() -> None:
+    for code in ("law-at-limit", "damping-feeds-energy", "terms-cancel", "phase-turned", "no-law-fits"):
+        names = {"law": "cubic-spring", "other": "coulomb"}
+        assert next_step(Finding(code, "doubt", "p", names=names)).endswith(".")
+
+
 def test_one_frequency_does_not_determine_the_mass() -> None:
     table = measured("cubic")
     one = table.select(table.frequency == table.frequency[12])
@@ -117,7 +179,7 @@ def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.Mon
     seen = []
 
     def spy(best: Fitted, *rest: Any) -> Judgement:
-        seen.append((best.guess.name, rest[2][0].name))
+        seen.append((best.guess.name, rest[3][0].name))
         return judge(best, *rest)
 
     monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
@@ -147,3 +209,20 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     assert "levels-predicted-worse" in codes(ranking)
     well = rank(measured("cubic"), BASE)
     assert not codes(well) & {"levels-predicted-worse", "other-law-predicts-better"}
+
+
+@pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])
+def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
+    error: float, severity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def spoil(best: Fitted, *rest: Any) -> Judgement:
+        points, noise, rows, candidates, *others = rest
+        first = replace(candidates[0], held_out_error=error)
+        return judge(best, points, noise, rows, [first, *candidates[1:]], *others)
+
+    monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spoil)
+    ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
+    (worse,) = [finding for finding in ranking.findings if finding.code == "levels-predicted-worse"]
+    assert worse.severity == severity
+    assert ranking.verdict.state == ("doubtful" if severity == "doubt" else "identified")
+    assert ("law-fits-best" in codes(ranking)) == (severity == "warning")

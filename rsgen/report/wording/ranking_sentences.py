@@ -48,6 +48,19 @@ say_plainly(
         "ranking-few-points": (
             "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
         ),
+        "law-at-limit": (
+            "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}); beyond it is "
+            "another law"
+        ),
+        "damping-feeds-energy": (
+            "{law} feeds energy that {other} takes away, {share:.0%} of what the structure dissipates: "
+            "such a pair follows any curve"
+        ),
+        "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
+        "phase-turned": (
+            "beside this law the force is turned by {phase:.3q}: that is the sign or the sense of a sensor, "
+            "no background"
+        ),
         "ranking-one-level": "one level only: other levels would separate more laws",
     }
 )
@@ -62,6 +75,14 @@ NEXT_STEPS.update(
             "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
             "restoring forces show."
         ),
+        "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
+        "damping-feeds-energy": "Rank with the dampers that you expect alone, and check the background.",
+        "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
+        "phase-turned": "Check the sign of the sensor and the sense of the phase, then fit the background.",
+        "levels-predicted-worse": (
+            "Test more levels between those that there are, or take the law that predicts levels best."
+        ),
+        "ranking-points-aside": "Look at the points set aside: one run or one end of the band is no chance.",
     }
 )
 
