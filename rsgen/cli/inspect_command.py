@@ -8,6 +8,7 @@ from typing import Any
 
 from rsgen.cli.terminal import print_json, print_line
 from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
+from rsgen.measurement.tree import TEXT
 
 __all__ = ["inspect_command", "proposal_text"]
 
@@ -56,6 +57,8 @@ def _unit(entry: Entry) -> str:
 
 
 def _row(entry: Entry) -> tuple[str, ...]:
+    if entry.dtype == TEXT:
+        return entry.path, "-", TEXT, "-", repr(entry.remark)
     if entry.fault:
         return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
@@ -82,6 +85,8 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
     for fault, path in reversed(long.items()):
         print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
+    if contents.remark:
+        print_line(contents.remark)
     if len(contents.entries) > len(shown):
         print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
     print_line()
@@ -104,6 +109,7 @@ def inspect_command(file: Path, everything: bool, json: bool) -> int:
             {
                 "file": str(file),
                 "format": contents.format,
+                "remark": contents.remark,
                 "entries": [asdict(entry) for entry in contents.entries],
                 "test": proposal.tables if proposal else None,
                 "doubts": proposal.doubts if proposal else {},

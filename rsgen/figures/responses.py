@@ -13,10 +13,12 @@ from rsgen.figures.overview import level_colours, peaks_by_level
 from rsgen.figures.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.motion import Motion
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["choose_levels", "draw_held_out", "draw_responses", "draw_time_history"]
 
+_OTHER = 0.01
+"""A measured force that differs by more, relatively, is named beside the nominal level."""
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 
 
@@ -56,7 +58,7 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
 
     Examples
     --------
-    >>> from rsgen.surface import ResponseSurface
+    >>> from rsgen.surface import ResponseSurface, typical_amounts
     >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
     >>> choose_levels(surface, 3)
     [1.0, 5.0, 9.0]
@@ -99,10 +101,12 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     if surface.control == "force":
         levels = choose_levels(_predicted(surface, prediction))
         shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+        forces = _forces(shown)
     else:
         curves_there = [curve.level for curve in prediction.curves if len(curve.frequency)]
         levels = curves_there[:: -(-len(curves_there) // 6) or 1]
         shown = surface.select(surface.settled)
+        forces = {level: level for level in levels}
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
@@ -122,15 +126,15 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
                     zorder=1.5,
                     rasterized=len(shown) > 400,
                 )
-        for curve in _curves_of(prediction, level)[:1]:
-            _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(level, "N", 3))
+        for curve in _curves_of(prediction, forces[level])[:1]:
+            _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(curve.level, "N", 3))
             curves.append(curve)
     _limit(axes, shown, scale.factor)
     axes.set_xlabel("Frequency [Hz]")
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        axes.legend(handles[::-1], labels[::-1], title="Level F", title_fontsize=7.5, loc="best")
+        axes.legend(handles[::-1], labels[::-1], title="Force F", title_fontsize=7.5, loc="best")
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
@@ -147,7 +151,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         return Drawing("responses", figure, caption, text, ax is None)
     peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
     largest = "; ".join(
-        f"{quantity_text(p.level[0], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
+        f"{quantity_text(forces[float(p.level[0])], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
         f"{quantity_text(p.frequency[0], 'Hz', 5)}"
         for p in peaks
     )
@@ -177,10 +181,17 @@ def _tested(
 def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
     """Keep the levels for which there is a curve; all where there is none at all."""
     wanted = [curve.level for curve in prediction.curves if len(curve.frequency)]
-    there = np.array(
-        [bool(np.isclose(level, wanted, rtol=1e-9, atol=0).any()) for level in surface.level], dtype=bool
-    )
-    return surface.select(there) if there.any() else surface
+    there = [
+        level
+        for level, force in _forces(surface).items()
+        if np.isclose(force, wanted, rtol=1e-9, atol=0).any()
+    ]
+    return surface.select(np.isin(surface.level, there)) if there else surface
+
+
+def _forces(surface: ResponseSurface) -> dict[float, float]:
+    """Force [N] measured near the resonance of each level."""
+    return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
 
 
 def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
@@ -196,7 +207,10 @@ def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
 
 def _level_text(item: HeldOutLevel) -> str:
     """Name the level: a force, or the amplitude where that was held."""
-    return f"{'F' if item.level_unit == 'N' else 'X'} = {quantity_text(item.level, item.level_unit, 3)}"
+    name = f"{'F' if item.level_unit == 'N' else 'X'} = {quantity_text(item.level, item.level_unit, 3)}"
+    if abs(item.force - item.level) > _OTHER * item.level:
+        name += f" ({quantity_text(item.force, 'N', 3)} near the resonance)"
+    return name
 
 
 def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]]:
@@ -223,9 +237,9 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
         panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
         return Drawing("held-out", figure, "No level was held out.", "No level was held out.", ax is None)
     words = []
-    for axes, (level, items) in zip(panels, groups.items(), strict=False):
+    for axes, items in zip(panels, groups.values(), strict=False):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        for curve in _curves_of(prediction, level)[:1] if items[0].level_unit == "N" else []:
+        for curve in _curves_of(prediction, items[0].force)[:1]:
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)

@@ -16,7 +16,7 @@ from rsgen.identification.least_squares import Regression
 from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF
 from rsgen.motion import Motion
 from rsgen.oscillator import Model
-from rsgen.surface import OUTCOMES, ResponseSurface
+from rsgen.surface import OUTCOMES, ResponseSurface, match_level
 
 __all__ = [
     "ASYMMETRIC",
@@ -38,7 +38,7 @@ JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
 
 _SAME = 1e-6
-"""Nominal levels, and frequencies, that differ by less, relatively, are one."""
+"""Frequencies that differ by less, relatively, are one."""
 
 _FEWEST = 4
 """Points: a mass, a spring and a damper, and one to disagree with them."""
@@ -130,10 +130,8 @@ class Points:
 
 def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     """(n,) True where a point belongs to a level that identification must not see."""
-    mask = np.zeros(len(surface), dtype=bool)
-    for level in model.observation.hold_out:
-        mask |= np.isclose(surface.level, level, rtol=_SAME, atol=0)
-    return mask
+    meant = [match_level(surface.levels, level) for level in model.observation.hold_out]
+    return np.isin(surface.level, [level for level in meant if level is not None])
 
 
 def _why_unused(surface: ResponseSurface) -> str:
@@ -158,7 +156,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         A held-out level is not in the surface, or fewer than four points remain.
     """
     for level in model.observation.hold_out:
-        if not np.isclose(surface.levels, level, rtol=_SAME, atol=0).any():
+        if match_level(surface.levels, level) is None:
             unit = surface.level_unit
             known = ", ".join(f"{value:g}" for value in surface.levels)
             raise RsgenError(f"hold_out: no level {level:g} {unit} in the surface; it has {known} {unit}")

@@ -42,7 +42,7 @@ from rsgen.law import LawLike
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["identify"]
 
@@ -276,9 +276,9 @@ def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, f
 
 
 def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
-    """Levels of force: as tested, or, where the amplitude was held, what a resonance needed."""
+    """Levels of force: as measured near the resonances; where the amplitude was held, what these needed."""
     if surface.control == "force":
-        return np.unique(points.level)
+        return np.unique(typical_amounts(surface.select(points.index)))
     needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
     return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])
 

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi
 
 from rsgen.errors import RsgenError
+from rsgen.measurement.column_titles import is_angular, unit_in
 from rsgen.measurement.tree import Entry
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
-    "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "IMAGINARY", "LEVEL", "LOAD",
+    "ANGULAR", "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "IMAGINARY", "LEVEL",
+    "LOAD",
     "LONG", "NAMES", "NOMINAL", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL",
     "REAL_PART", "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue",
-    "last_name", "of_size", "phase_sense", "remarked", "unit_for", "unit_in", "with_unit",
+    "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in", "with_unit",
 ]  # fmt: skip
 
 _FEW = 60
 """At most this number of different values may be levels."""
-_UNIT = re.compile(
-    r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z"
-    r"|_((?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)(?:_per_N)?)\Z"
-    r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
-)
-"""A unit in a name: "Kraft [N]", "force_N", "Kraft in N (rms)"."""
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+_VALUES = ("data", "value", "values")
+"""Last names of paths that say nothing."""
 RESPONSE_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
     "inertance": "acceleration",
@@ -64,7 +62,7 @@ def last_name(entry: Entry) -> str:
     if entry.path.isdigit() and entry.remark:
         # a column that goes by its number, but has a title
         return entry.remark
-    parts = [part for part in entry.path.split("/") if part.casefold() not in ("data", "value", "values")]
+    parts = [part for part in entry.path.split("/") if part.casefold() not in _VALUES]
     return parts[-1] if parts else entry.path
 
 
@@ -73,8 +71,10 @@ def _named(pattern: str) -> Clue:
     return Clue(lambda entry: bool(search(last_name(entry))))
 
 
+ANGULAR = Clue(lambda entry: is_angular(last_name(entry)))
 FREQUENCY = _named(r"freq|hertz|omega|^f(_|$|\d)|(^|_)hz(_|$)|rpm")
-TIME = _named(r"^t(_|$)|time|zeit|instant")
+TIME = _named(r"^t(_|$)|time|zeit|instant|^x_value$")
+"""The last is LabVIEW's."""
 FORCE = _named(r"forc|kraft|load(?!_cycle)")
 DRIVE = _named(r"excit|drive|shaker|^u(_|$)|input|^f(_|$|\d)|volt")
 RESPONSE = _named(r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^[xyva](_|$|\d)|^h(_|$|\d)")
@@ -131,10 +131,31 @@ def remarked(word: str) -> Clue:
     return Clue(lambda entry: word in entry.remark)
 
 
-def unit_in(name: str) -> str:
-    """Give the unit in a name, or "": "accelerance_g_per_N" has g/N."""
-    found = _UNIT.search(name)
-    return next(filter(None, found.groups())).replace("_per_", "/") if found else ""
+def unit_beside(path: str, texts: Mapping[str, str]) -> str:
+    """Give the unit of an array that a text beside it names, or "".
+
+    Beside "test/f" these are "test/f_unit", "test/units/f" and, in its own struct, "test/f/units"; beside
+    "sensor/data" it is "sensor/units".
+
+    Examples
+    --------
+    >>> unit_beside("run/1/F", {"units/F": "kN"}), unit_beside("laser/data", {"laser/unit": "mm"})
+    ('kN', 'mm')
+    """
+    parts = path.split("/")
+    name = parts[-1]
+    for depth in range(len(parts) - 1, -1, -1):
+        before = "".join(f"{part}/" for part in parts[:depth])
+        for word in ("unit", "units", "Unit", "Units"):
+            beside = [f"{before}{name}_{word}", f"{before}{word}/{name}", f"{before}{word}_{name}"]
+            if depth == len(parts) - 1:
+                beside.append(f"{path}/{word}")
+                if name.casefold() in _VALUES:
+                    beside.append(f"{before}{word}")
+            found = next((texts[place] for place in beside if place in texts), "")
+            if found:
+                return found.strip().strip("[]()")
+    return ""
 
 
 def unit_for(unit: str, target: str) -> str | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -15,15 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.inspection.clues import unit_for, unit_in
-from rsgen.measurement.data_files import file_label, open_regular, recognise_format
+from rsgen.inspection.clues import unit_for
+from rsgen.measurement.column_titles import unit_in
+from rsgen.measurement.data_files import file_label, recognise_format
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import list_binary
 from rsgen.measurement.text_columns import (
-    MAX_BYTES,
+    MISSING,
+    REMARKS,
+    Columns,
     automatic_delimiter,
     column_names,
+    is_of_words,
     number_in,
+    open_text,
     read_columns,
     split_cells,
     text_lines,
@@ -38,8 +42,12 @@ _ALONE_BYTES = 32 * 2**20
 """Of larger files no column is read alone."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
-_GAP = re.compile(r"(?:[+-]?(?:nan|inf|infinity)|n/?a|)\Z", re.IGNORECASE)
-"""What stands in place of a number that is missing: the row is one of numbers all the same."""
+_BLOCK = 3
+"""At least this number of rows of numbers above a row of words belong to the table; fewer, such as the
+numbers of the channels, to its header."""
+_UNIT_ROW = "y_unit_label"
+"""Row of LabVIEW's header that names the units of all columns but the first."""
+_LONG_UNITS = {"volts": "V", "newtons": "N", "meters": "m", "seconds": "s", "amps": "A"}
 
 
 def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
@@ -48,25 +56,53 @@ def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
 
 
 def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
-    """Give the kinds of the row with the most numbers, of those as wide as the last."""
+    """Give the kinds of the row with the most numbers, of those as wide as the last one with a number."""
     kinds = [_kinds(text, layout) for _, text in reversed(lines)]
-    return max((row for row in kinds if len(row) == len(kinds[0])), key=sum)
+    width = next((len(row) for row in kinds if any(row)), 0)
+    return max((row for row in kinds if len(row) == width), key=sum, default=())
+
+
+def _row_kind(text: str, layout: Layout, full: tuple[bool, ...]) -> str:
+    """Tell a row of "numbers", one with "gaps", one of "words", or "other"."""
+    cells = split_cells(text, layout.delimiter)
+    if is_of_words(cells, layout.decimal):
+        return "words"
+    if len(cells) != len(full):
+        return "other"
+    asked = [cell for cell, kind in zip(cells, full, strict=True) if kind]
+    missing = [cell for cell in asked if number_in(cell, layout.decimal) is None]
+    if not missing:
+        return "numbers"
+    return "gaps" if all(MISSING.match(cell) or cell[:1].isalpha() for cell in missing) else "other"
 
 
 def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
-    """Judge a layout: (numbers less other cells in alike rows at the end, first of these, numbers in one)."""
+    """Judge a layout: (numbers less other cells in its rows of numbers, first of these, numbers in one).
+
+    Rows of words and rows with gaps among the numbers do not end the table, so that nothing above is lost.
+    """
     full = _full(lines, layout)
-    first = len(lines)
-    for place in range(len(lines) - 1, -1, -1):
-        cells = split_cells(lines[place][1], layout.delimiter)
-        if len(cells) != len(full) or not all(
-            _GAP.match(cell) or number_in(cell, layout.decimal) is not None
-            for cell, kind in zip(cells, full, strict=True)
-            if kind
-        ):
+    if not any(full):
+        return 0, len(lines), 0
+    kinds: list[str] = []
+    for _, text in reversed(lines):
+        kinds.insert(0, _row_kind(text, layout, full))
+        if kinds[0] == "other":
             break
-        first = place
-    return (2 * sum(full) - len(full)) * (len(lines) - first), first, sum(full)
+    begin = len(lines) - len(kinds)
+    headers = [lines[begin + place][1].split() for place, kind in enumerate(kinds) if kind == "words"]
+    first, stop = len(lines), len(kinds)
+    for place in range(len(kinds) - 1, -2, -1):
+        if place >= 0 and kinds[place] not in ("words", "other"):
+            continue
+        # rows of numbers between two rows of words
+        block = kinds[place + 1 : stop]
+        repeated = place >= 0 and headers.count(lines[begin + place][1].split()) > 1
+        if block.count("numbers") >= (1 if first == len(lines) or repeated else _BLOCK):
+            first = begin + place + 1
+        stop = place
+    rows = sum(kind in ("numbers", "gaps") for kind in kinds[first - begin :])
+    return (2 * sum(full) - len(full)) * rows, first, sum(full)
 
 
 def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
@@ -90,22 +126,19 @@ def _is_foreign(lines: Iterable[bytes]) -> bool:
     return False
 
 
-def _whole(file: IO[bytes]) -> str | None:
+def _whole(file: IO[bytes], path: Path) -> str | None:
     """Give the SHA-256 where the last line has no end: by it a case may say that nothing is cut off."""
     file.seek(-1, os.SEEK_END)
-    if file.read(1) == b"\n":
-        return None
-    file.seek(0)
-    return hashlib.sha256(file.read()).hexdigest()
+    return None if file.read(1) == b"\n" else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _list_text(path: Path) -> Contents:
     label = file_label(path)
-    with open_regular(path, MAX_BYTES) as file:
+    with open_text(path, hashlib.sha256()) as file:
         begin = list(islice(text_lines(file, label, hashlib.sha256(), True), LOOKED_AT))
         file.seek(0)
         foreign = _is_foreign(islice(file, LOOKED_AT))
-        whole = _whole(file) if begin else None
+        whole = _whole(file, path) if begin else None
     comments = Layout().comments
     lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
     if not lines:
@@ -124,14 +157,18 @@ def _list_text(path: Path) -> Contents:
         layout = replace(layout, delimiter="auto")
     if not head:
         head = _remarked(begin, lines[first][0], len(kinds))
-    entries = _entries(path, layout, [] if units else head, kinds, whole)
+    entries, passed = _entries(path, layout, [] if units else head, kinds, whole)
     if units:
         titles += [""] * (len(entries) - len(titles))
         entries = tuple(
             replace(entry, remark=title, unit=unit)
             for entry, title, unit in zip(entries, titles, head, strict=True)
         )
-    return Contents(path, "csv", entries, layout, whole)
+    elif named := _units_of_header(begin, lines[first][0], layout, len(entries)):
+        entries = tuple(
+            replace(entry, unit=entry.unit or unit) for entry, unit in zip(entries, named, strict=True)
+        )
+    return Contents(path, "csv", entries, layout, whole, passed)
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
@@ -139,8 +176,21 @@ def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[
     if first < 1:
         return []
     cells, below = (split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
+    if len(cells) == len(below) + 1 and cells[-1].casefold() == REMARKS:
+        cells.pop()
     named = len(cells) == len(below) and all(number_in(cell, layout.decimal) is None for cell in cells)
     return cells if named else []
+
+
+def _units_of_header(begin: Sequence[tuple[int, str]], first: int, layout: Layout, count: int) -> list[str]:
+    """Give the units that a header of LabVIEW names, one a column; none where there is no such header."""
+    for line, text in begin:
+        sign = layout.delimiter
+        cells = split_cells(text, automatic_delimiter(text, layout.decimal) if sign == "auto" else sign)
+        if line < first and cells and cells[0].casefold() == _UNIT_ROW:
+            units = [_LONG_UNITS.get(cell.casefold(), cell) for cell in cells[1:count]]
+            return ["", *units, *[""] * (count - 1 - len(units))]
+    return []
 
 
 def _are_units(cells: Sequence[str]) -> bool:
@@ -158,29 +208,45 @@ def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[
 
 def _numbers(
     path: Path, layout: Layout, wanted: list[int], sha256: str | None
-) -> tuple[dict[int, NDArray[np.float64]], dict[int, str]]:
-    """Read columns, together or, where one is at fault, each alone: numbers and faults by column."""
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, str], str]:
+    """Read columns, together or, where one is at fault, each alone: numbers, faults by column, a remark."""
     try:
-        values = read_columns(path, layout, wanted, sha256).values
+        found = read_columns(path, layout, wanted, sha256)
     except MeasurementError as error:
         if len(wanted) < 2 or path.stat().st_size > _ALONE_BYTES:
-            return {}, dict.fromkeys(wanted, str(error))
+            return {}, dict.fromkeys(wanted, str(error)), ""
     else:
-        return {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)}, {}
+        values = found.values
+        return (
+            {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)},
+            {},
+            _passed(found),
+        )
     numbers: dict[int, NDArray[np.float64]] = {}
     faults: dict[int, str] = {}
+    remark = ""
     for number in wanted:
-        found, fault = _numbers(path, layout, [number], sha256)
-        numbers |= found
+        alone, fault, said = _numbers(path, layout, [number], sha256)
+        numbers |= alone
         faults |= fault
-    return numbers, faults
+        remark = remark or said
+    return numbers, faults, remark
+
+
+def _passed(found: Columns) -> str:
+    """Say how many rows of words stand among the numbers."""
+    count = len(found.words)
+    if not count:
+        return ""
+    rows = "a row" if count == 1 else f"{count} rows"
+    return f"{rows} of words among the numbers, passed over; the first is line {found.words[0]}"
 
 
 def _entries(
     path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...], sha256: str | None
-) -> tuple[Entry, ...]:
+) -> tuple[tuple[Entry, ...], str]:
     wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
-    numbers, faults = _numbers(path, layout, wanted, sha256)
+    numbers, faults, remark = _numbers(path, layout, wanted, sha256)
     entries = []
     for number, kind in enumerate(kinds, start=1):
         name = names[number - 1] if names else ""
@@ -194,7 +260,7 @@ def _entries(
             fault=faults.get(number, "") if kind else "is no column of numbers",
         )
         entries.append(entry if values is None else replace(entry, **facts(values)))
-    return tuple(entries)
+    return tuple(entries), remark
 
 
 def list_contents(path: Path) -> Contents:

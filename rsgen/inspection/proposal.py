@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from rsgen.inspection.clues import (
+    ANGULAR,
     BOTH_SIGNS,
     DECIBEL,
     DRIVE,
@@ -42,12 +43,13 @@ from rsgen.inspection.clues import (
     of_size,
     phase_sense,
     remarked,
+    unit_beside,
     unit_for,
     unit_in,
     with_unit,
 )  # fmt: skip
 from rsgen.measurement.plan import Layout
-from rsgen.measurement.tree import Contents, Entry
+from rsgen.measurement.tree import TEXT, Contents, Entry
 
 __all__ = ["Proposal", "propose"]
 
@@ -84,7 +86,11 @@ class _Guess:
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
         readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
-        usable = [e if e.unit else replace(e, unit=unit_in(last_name(e))) for e in readable]
+        texts = {e.path: e.remark for e in contents.entries if e.dtype == TEXT}
+        usable = [
+            e if e.unit else replace(e, unit=unit_beside(e.path, texts) or unit_in(last_name(e)))
+            for e in readable
+        ]
         self.free = [e for e in usable if not SPREAD(e) and (e.size == 1 or USABLE(e))]
         self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
         self.unnamed = Clue(lambda _: self.nameless)
@@ -276,6 +282,9 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
     unit = {"unit": frequency.unit} if frequency.unit in _HERTZ[1:] else {}
+    if ANGULAR(frequency) and frequency.unit not in _HERTZ:
+        unit = {"unit": "rad/s"}
+        guess.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
     guess.tables["test.frequency"] = {"column": guess.address(frequency)} | unit
     alike = LONG & of_size(size)
     # a level with a name goes first, for its name may be one of a force, too
@@ -315,7 +324,9 @@ def _abscissa(guess: _Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
     time = guess.take(EVEN & Clue(lambda entry: entry.unit in _SECONDS) & ~FREQUENCY)
     if time is not None:
         return time, None, None
-    frequency = guess.take(tabled & Clue(lambda entry: entry.unit in _HERTZ), tabled & FREQUENCY)
+    frequency = guess.take(
+        tabled & Clue(lambda entry: entry.unit in _HERTZ), tabled & FREQUENCY, tabled & ANGULAR
+    )
     if frequency is not None:
         return None, None, frequency
     time = guess.take(EVEN & TIME)

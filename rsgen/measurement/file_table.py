@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.finding import Finding
+from rsgen.finding import Finding, quantities
 from rsgen.measurement.address import show
+from rsgen.measurement.column_titles import unit_in
 from rsgen.measurement.data_files import file_label, recognise_format
 from rsgen.measurement.file_units import to_si
 from rsgen.measurement.plan import MeasuredTest
@@ -43,7 +44,11 @@ class Table:
     block
         (n,) number of the block of each row: of the text's blocks, or of the entries that a * means.
     findings
-        About units.
+        About units, and rows of words that were passed over.
+    names
+        What the header or the path calls each column, or its number.
+    units
+        The unit that the file names for a column that was not converted; "" where it names none.
     """
 
     label: str
@@ -52,6 +57,16 @@ class Table:
     number: NDArray[np.int64]
     block: NDArray[np.int64]
     findings: tuple[Finding, ...] = ()
+    names: dict[int | str, str] = field(default_factory=dict)
+    units: dict[int | str, str] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """(n,) whether every column has a finite number in the row."""
+        complete = np.ones(len(self.number), dtype=np.bool_)
+        for values in self.columns.values():
+            complete &= np.isfinite(values)
+        return complete
 
     def refuse(self, bad: NDArray[np.bool_], what: str) -> None:
         """Raise a fault that names the first bad row, if there is one."""
@@ -72,9 +87,7 @@ class Table:
     def keep(self, mask: NDArray[np.bool_]) -> Table:
         """Keep some rows."""
         columns = {name: values[mask] for name, values in self.columns.items()}
-        return Table(
-            self.label, columns, self.unit_of_place, self.number[mask], self.block[mask], self.findings
-        )
+        return replace(self, columns=columns, number=self.number[mask], block=self.block[mask])
 
 
 def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
@@ -158,6 +171,14 @@ def _aligned(
     return {name: np.moveaxis(values, fastest, last).ravel() for name, values in full.items()}
 
 
+def _about_words(label: str, text: Columns) -> tuple[Finding, ...]:
+    """Say how many rows of words were passed over."""
+    if not text.words:
+        return ()
+    numbers = {"rows": len(text.words), "line": text.words[0]}
+    return (Finding("rows-of-words", "info", numbers=quantities(**numbers), names={"file": label}),)
+
+
 def read_channels(
     test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
 ) -> tuple[list[list[Channel]], tuple[Finding, ...], Columns | None]:
@@ -165,12 +186,18 @@ def read_channels(
 
     Returns
     -------
-    For each address the arrays it means; findings about their units; and of a text its lines and blocks.
+    For each address the arrays it means; findings about their units and rows; and of a text its lines and
+    blocks.
     """
     form = recognise_format(path) if test.format == "auto" else test.format
     if form == "csv":
         text = read_columns(path, test.layout, wanted, sha256)
-        return [[Channel(str(name), text.values[:, i])] for i, name in enumerate(wanted)], (), text
+        label = file_label(path)
+        groups = [
+            [Channel(title or str(name), text.values[:, i], unit_in(title))]
+            for i, (name, title) in enumerate(zip(wanted, text.names, strict=True))
+        ]
+        return groups, (*to_si(test, label, wanted, groups), *_about_words(label, text)), text
     groups = read_binary(path, form, wanted, sha256)
     return groups, to_si(test, file_label(path), wanted, groups), None
 
@@ -190,16 +217,25 @@ def read_table(
     sha256
         What the file must hash to, if known.
 
+    Returns
+    -------
+    Table
+        With NaN where a number is missing.
+
     Raises
     ------
     MeasurementError
-        The file cannot be read, a column is not there, lengths differ, a number is not finite.
+        The file cannot be read, a column is not there, lengths differ.
     """
     groups, findings, text = read_channels(test, path, wanted, sha256)
     label = file_label(path)
     parts = [_aligned(label, entry, test.frequency) for entry in _entries(label, wanted, groups)]
+    names, units = (
+        {name: getattr(group[0], word) for name, group in zip(wanted, groups, strict=True)}
+        for word in ("path", "unit")
+    )
     if text is not None:
-        return Table(label, parts[0], "line", text.line, text.block)
+        return Table(label, parts[0], "line", text.line, text.block, findings, names, units)
     lengths = [len(next(iter(part.values()))) for part in parts]
     if sum(lengths) > MAX_ROWS:
         raise MeasurementError(f"{label}: {sum(lengths)} rows; at most {MAX_ROWS} are read")
@@ -207,7 +243,4 @@ def read_table(
         raise MeasurementError(f"{label}: no numbers in it; at least one row is needed")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in wanted}
     block = np.repeat(np.arange(len(parts)), lengths)
-    table = Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block, findings)
-    for name, values in columns.items():
-        table.refuse(~np.isfinite(values), f"{show(name)} is not finite; a finite number is needed")
-    return table
+    return Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block, findings, names, units)

@@ -16,6 +16,8 @@ from rsgen.measurement.tree import Node, array_bytes, is_wanted
 __all__ = ["walk_matlab"]
 
 MAX_DEPTH = 12
+_TEXTS = 12
+"""Texts shown of a list."""
 _WIDTHS = {
     "double": "f8", "single": "f4", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "logical": "u1",
@@ -48,13 +50,14 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
             yield Node.refused(path, f"is nested more than {MAX_DEPTH} deep", value.shape)
             return
         if not value.dtype.names and value.size and all(_is_text(member) for member in value.flat):
-            yield Node.refused(path, "is a list of texts; numbers are needed", value.shape)
+            texts = [str(member.ravel()[0]) if member.size else "" for member in value.ravel(order="F")]
+            yield Node.text(path, ", ".join(texts[:_TEXTS]), value.shape)
             return
         for inner, child in _children(value, path):
             yield from _walk(child, inner, depth + 1)
     elif value.dtype.kind in "US":
         first = str(value.ravel()[0]) if value.size else ""
-        yield Node.refused(path, "is a text; numbers are needed", value.shape, first[:60])
+        yield Node.text(path, first, value.shape)
     elif value.dtype.kind in "fiubc":
         yield Node(path, value.shape, value.dtype.name, load=lambda: value)
     else:

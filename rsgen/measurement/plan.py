@@ -5,6 +5,7 @@ The classes are declarations, too: a case file's [test] table has the same keys,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, sqrt
@@ -16,6 +17,8 @@ from rsgen.errors import MeasurementError, RsgenError
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
+    "HERTZ",
+    "LABEL",
     "QUANTITIES",
     "Excitation",
     "HistoryRule",
@@ -29,9 +32,14 @@ __all__ = [
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
-_HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
+HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
 _AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+LABEL = "label"
+"""The unit of levels that are names of runs: of none."""
+_UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m)(?![A-Za-z])")
+"""A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
 Excitation = Literal["swept-sine", "stepped-sine", "ring-down"]
 Column = Annotated[
@@ -172,13 +180,17 @@ class SweepRule(_Checked):
 @documented
 @dataclass(frozen=True, slots=True)
 class LevelRule(_Checked):
-    """The nominal level of a point: values, a column, a part of the file's name, or groups of like forces."""
+    """The nominal level of a point: values, a column, a part of the file's name, or what was measured."""
 
     value: Newton | None = declare(None, "One level for all files.")
     column: Column | None = None
     factor: Factor = 1.0
-    spread: float = declare(
-        0.05, "Points whose force differs by less than this fraction share a level.", above=0, below=1
+    spread: float | None = declare(
+        None,
+        "Points whose force differs by less than this fraction share a level, wherever they stand. Without "
+        "it each entry that a * means is a level, and so are runs of like force.",
+        above=0,
+        below=1,
     )
     values: tuple[Newton, ...] = declare(
         (), "One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES
@@ -186,16 +198,27 @@ class LevelRule(_Checked):
     name: str | None = declare(
         None, 'The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000
     )
-    unit: Unit = "N"
+    unit: Unit | None = declare(
+        None,
+        "Of the column or the name; N without it, m where the response was held. 'label': the numbers only "
+        "tell runs apart, and the levels are called by what was measured.",
+    )
     scale: Scale = "peak"
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        if self.labels and not self.known:
+            yield "unit", f"is {LABEL!r}, but there are none; value, values, column or name is needed"
         both = given(self, "value", "values", "column", "name", "spread")
         if len(both) > 1:
             yield "", f"has {' and '.join(both)}; give one of them"
         if self.name is not None and self.name.count("{level}") != 1:
             yield "name", "must have {level} once, where the number stands: run_{level}N.csv"
+
+    @property
+    def labels(self) -> bool:
+        """Whether the levels are said to be names of runs."""
+        return self.unit == LABEL
 
     @property
     def known(self) -> bool:
@@ -266,7 +289,9 @@ class MeasuredTest:
         Literal["displacement", "velocity", "acceleration"],
         Rule("What the response is.", key="response.quantity"),
     ]
-    frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] = declare("Hz", key="frequency.unit")
+    frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] | None = declare(
+        None, "Without it the unit that the file names, else Hz.", key="frequency.unit"
+    )
     sweep: SweepRule = SweepRule()
     level: LevelRule = LevelRule()
     layout: Layout = Layout()
@@ -280,6 +305,11 @@ class MeasuredTest:
     phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")
     response_files: tuple[Path, ...] = declare(
         (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
+    )
+    control: Literal["force", "response"] | None = declare(
+        None,
+        "What was held constant within a level; recognised without. Levels of a held response are "
+        "displacement amplitudes.",
     )
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
     calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
@@ -298,11 +328,15 @@ class MeasuredTest:
         one = files == 1 and self.history is None
         if len(self.level.values) not in (0, files) and not one:
             yield "level.values", f"{len(self.level.values)} for {files} files; one for each is needed"
+        if self.level.spread is not None and self.control == "response":
+            yield "level.spread", "groups forces, but the response was held; leave one of them out"
         if self.history is None:
             if self.frequency is None:
                 yield "frequency", "is missing; its column is needed"
             if self.force is None and not self.level.known:
                 yield "level", "is missing; without a force value, values, column or name is needed"
+            if self.force is None and (self.level.labels or self.control == "response"):
+                yield "level", "stands for the force, which was not recorded; it must be a force"
         else:
             if self.frequency is not None:
                 yield "frequency", "is found from the time histories; leave it out"
@@ -329,8 +363,8 @@ class MeasuredTest:
 
     @property
     def frequency_factor(self) -> float:
-        """The frequency column times this is in Hz."""
-        return _HERTZ[self.frequency_unit]
+        """The frequency column times this is in Hz, where the file names no unit."""
+        return HERTZ[self.frequency_unit or "Hz"]
 
     @property
     def force_factor(self) -> float:
@@ -349,5 +383,27 @@ class MeasuredTest:
 
     @property
     def level_factor(self) -> float:
-        """The numbers of the level's column or of the file's name times this are peak values [N]."""
-        return _to_si(self.level.unit, self.level.factor, self.level.scale, "N", self.calibrated)
+        """The numbers of the level's column or of the file's name times this are peak values in its unit."""
+        rule, target = self.level, self.level_unit
+        if rule.labels:
+            return 1.0
+        return _to_si(
+            rule.unit or self._unit_in_name or target, rule.factor, rule.scale, target, self.calibrated
+        )
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the levels: "N", or "m" where the response was held."""
+        return "m" if self.control == "response" else "N"
+
+    @property
+    def _unit_in_name(self) -> str:
+        """The unit that stands behind the number in the form of the files' names, or ""."""
+        found = _UNIT_IN_NAME.match((self.level.name or "").partition("{level}")[2])
+        # a factor says what the numbers are already
+        return found[1] if found and not given(self.level, "factor") else ""
+
+    @property
+    def unit_said(self) -> bool:
+        """Whether somebody said in which unit the levels are: the case, or the names of the files."""
+        return bool(self.level.unit or self._unit_in_name or given(self.level, "value", "values"))

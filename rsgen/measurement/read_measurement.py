@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
-from rsgen.finding import Finding
+from rsgen.errors import MeasurementError, RsgenError
+from rsgen.finding import Finding, quantities
+from rsgen.measurement.address import show
+from rsgen.measurement.column_titles import is_angular
 from rsgen.measurement.file_table import Table, read_table
-from rsgen.measurement.nominal_levels import group_levels, level_of_file
+from rsgen.measurement.nominal_levels import (
+    group_levels,
+    group_runs,
+    level_of_file,
+    recognise_control,
+    settle_levels,
+)
 from rsgen.measurement.passivity import passivity_findings
-from rsgen.measurement.plan import HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.plausibility import quantity_findings
+from rsgen.units import quantity, sensor_unit
+
+if TYPE_CHECKING:
+    from rsgen.history import TimeHistory
 
 __all__ = ["read_measurement"]
 
@@ -91,13 +103,66 @@ def _level(test: MeasuredTest, number: int, table: Table) -> NDArray[np.float64]
         return np.array(test.level.values)[table.block]
     if test.level.column is None:
         return None
-    level = table.real(test.level.column) * test.level_factor
-    table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    level = table.real(test.level.column) * _level_factor(test, table.units.get(test.level.column, ""))
+    if not test.level.labels:
+        table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
     return level
 
 
+def _level_factor(test: MeasuredTest, unit: str) -> float:
+    """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
+    if test.level.unit is None and unit and test.calibrated:
+        try:
+            return test.level_factor * quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
+        except RsgenError:
+            # a unit of something else, such as the volts of a drive: the measured forces will tell
+            return test.level_factor
+    return test.level_factor
+
+
+def _whole_rows(table: Table, other: Table) -> tuple[Table, Table]:
+    """Leave out rows in which a number is missing, and say how many they are."""
+    keep = table.complete & other.complete
+    if keep.all():
+        return table, other
+    lost = np.flatnonzero(~keep)
+    place = f"{table.unit_of_place} {int(table.number[lost[0]])}"
+    if not keep.any():
+        gaps = [
+            show(name)
+            for part in (table, other)
+            for name, values in part.columns.items()
+            if not np.isfinite(values).any()
+        ]
+        where = f"{' and '.join(dict.fromkeys(gaps))} has none" if gaps else f"the first gap is in {place}"
+        raise MeasurementError(f"{table.label}: no row with a number in every column asked for; {where}")
+    numbers = quantities(rows=len(lost), all=len(keep))
+    finding = Finding(
+        "rows-without-number", "warning", numbers=numbers, names={"file": table.label, "first": place}
+    )
+    kept = replace(table.keep(keep), findings=(*table.findings, finding))
+    return kept, kept if other is table else other.keep(keep)
+
+
+def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
+    """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
+    column = cast("int | str", test.frequency)
+    if test.frequency_unit is not None:
+        return test.frequency_factor, []
+    unit, title = table.units.get(column, ""), table.names.get(column, "")
+    if table.unit_of_place == "row":
+        title = title.rpartition("/")[2]
+    if unit in HERTZ and unit != "Hz":
+        about = {"file": table.label, "column": str(column), "unit": unit, "source": "the file"}
+        return HERTZ[unit], [Finding("unit-of-file", "info", names=about)]
+    if unit not in HERTZ and is_angular(title):
+        about = {"file": table.label, "column": title}
+        return 1.0, [Finding("frequency-angular", "doubt", names=about)]
+    return 1.0, []
+
+
 def _part(test: MeasuredTest, number: int) -> _Part:
-    table, other = _tables(test, number)
+    table, other = _whole_rows(*_tables(test, number))
     raw = table.real(cast("int | str", test.frequency))
     table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
     # exported receptances often begin at 0 Hz, where there is no harmonic test
@@ -107,7 +172,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     same = other is table
     table = table.keep(keep)
     other = table if same else other.keep(keep)
-    frequency = raw[keep] * test.frequency_factor
+    factor, doubts = _hertz(test, table)
+    frequency = raw[keep] * factor
     level = _level(test, number, table)
     if test.force is not None:
         force = _signal(table, test.force, test.force_factor, "force")
@@ -121,7 +187,7 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
-    findings = table.findings if same else (*table.findings, *other.findings)
+    findings = (*table.findings, *(() if same else other.findings), *doubts)
     return _Part(frequency, force, displacement, level, mark, table.block, findings)
 
 
@@ -149,28 +215,61 @@ def _directions(
     return np.full(len(frequency), rule.direction, dtype="U4")
 
 
+def _has_entries(test: MeasuredTest) -> bool:
+    """Whether a * of the plan means the entries of a file, each of which is a run."""
+    places = (test.frequency, *test.response.columns, *(test.force.columns if test.force else ()))
+    return any("*" in place for place in places if isinstance(place, str))
+
+
 def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     parts = [_part(test, number) for number in range(len(test.files))]
     frequency = np.concatenate([part.frequency for part in parts])
     force = np.concatenate([part.force for part in parts])
     displacement = np.concatenate([part.displacement for part in parts])
-    levels = [part.level for part in parts if part.level is not None]
-    level = np.concatenate(levels) if levels else group_levels(np.abs(force), test.level.spread)
     marks = [part.mark for part in parts if part.mark is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
+    levels = [part.level for part in parts if part.level is not None]
+    known, entries = bool(levels), _has_entries(test)
+    run = np.concatenate(levels) if known else block if entries else None
+    control: str = test.control or "force"
+    if test.control is None and test.force is not None and run is not None and test.level.spread is None:
+        control = recognise_control(np.abs(force), np.abs(displacement), run)
+    if run is None and control == "response":
+        run = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
+    if test.level.spread is not None:
+        level = group_levels(np.abs(force), test.level.spread)
+    elif run is None:
+        level = group_runs(np.abs(force), frequency, block)
+    else:
+        level = run.astype(np.float64)
     findings = [finding for part in parts for finding in part.findings]
+    if control == "response" and test.control is None:
+        findings.append(Finding("response-held", "info"))
     if test.force is None:
         findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
-    return ResponseSurface(
+    surface = ResponseSurface(
         level=level,
         frequency=frequency,
         force=force,
         response=displacement.astype(np.complex128),
         sweep=_directions(test.sweep, frequency, level, np.concatenate(marks) if marks else None, block),
         phase_known=test.phase_known,
+        control=control,
         findings=tuple(findings),
     )
+    if test.level.spread is not None or (run is None and not known):
+        return surface
+    return settle_levels(surface, test, known)
+
+
+def _levels_of_histories(
+    surface: ResponseSurface, test: MeasuredTest, histories: list[TimeHistory]
+) -> ResponseSurface:
+    """Say what was held, and settle the levels that the plan gives."""
+    surface = replace(surface, control=test.control or "force")
+    known = all(history.level is not None for history in histories)
+    return settle_levels(surface, test, known) if known else surface
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
@@ -188,6 +287,8 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
         surface = from_stepped_sine(histories, band=rule.band, **given)
     else:
         surface = from_free_decay(histories, mass=rule.mass, band=rule.band, **given)
+    if rule.excitation != "ring-down":
+        surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]
     return replace(surface, findings=(*records, *surface.findings))
 

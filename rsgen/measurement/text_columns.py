@@ -1,17 +1,19 @@
 """Numbers in columns of a text file: line by line, sizes first, every number checked, formulas are text.
 
-Only the columns asked for are read as numbers; others may hold dates and remarks. What is asked for must be
-a plain finite number in every row, or the file is refused with the line.
+Only the columns asked for are read as numbers; others may hold dates and remarks. A cell where a number is
+missing ("NA", "nan", nothing) is a NaN, a row of words (a header that repeats) is passed over and counted,
+and whatever else is no plain finite number refuses the file with the line.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import IO
 
@@ -24,8 +26,8 @@ from rsgen.measurement.data_files import file_label, open_regular
 from rsgen.measurement.plan import Layout
 
 __all__ = [
-    "Columns", "automatic_delimiter", "column_names", "number_in", "read_columns", "split_cells",
-    "text_lines",
+    "MISSING", "REMARKS", "Columns", "automatic_delimiter", "column_names", "is_of_words", "number_in",
+    "open_text", "read_columns", "split_cells", "text_lines",
 ]  # fmt: skip
 
 MAX_BYTES = 256 * 2**20
@@ -35,8 +37,20 @@ MAX_COLUMNS = 10_000
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 # without letters but e, and without underscores, float() accepts just what _NUMBER does
 _PLAIN = re.compile(r"[0-9eE+\-.,;|\s]*\Z", re.ASCII)
-_NONFINITE = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
+MISSING = re.compile(
+    r"(?:[+-]?(?:nan|inf|infinity)|#?n/?a|n\.\s?a\.|null|none|missing|[-\u2013\u2014]{1,3}|\?|)\Z",
+    re.IGNORECASE,
+)
+"""What instruments and programs write in place of a number that is missing."""
+_WORD = re.compile(r"[^\W\d_]")
+"""A cell that begins with a letter is a word; "12a4", "1,5" and "=A1" are numbers gone wrong."""
+REMARKS = "comment"
+"""Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _FORMULA = ("=", "+", "-", "@")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""How a text of two bytes a sign begins."""
+_MAX_UTF_16_BYTES = 64 * 2**20
+"""Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,16 +60,22 @@ class Columns:
     Parameters
     ----------
     values
-        (n, c) numbers, one column each column asked for, in that order.
+        (n, c) numbers, one column each column asked for, in that order; NaN where one is missing.
     line
         (n,) line of each row in the file, from 1.
     block
-        (n,) number of the block of each row; blank and comment lines separate blocks.
+        (n,) number of the block of each row; blank lines, comments and rows of words separate blocks.
+    names
+        What the header calls the columns asked for; "" where it does not say.
+    words
+        Lines among the numbers that hold words only, as a header that repeats; they are passed over.
     """
 
     values: NDArray[np.float64]
     line: NDArray[np.int64]
     block: NDArray[np.int64]
+    names: tuple[str, ...] = ()
+    words: tuple[int, ...] = ()
 
 
 def split_cells(text: str, delimiter: str | None) -> list[str]:
@@ -77,6 +97,21 @@ def number_in(cell: str, decimal: str) -> float | None:
     return float(cell) if _NUMBER.match(cell) else None
 
 
+def is_of_words(cells: Sequence[str], decimal: str) -> bool:
+    """Whether a row holds words and no number: a header, units, a remark.
+
+    Examples
+    --------
+    >>> is_of_words(["f", "F1", ""], "."), is_of_words(["NA", "nan"], "."), is_of_words(["run", "3"], ".")
+    (True, False, False)
+    """
+    words = [cell for cell in cells if not MISSING.match(cell)]
+    return bool(words) and all(
+        (_WORD.match(cell) or not any(sign.isdigit() for sign in cell)) and number_in(cell, decimal) is None
+        for cell in words
+    )
+
+
 def column_names(line: str, comments: Sequence[str]) -> list[str] | None:
     """Give the names that a comment above the numbers may hold; None where the line is no comment."""
     sign = next((sign for sign in comments if line.startswith(sign)), None)
@@ -92,11 +127,14 @@ class _Table:
         self.wanted = wanted
         self.delimiter: str | None = None if layout.delimiter == "auto" else layout.delimiter
         self.width = 0
+        self.widths: tuple[int, ...] = ()
         self.places: list[int] = []
+        self.names: tuple[str, ...] = ()
         self.remark: list[str] = []
         self.values = array("d")
         self.lines = array("q")
         self.blocks = array("q")
+        self.words = array("q")
         self.block = 0
         self.separated = False
 
@@ -119,6 +157,10 @@ class _Table:
                     line, f"column name {show(name)} looks like a formula; a plain name is needed"
                 )
         self.places = [self.place(line, column, names) for column in self.wanted]
+        self.names = tuple(names[place] if names else "" for place in self.places)
+        self.widths = (self.width,)
+        if names and names[-1].casefold() == REMARKS and self.width - 1 not in self.places:
+            self.widths = (self.width, self.width - 1)
         if not header:
             self.row(line, text)
 
@@ -138,9 +180,14 @@ class _Table:
     def row(self, line: int, text: str) -> None:
         values = self.quick(text)
         if values is None:
-            self.careful(line, text)
-        else:
-            self.values.extend(values)
+            values = self.careful(line, text)
+        if values is None:
+            # words before the first number are the header's, such as units below the names
+            if self.lines:
+                self.words.append(line)
+            self.separated = True
+            return
+        self.values.extend(values)
         if self.separated and self.lines:
             self.block += 1
         self.separated = False
@@ -158,7 +205,7 @@ class _Table:
                 return None
             text = text.replace(",", ".")
         cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
-        if len(cells) != self.width:
+        if len(cells) not in self.widths:
             return None
         try:
             values = [float(cells[place]) for place in self.places]
@@ -166,24 +213,23 @@ class _Table:
             return None
         return values if all(map(isfinite, values)) else None
 
-    def careful(self, line: int, text: str) -> None:
-        """Read a line cell by cell and say what is wrong with the first faulty one."""
+    def careful(self, line: int, text: str) -> list[float] | None:
+        """Read a line cell by cell, say what is wrong with the first faulty one; None for a row of words."""
         cells = split_cells(text, self.delimiter)
-        if len(cells) != self.width:
+        if is_of_words(cells, self.layout.decimal):
+            return None
+        if len(cells) not in self.widths:
             raise self.fail(line, f"{len(cells)} values; every line must have {self.width}, as the first")
-        for place in self.places:
-            value = number_in(cells[place], self.layout.decimal)
-            if value is None:
-                raise self.fail(line, f"column {place + 1}: {self.reason(cells[place])}")
-            if not isfinite(value):
-                raise self.fail(line, f"column {place + 1}: {show(cells[place])} is too large for a number")
-            self.values.append(value)
+        numbers = [number_in(cells[place], self.layout.decimal) for place in self.places]
+        for place, value in zip(self.places, numbers, strict=True):
+            cell = cells[place]
+            if value is None and not (MISSING.match(cell) or _WORD.match(cell)):
+                raise self.fail(line, f"column {place + 1}: {self.reason(cell)}")
+            if value is not None and not isfinite(value):
+                raise self.fail(line, f"column {place + 1}: {show(cell)} is too large for a number")
+        return [nan if value is None else value for value in numbers]
 
     def reason(self, cell: str) -> str:
-        if not cell:
-            return "is empty; give a number, or take the row out"
-        if _NONFINITE.match(cell):
-            return f"{show(cell)} is not finite; give a number, or take the row out"
         if self.layout.decimal == "." and "," in cell:
             return f"{show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
         return f"{show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
@@ -211,10 +257,47 @@ def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
     return None
 
 
+class _Rewritten(io.BytesIO):
+    """A text that came in two bytes a sign, as UTF-8; its bytes are hashed already."""
+
+
+def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
+    """Open a text; one of two bytes a sign (UTF-16 with its mark) is hashed and given as UTF-8.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large, or no legal UTF-16.
+    """
+    name = file_label(path)
+    file = open_regular(path, MAX_BYTES)
+    try:
+        if not file.read(2).startswith(_UTF_16):
+            file.seek(0)
+            return file
+        file.seek(0)
+        raw = file.read(_MAX_UTF_16_BYTES + 1)
+    except OSError as fault:
+        file.close()
+        raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
+    file.close()
+    if len(raw) > _MAX_UTF_16_BYTES:
+        raise MeasurementError(
+            f"{name}: more than {_MAX_UTF_16_BYTES} bytes of UTF-16; save the file as UTF-8"
+        )
+    digest.update(raw)
+    try:
+        return _Rewritten(raw.decode("utf-16").encode("utf-8"))
+    except UnicodeError as fault:
+        raise MeasurementError(f"{name}: line 1: is no legal UTF-16; save the file as UTF-8") from fault
+
+
 def text_lines(
     file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool, encoding: str = "auto"
 ) -> Iterator[tuple[int, str]]:
     """Give number and text of each line, the bytes checked and hashed."""
+    rewritten = isinstance(file, _Rewritten)
+    encoding = "utf-8" if rewritten else encoding
     encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
     number = 0
     total = 0
@@ -223,10 +306,9 @@ def text_lines(
         total += len(raw)
         if len(raw) > MAX_LINE or total > MAX_BYTES:
             raise MeasurementError(f"{name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?")
-        digest.update(raw)
+        if not rewritten:
+            digest.update(raw)
         if number == 1:
-            if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-                raise MeasurementError(f"{name}: line 1: UTF-16; save the file as UTF-8")
             raw = raw.removeprefix(b"\xef\xbb\xbf")
         if b"\x00" in raw:
             raise MeasurementError(f"{name}: line {number}: contains a zero byte; a text file is needed")
@@ -251,7 +333,7 @@ def text_lines(
 def read_columns(
     path: Path, layout: Layout, wanted: Sequence[int | str], sha256: str | None = None
 ) -> Columns:
-    """Read columns of a text file as finite numbers.
+    """Read columns of a text file as numbers, NaN where one is missing.
 
     Parameters
     ----------
@@ -273,12 +355,13 @@ def read_columns(
     ------
     MeasurementError
         File missing, no regular file, too large, not text, cut off; a row with fewer or more cells than
-        the first; a wanted cell that is no finite number; a column that is not there; the hash differs.
+        the first; a wanted cell that is neither a number nor a word; a column that is not there; the hash
+        differs.
     """
     name = file_label(path)
     digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
-    with open_regular(path, MAX_BYTES) as file:
+    with open_text(path, digest) as file:
         try:
             for line, text in text_lines(file, name, digest, sha256 is not None, layout.encoding):
                 if line > layout.skip:
@@ -297,4 +380,6 @@ def read_columns(
         values=np.array(table.values).reshape(rows, len(wanted)),
         line=np.array(table.lines, dtype=np.int64),
         block=np.array(table.blocks, dtype=np.int64),
+        names=table.names,
+        words=tuple(table.words),
     )

@@ -15,8 +15,8 @@ from rsgen.errors import MeasurementError
 from rsgen.measurement.plan import Layout
 
 __all__ = [
-    "LARGEST_BYTES", "MAX_NODES", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe", "facts",
-    "is_wanted", "largest_bytes",
+    "LARGEST_BYTES", "MAX_NODES", "TEXT", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe",
+    "facts", "is_wanted", "largest_bytes",
 ]  # fmt: skip
 
 LARGEST_BYTES = 2**30
@@ -26,6 +26,9 @@ MAX_NODES = 50_000
 _SMALL_BYTES = 32 * 2**20
 _EXPANSION = 20
 """A file may unpack to this multiple of its size: measurements hardly compress, bombs do a thousandfold."""
+TEXT = "text"
+"""Kind of a node that holds a text; its remark is the text."""
+_LONGEST_TEXT = 60
 _KINDS = "fiubc"
 FIRST = 4
 """Values shown of each array."""
@@ -58,7 +61,7 @@ class Node(_Array):
     path
         Names from the root, with / between.
     shape, dtype
-        As the file declares them; ``dtype`` is "" where it is no array of numbers.
+        As the file declares them; ``dtype`` is "" or TEXT where it is no array of numbers.
     unit, remark
         What the file says about it.
     unit_source
@@ -70,6 +73,17 @@ class Node(_Array):
     """
 
     load: Callable[[], NDArray[Any]] = _unread
+
+    @classmethod
+    def text(cls, path: str, content: str, shape: tuple[int, ...] = ()) -> Node:
+        """Make a node of a short text, such as a unit, which is shown and not read."""
+        return cls(
+            path=path,
+            shape=shape,
+            dtype=TEXT,
+            remark=content[:_LONGEST_TEXT],
+            fault="is a text; numbers are needed",
+        )
 
     @classmethod
     def refused(cls, path: str, reason: str, shape: tuple[int, ...] = (), remark: str = "") -> Node:
@@ -124,6 +138,8 @@ class Contents:
         How a text is laid out; None for other formats.
     sha256
         Of a text whose last line has no end, which is read only where its hash is given; else None.
+    remark
+        What a reader of the file passes over; "" where nothing is.
     """
 
     file: Path
@@ -131,6 +147,7 @@ class Contents:
     entries: tuple[Entry, ...]
     layout: Layout | None = None
     sha256: str | None = None
+    remark: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +210,11 @@ def facts(values: NDArray[Any]) -> dict[str, Any]:
         return known
     finite = np.isfinite(flat)
     if not finite.all():
-        return known | {"remark": f"{int((~finite).sum())} of {len(flat)} are not finite"}
+        # rows with gaps are left out when the file is read
+        known["remark"] = f"{int((~finite).sum())} of {len(flat)} are not finite"
+        flat = flat[finite]
+        if not flat.size:
+            return known
     known |= {"low": float(flat.min()), "high": float(flat.max()), "distinct": _distinct(flat)}
     if len(flat) > 1:
         steps = np.diff(flat.astype(np.float64, copy=False))

@@ -76,6 +76,9 @@ class HeldOutLevel:
         Largest |predicted - measured| over the largest |measured| [1].
     missing
         How many points have no predicted steady state near the measured one.
+    force
+        Measured force near the resonance [N], for which the curve of the level is predicted; NaN where the
+        test held the amplitude.
     """
 
     level: float
@@ -87,6 +90,7 @@ class HeldOutLevel:
     largest_error: float
     missing: int
     level_unit: str = "N"
+    force: float = nan
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", frozen_array(self.frequency))

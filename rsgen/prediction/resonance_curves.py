@@ -16,7 +16,7 @@ from rsgen.oscillator import Oscillator
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.known_oscillator import as_identification
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["predict"]
 
@@ -56,7 +56,8 @@ def predict(
     found
         An identification, whose refined estimate is used, or an oscillator.
     levels
-        [N]; None: those that took part in the identification, and the held-out ones.
+        [N]; None: the forces measured near the resonances at the levels that took part in the identification
+        and, with a surface, at the held-out ones.
     surface
         Where the held-out levels were measured; None: no score.
     band
@@ -77,7 +78,7 @@ def predict(
     require(found, (Identification, Oscillator), "found")
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-    chosen = _levels(found, levels)
+    chosen = _levels(found, levels, surface)
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)
@@ -92,7 +93,11 @@ def predict(
     return Prediction(curves, held_out, tested, _findings(tested, curves, held_out))
 
 
-def _levels(found: Identification | Oscillator, levels: float | Sequence[float] | None) -> list[float]:
+def _levels(
+    found: Identification | Oscillator,
+    levels: float | Sequence[float] | None,
+    surface: ResponseSurface | None,
+) -> list[float]:
     if levels is not None:
         try:
             chosen = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
@@ -102,15 +107,23 @@ def _levels(found: Identification | Oscillator, levels: float | Sequence[float] 
             raise RsgenError("levels: none given; leave them out for those of the test")
     elif isinstance(found, Oscillator):
         raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
-    elif found.curve.level_unit == "N":
-        chosen = sorted({*map(float, found.levels), *found.model.observation.hold_out})
     else:
-        # levels that were held out of a test at constant amplitude are amplitudes
-        chosen = sorted(map(float, found.levels))
+        chosen = sorted({*map(float, found.levels), *_held_out_forces(found, surface)})
     for level in chosen:
         if not (isfinite(level) and level > 0):
             raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")
     return chosen
+
+
+def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
+    """Forces [N] at which held-out levels were tested; of a test at constant amplitude there are none."""
+    if found.curve.level_unit != "N":
+        return []
+    if surface is None:
+        return list(found.model.observation.hold_out)
+    held = np.unique(surface.level[held_out_mask(surface, found.model)])
+    forces = typical_amounts(surface)[np.isin(surface.levels, held)]
+    return [float(force) for force in forces if isfinite(force)]
 
 
 def _checked(band: tuple[float, float]) -> tuple[float, float]:
@@ -235,6 +248,7 @@ def _score(
         & (np.abs(surface.force) > 0)
     )
     scored = []
+    forces = typical_amounts(surface) if surface.control == "force" else np.full(len(surface.levels), nan)
     for level in np.unique(surface.level[chosen]):
         for sweep in np.unique(surface.sweep[chosen & (surface.level == level)]):
             rows = np.flatnonzero(chosen & (surface.level == level) & (surface.sweep == sweep))
@@ -257,6 +271,7 @@ def _score(
                     error=error,
                     largest_error=largest,
                     level_unit=surface.level_unit,
+                    force=float(forces[surface.levels == level][0]),
                     missing=len(rows) - int(np.count_nonzero(miss <= _NEAR * np.abs(measured))),
                 )
             )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rsgen import kernel
 from rsgen.case import Case
 from rsgen.comparison import Comparison, compare
@@ -27,6 +29,7 @@ from rsgen.figures import (
     draw_time_history,
 )
 from rsgen.identification import Identification
+from rsgen.identification.data import held_out_mask
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.report.index import write_index
@@ -37,7 +40,7 @@ from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
-from rsgen.surface import ResponseSurface, save_surface
+from rsgen.surface import ResponseSurface, save_surface, typical_amounts
 
 __all__ = ["draw_all", "write_index", "write_report"]
 
@@ -204,8 +207,11 @@ def _write_files(
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
-    """Choose the force levels [N] to predict: tested and held-out ones."""
+    """Choose the forces [N] to predict: those measured near the resonances of tested and held-out levels."""
     if surface.control == "response":
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
-    return sorted({*choose_levels(surface, 5), *identification.model.observation.hold_out})
+    held_out = surface.level[held_out_mask(surface, identification.model)]
+    chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
+    forces = typical_amounts(surface)[chosen]
+    return sorted({float(force) for force in forces if np.isfinite(force)})

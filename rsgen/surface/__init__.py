@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from rsgen.surface.amounts import match_level, typical_amounts
 from rsgen.surface.directions import recognise_directions
 from rsgen.surface.response_surface import OUTCOMES, ResponseSurface
 from rsgen.surface.surface_file import load_surface, save_surface
 
-__all__ = ["OUTCOMES", "ResponseSurface", "load_surface", "recognise_directions", "save_surface"]
+__all__ = [
+    "OUTCOMES",
+    "ResponseSurface",
+    "load_surface",
+    "match_level",
+    "recognise_directions",
+    "save_surface",
+    "typical_amounts",
+]

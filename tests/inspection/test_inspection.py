@@ -254,9 +254,14 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, run_cli: Callable[..
     contents = list_contents(path)
     assert contents.layout is not None
     assert contents.layout.skip == 0
-    assert [entry.shape for entry in contents.entries] == [(30,), (30,), (), (30,), ()]
+    assert [entry.shape for entry in contents.entries] == [(30,)] * 5
     shown = run_cli("inspect", path).out
-    assert "a.csv: line 9: column 3: 'NaN' is not finite; give a number, or take the row out\n" in shown
+    assert "(1 of 30 are not finite)\n" in shown
+    case = tmp_path / "a.toml"
+    assert run_cli("init", "--from", path, case).code == 0
+    checked = run_cli("check", case).out
+    assert "29 measured points" in checked
+    assert "a.csv: 1 of 30 rows has no number where one is needed, left out; the first is line 9" in checked
 
 
 def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsgen.finding import Finding
-from rsgen.report.wording.sentences import say_plainly, says
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(
     {
@@ -47,8 +47,60 @@ say_plainly(
             "{file}: {column} was read in {assumed}; the file says {unit}, which is another dimension: name "
             "the unit and the factor in the case"
         ),
+        "frequency-angular": (
+            "{file}: {column} was read in Hz, but its name says an angular frequency in rad/s; masses would "
+            "be off by a factor of 39"
+        ),
+        "levels-are-labels": (
+            "the levels {labels} are labels, not amounts of what was measured; in their order they are "
+            "called {amounts}, as measured near the resonance"
+        ),
+        "levels-disagree": (
+            "the levels are said to be {labels} {unit}, but {amounts} were measured; they are called by what "
+            "was measured"
+        ),
+        "levels-swapped": (
+            "the level of {low:.3q} was driven harder than that of {high:.3q}: measured {low_measured:.3q} "
+            "and {high_measured:.3q}"
+        ),
+        "response-held": (
+            "within each run the amplitude of the response stays and the force moves, so the response was "
+            'held; control = "force" under [test] would say otherwise'
+        ),
+        "response-not-held": (
+            "the response is said to be held within a level, but it moves by {moved:.0%} at {level:.3q}"
+        ),
     }
 )
+NEXT_STEPS.update(
+    {
+        "frequency-angular": 'Write unit = "rad/s" under [test.frequency], or unit = "Hz" where it is in Hz.',
+        "levels-disagree": (
+            'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
+            "a wrong unit or factor of the level or of what was measured."
+        ),
+        "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
+        "response-not-held": 'Leave out control = "response" if the test held the force.',
+    }
+)
+
+
+@says("rows-of-words")
+def _(found: Finding) -> str:
+    rows = "a row" if found["rows"] == 1 else f"{found['rows']:.0f} rows"
+    return (
+        f"{found.names['file']}: {rows} of words among the numbers, as a header that repeats, passed over; "
+        f"the first is line {found['line']:.0f}"
+    )
+
+
+@says("rows-without-number")
+def _(found: Finding) -> str:
+    have = "has" if found["rows"] == 1 else "have"
+    return (
+        f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows {have} no number where one "
+        f"is needed, left out; the first is {found.names['first']}"
+    )
 
 
 @says("response-stands-still")

@@ -1,0 +1,172 @@
+"""Levels of measured tests: an entry or a run each, labels that are no amounts, held responses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.surface import ResponseSurface, match_level, typical_amounts
+
+FREQUENCY = np.linspace(8, 12, 41)
+MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
+HELD = np.linspace(1e-3, 12e-3, 8)
+
+
+def force_at(size: Any, frequency: Any) -> Any:
+    """Force [N] that holds an amplitude [m]; to first order."""
+    omega = 2 * np.pi * np.asarray(frequency)
+    return size * (STIFFNESS + 0.75 * CUBIC * size**2 - MASS * omega**2 + 1j * omega * DAMPING)
+
+
+def held_runs(path: Path, **more: Any) -> Path:
+    """Write eight runs of which each held the amplitude, as structs; ``more`` are columns a run."""
+    run = np.empty((1, len(HELD)), dtype=[(name, "O") for name in ("f", "F", "X", *more)])
+    for place, size in enumerate(HELD):
+        run[0, place]["f"], run[0, place]["F"] = FREQUENCY, force_at(size, FREQUENCY)
+        run[0, place]["X"] = size * np.exp(1e-3j * np.arange(41))
+        for name, values in more.items():
+            run[0, place][name] = float(values[place])
+    scipy.io.savemat(path, {"run": run})
+    return path
+
+
+def of_runs(path: Path, **more: Any) -> MeasuredTest:
+    force = Signal(complex="run/*/F", phase_sense="lead")
+    return MeasuredTest(path, "run/*/f", force, Signal(complex="run/*/X"), "displacement", **more)
+
+
+def of_files(tmp_path: Path, forces: dict[str, Any], **more: Any) -> MeasuredTest:
+    """Write a file a run, with the force over frequency that is given, and plan to read them."""
+    paths = []
+    for name, force in forces.items():
+        size = np.abs(force) / 1e4
+        rows = np.stack(
+            [FREQUENCY, np.broadcast_to(force, FREQUENCY.shape), np.broadcast_to(size, FREQUENCY.shape)]
+        )
+        paths.append(tmp_path / name)
+        lines = "".join(f"{f:.6g},{p:.9g},{x:.9g}\n" for f, p, x in rows.T)
+        paths[-1].write_text("f,F,X\n" + lines, encoding="utf-8")
+    signals = Signal(amplitude="F"), Signal(amplitude="X")
+    return MeasuredTest(tuple(paths), "f", *signals, "displacement", phase_known=False, **more)
+
+
+def codes(surface: ResponseSurface) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in surface.findings}
+
+
+def test_each_entry_is_a_level(tmp_path: Path) -> None:
+    """Eight runs at held amplitudes were grouped by like force into 25 levels."""
+    path = held_runs(tmp_path / "a.mat")
+    surface = read_measurement(of_runs(path))
+    assert surface.control == "response"
+    np.testing.assert_allclose(surface.levels, HELD, rtol=5e-3)
+    assert [int(np.count_nonzero(surface.level == level)) for level in surface.levels] == [41] * 8
+    assert codes(surface)["response-held"] == "info"
+    assert len(read_measurement(of_runs(path, control="force")).levels) == 8
+    assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
+
+
+def test_a_held_response_is_declared_with_its_unit(tmp_path: Path) -> None:
+    path = held_runs(tmp_path / "a.mat", level=HELD * 1e3)
+    rule = LevelRule(column="run/*/level", unit="mm")
+    surface = read_measurement(of_runs(path, control="response", level=rule))
+    assert (surface.control, surface.level_unit) == ("response", "m")
+    np.testing.assert_allclose(surface.levels, HELD, rtol=1e-12)
+    assert codes(surface) == {}
+
+
+def test_a_force_that_was_held_is_no_held_response(tmp_path: Path) -> None:
+    forces = {f"{level}.csv": level * (1 + 0.5 * np.sin(FREQUENCY)) for level in (1, 3)}
+    surface = read_measurement(
+        of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
+    )
+    assert codes(surface)["response-not-held"] == "doubt"
+
+
+def test_labels_are_called_by_what_was_measured(tmp_path: Path) -> None:
+    """ "Level4" in a file's name stood for 4 N beside a measured force of 58 N."""
+    forces = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="Level{level}.csv")))
+    assert surface.levels.tolist() == [4.8, 28.8, 58.0]
+    assert codes(surface) == {"levels-are-labels": "info"}
+    said = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1, 3, 4))))
+    assert said.levels.tolist() == [4.8, 28.8, 58.0]
+    assert codes(said) == {"levels-disagree": "doubt"}
+    rule = LevelRule(values=(1, 3, 4), unit="label")
+    assert codes(read_measurement(of_files(tmp_path, forces, level=rule))) == {"levels-are-labels": "info"}
+
+
+def test_nominal_levels_stay_where_the_force_falls_at_the_resonance(tmp_path: Path) -> None:
+    dip = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
+    forces = {f"{level}N.csv": level * dip for level in (2, 5)}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}N.csv")))
+    assert surface.levels.tolist() == [2, 5]
+    assert codes(surface) == {}
+
+
+def test_a_unit_behind_the_number_in_a_name_is_the_unit_of_the_level(tmp_path: Path) -> None:
+    forces = {"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="a_{level}mN.csv")))
+    np.testing.assert_allclose(surface.levels, [0.3, 0.5])
+    assert codes(surface) == {}
+
+
+def test_swapped_levels_are_doubted(tmp_path: Path) -> None:
+    forces = {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1.0, 1.5, 2.0))))
+    assert codes(surface) == {"levels-swapped": "doubt"}
+
+
+def test_a_run_is_a_level_though_its_force_falls(tmp_path: Path) -> None:
+    """Points of one run were dealt out to levels by like force where it fell in steps."""
+    steps = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
+    surface = read_measurement(of_files(tmp_path, {"a.csv": 2 * steps, "b.csv": 5 * steps}))
+    np.testing.assert_allclose(surface.levels, [2, 5])
+
+
+def test_levels_side_by_side_are_grouped_by_force(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{f:.4g},{force},{force * 1e-3}" for f in FREQUENCY for force in (1.0, 3.0)]
+    path.write_text("\n".join(["f,F,X", *rows, ""]), encoding="utf-8")
+    test = MeasuredTest(
+        path, "f", Signal(amplitude="F"), Signal(amplitude="X"), "displacement", phase_known=False
+    )
+    assert read_measurement(test).levels.tolist() == [1, 3]
+
+
+def test_labels_cannot_stand_for_a_force() -> None:
+    rule = LevelRule(values=(1, 3), unit="label")
+    with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
+        MeasuredTest((Path("a"), Path("b")), 1, None, Signal(amplitude=2), "displacement", level=rule)
+
+
+def test_typical_force_is_that_near_the_resonance() -> None:
+    force = np.where(np.abs(FREQUENCY - 10) < 0.8, 2.5, 5.0)
+    response = force / (
+        STIFFNESS - MASS * (2 * np.pi * FREQUENCY) ** 2 + 1j * 2 * np.pi * FREQUENCY * DAMPING
+    )
+    surface = ResponseSurface(5.0, FREQUENCY, force, response)
+    assert typical_amounts(surface).tolist() == [2.5]
+
+
+@pytest.mark.parametrize(
+    ("levels", "asked", "meant"),
+    [
+        ([2.38636e-09 * (1 + 1.9e-6), 5e-9], 2.38636e-09, 0),
+        ([3.4217, 5.0], 3.42, 0),
+        ([3.4217, 3.4229], 3.42, None),
+        ([3.42, 3.4229], 3.42, 0),
+        ([2.6, 5.0], 3.0, None),
+        ([58.2134, 28.8], 58.2, 0),
+    ],
+)
+def test_a_level_is_found_by_the_digits_that_are_printed(
+    levels: list[float], asked: float, meant: int | None
+) -> None:
+    assert match_level(np.array(levels), asked) == (None if meant is None else levels[meant])

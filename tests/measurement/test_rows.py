@@ -1,0 +1,111 @@
+"""Rows of data files that are no numbers: left out, counted and said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement import Layout, MeasuredTest, Signal, read_measurement
+from rsgen.measurement.text_columns import read_columns
+from rsgen.surface import ResponseSurface
+
+
+def read(path: Path, frequency: int | str = "f", **more: Any) -> ResponseSurface:
+    signals = Signal(amplitude="F"), Signal(amplitude="x")
+    return read_measurement(
+        MeasuredTest(path, frequency, *signals, "displacement", phase_known=False, **more)
+    )
+
+
+def rows_found(surface: ResponseSurface) -> dict[str, dict[str, float]]:
+    return {
+        finding.code: {name: number.value for name, number in finding.numbers.items()}
+        for finding in surface.findings
+    }
+
+
+def text(path: Path, lines: str) -> Path:
+    path.write_text(lines, encoding="utf-8")
+    return path
+
+
+def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path: Path) -> None:
+    path = text(tmp_path / "a.csv", "f,F,x\n1,1,2\n2,1,3\nf,F,x\n1,5,2\n2,5,3\n--- end, by hand\n")
+    surface = read(path)
+    assert surface.frequency.tolist() == [1, 2, 1, 2]
+    assert surface.levels.tolist() == [1, 5]
+    assert rows_found(surface) == {"rows-of-words": {"rows": 2, "line": 4}}
+
+
+@pytest.mark.parametrize("gap", ["NA", "nan", "", "n/a", "-", "overload", "#N/A", "-inf"])
+def test_rows_with_gaps_are_left_out_and_counted(tmp_path: Path, gap: str) -> None:
+    path = text(tmp_path / "a.csv", f"f,F,x\n1,1,2\n2,1,{gap}\n3,{gap},{gap}\n4,1,2\n")
+    surface = read(path)
+    assert surface.frequency.tolist() == [1, 4]
+    assert rows_found(surface) == {"rows-without-number": {"rows": 2, "all": 4}}
+    assert surface.findings[0].names == {"file": "a.csv", "first": "line 3"}
+
+
+@pytest.mark.parametrize("cell", ["1,5", "12a4", "=A1", "1_0", "12:30"])
+def test_a_number_gone_wrong_still_refuses_the_file(tmp_path: Path, cell: str) -> None:
+    path = text(tmp_path / "a.csv", f"f;F;x\n1;1;2\n2;1;{cell}\n")
+    with pytest.raises(MeasurementError, match=r"line 3: column 3: .* is no number"):
+        read_columns(path, Layout(delimiter=";"), ["f", "x"])
+
+
+def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path: Path) -> None:
+    force, response = tmp_path / "a.npz", tmp_path / "b.npz"
+    np.savez(force, f=[1.0, 2.0, np.nan, 4.0], F=[1.0, 1.0, 1.0, 1.0])
+    np.savez(response, x=[1.0, np.nan, 1.0, 5.0])
+    surface = read(force, response_files=(response,))
+    assert surface.amplitude.tolist() == [1, 5]
+    assert rows_found(surface) == {"rows-without-number": {"rows": 2, "all": 4}}
+
+
+def test_utf_16_is_read_and_hashed_as_it_is(tmp_path: Path) -> None:
+    import hashlib
+
+    path = tmp_path / "a.csv"
+    for encoding in ("utf-16", "utf-16-be"):
+        content = "f,F,x\r\n1,1,2\r\n2,1,3"
+        path.write_bytes((content if encoding == "utf-16" else "\ufeff" + content).encode(encoding))
+        found = read_columns(path, Layout(), ["f", "x"], hashlib.sha256(path.read_bytes()).hexdigest())
+        assert found.values.tolist() == [[1, 2], [2, 3]]
+    path.write_bytes(b"\xff\xfe" + b"f\x00,\x00\xd8")
+    with pytest.raises(MeasurementError, match=r"a\.csv: line 1: is no legal UTF-16"):
+        read_columns(path, Layout(), ["f"])
+
+
+@pytest.mark.parametrize("title", ["Omega", "w", "omega [1/s]", "angular frequency"])
+def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path: Path, title: str) -> None:
+    path = text(tmp_path / "a.csv", f"{title},F,x\n1,1,2\n2,1,3\n")
+    for column in (title, 1):
+        surface = read(path, column)
+        assert [(found.code, found.severity) for found in surface.findings] == [
+            ("frequency-angular", "doubt")
+        ]
+    for unit, first in (("Hz", 1.0), ("rad/s", 1 / (2 * np.pi))):
+        surface = read(path, title, frequency_unit=unit)
+        assert surface.findings == ()
+        assert surface.frequency[0] == pytest.approx(first)
+
+
+def test_units_of_a_header_hold_where_the_case_says_none(tmp_path: Path) -> None:
+    path = text(tmp_path / "a.csv", "f_kHz,F_mN,x_mm\n1,2,3\n2,2,4\n")
+    signals = Signal(amplitude="F_mN"), Signal(amplitude="x_mm")
+    surface = read_measurement(MeasuredTest(path, "f_kHz", *signals, "displacement", phase_known=False))
+    assert surface.frequency[0] == 1000
+    assert (abs(surface.force[0]), surface.amplitude[0]) == pytest.approx((2e-3, 3e-3))
+    assert [found.code for found in surface.findings] == ["unit-of-file"] * 3
+
+
+def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path: Path) -> None:
+    path = text(tmp_path / "a.lvm", "X_Value\tF\tx\tComment\n0.0\t1\t2\n0.1\t1\t3\tknock\n")
+    assert read_columns(path, Layout(), ["X_Value", "x"]).values.tolist() == [[0, 2], [0.1, 3]]
+    ragged = text(tmp_path / "b.txt", "t\tF\tx\n0.0\t1\n")
+    with pytest.raises(MeasurementError, match="line 2: 2 values; every line must have 3"):
+        read_columns(ragged, Layout(), ["t"])
