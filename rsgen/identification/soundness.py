@@ -160,6 +160,9 @@ def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Fin
         reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
         low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
         high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
+        if not low < high:
+            # resonances outside the tested frequencies say nothing about the band
+            low, high = float(tested.min()), float(tested.max())
     numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
     return Finding("background-possible", "info", numbers=numbers)
 
