@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -64,7 +63,10 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
     if not isinstance(lost, Exception):
         raise lost
     text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
-    fault = f"{case.path.name}: its worker was lost, perhaps for want of memory; try again ({text})"
+    fault = (
+        f"{case.path.name}: its worker was lost, and a second one, perhaps for want of memory; try it alone "
+        f"with --jobs 1 ({text})"
+    )
     return CaseRun(case.path, case.path.stem, faults=(fault,))
 
 
@@ -78,9 +80,7 @@ def _spread(
     note: Callable[[Path, CaseRun], None],
 ) -> None:
     """Have all cases worked on, wherever the executor is; note each when it is finished."""
-    steps: SimpleQueue[Step] | None = None
-    if progress is not None and cluster is None:
-        steps = multiprocessing.get_context("spawn").SimpleQueue()
+    steps: list[SimpleQueue[Step]] | None = [] if progress is not None and cluster is None else None
     try:
         with cluster_workers(cluster) if cluster else local_workers(workers, steps) as executor:
             futures = {
@@ -89,8 +89,9 @@ def _spread(
             waiting = set(futures)
             while waiting:
                 done, waiting = wait(waiting, None if steps is None else _LISTEN_SECONDS, FIRST_COMPLETED)
-                while steps is not None and progress is not None and not steps.empty():
-                    progress(steps.get())
+                for queue in steps or ():
+                    while progress is not None and not queue.empty():
+                        progress(queue.get())
                 for future in done:
                     note(futures[future], _outcome(future, todo[futures[future]]))
     except BaseException:

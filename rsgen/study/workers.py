@@ -13,9 +13,12 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
@@ -32,6 +35,9 @@ __all__ = ["cluster_workers", "local_workers", "work"]
 _CONNECT_SECONDS = 20
 _CLEARING_SECONDS = 1.0
 """A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
+
+_TRIES = 2
+"""A case may have been the victim of another program's want of memory once, hardly twice."""
 
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -108,20 +114,84 @@ def _beginning(share: int) -> Iterator[None]:
             del os.environ[name]
 
 
-class _Processes(ProcessPoolExecutor):
-    """Processes that begin, at a ``submit``, with a share of the processors."""
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A call, the future that its submitter has, and how many workers it has cost."""
 
-    def __init__(self, share: int, *settings: Any, **more: Any) -> None:
-        super().__init__(*settings, **more)
-        self._share = share
+    future: Future[Any]
+    call: Callable[[], Any]
+    lost: int = 0
+
+
+class _Processes(Executor):
+    """Processes of this machine, each a pool of its own, so that one that dies takes no other case along.
+
+    A call whose process dies is tried once more; then its future has the exception.
+
+    Parameters
+    ----------
+    number
+        Processes at a time.
+    begin
+        Makes a pool of one process.
+    """
+
+    def __init__(self, number: int, begin: Callable[[], ProcessPoolExecutor]) -> None:
+        self._begin = begin
+        self._idle: list[ProcessPoolExecutor | None] = [None] * number
+        self._busy: set[ProcessPoolExecutor] = set()
+        self._waiting: deque[_Task] = deque()
+        self._closed = False
+        self._lock = threading.RLock()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with _beginning(self._share):
-            return super().submit(fn, *args, **kwargs)
+        task = _Task(Future(), partial(fn, *args, **kwargs))
+        self._waiting.append(task)
+        self._next()
+        return task.future
+
+    def _next(self) -> None:
+        with self._lock:
+            while self._idle and self._waiting and not self._closed:
+                pool, task = self._idle.pop() or self._begin(), self._waiting.popleft()
+                self._busy.add(pool)
+                pool.submit(task.call).add_done_callback(partial(self._done, pool, task))
+
+    def _done(self, pool: ProcessPoolExecutor, task: _Task, inner: Future[Any]) -> None:
+        """Pass on what became of a call; it runs in a thread of the pool."""
+        lost = isinstance(inner.exception(), BrokenExecutor)
+        with self._lock:
+            self._busy.discard(pool)
+            self._idle.append(None if lost else pool)
+            again = lost and task.lost < _TRIES - 1 and not self._closed
+            if again:
+                self._waiting.appendleft(replace(task, lost=task.lost + 1))
+        if lost:
+            pool.shutdown(wait=False)
+        if not again:
+            fault = inner.exception()
+            if fault is None:
+                task.future.set_result(inner.result())
+            else:
+                task.future.set_exception(fault)
+        self._next()
+
+    def close(self) -> None:
+        """Begin nothing any more, so that no worker that is ended from here on is replaced."""
+        with self._lock:
+            self._closed = True
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        if cancel_futures:
+            self.close()
+        with self._lock:
+            pools = [*self._busy, *(pool for pool in self._idle if pool is not None)]
+        for pool in pools:
+            pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
 @contextmanager
-def local_workers(number: int, steps: SimpleQueue[Step] | None) -> Iterator[Executor]:
+def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Executor]:
     """Give processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
 
     Parameters
@@ -129,19 +199,32 @@ def local_workers(number: int, steps: SimpleQueue[Step] | None) -> Iterator[Exec
     number
         Processes at a time.
     steps
-        Gets how far each case has come; None where nobody listens.
+        Gets a queue from each process, in which that reports how far its case has come; None where nobody
+        listens. A queue that all shared would stay locked by a process that is killed while it writes.
     """
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
     share = max(1, (os.cpu_count() or 1) // number)
-    executor = _Processes(
-        share, number, mp_context=context, initializer=_prepare_worker, initargs=(theirs, steps)
-    )
+
+    def begin() -> ProcessPoolExecutor:
+        queue: SimpleQueue[Step] | None = None if steps is None else context.SimpleQueue()
+        if steps is not None and queue is not None:
+            steps.append(queue)
+        pool = ProcessPoolExecutor(
+            1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue)
+        )
+        with _beginning(share):
+            # the first call begins the process
+            pool.submit(os.getpid)
+        return pool
+
+    executor = _Processes(number, begin)
     try:
         yield executor
     except BaseException:
+        executor.close()
         ours.close()
-        executor.shutdown(cancel_futures=True)
+        executor.shutdown()
         raise
     executor.shutdown()
     ours.close()

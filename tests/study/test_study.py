@@ -452,24 +452,34 @@ def test_killing_the_command_keeps_the_earlier_result(
     assert not list((tmp_path / "out").glob(".small*"))
 
 
-@posix
-@pytest.mark.slow
-def test_a_lost_worker_is_a_fault_of_its_case(tmp_path: Path) -> None:
-    """One of two processes is killed, as for want of memory, when its case has begun."""
-    paths = [write_case(tmp_path, name) for name in ("one", "two")]
+def _kill_workers(out: Path, name: str, times: int) -> tuple[Callable[[Step], None], list[int]]:
+    """Give what kills the worker of a case, as for want of memory, when the case has begun."""
     killed: list[int] = []
 
     def kill(step: Step) -> None:
-        for folder in (tmp_path / "out").glob(".*.part"):
-            if not killed:
-                killed.append(int(folder.name.split(".")[2]))
-                os.kill(killed[0], signal.SIGKILL)
+        for folder in out.glob(f".{name}.*.part"):
+            process = int(folder.name.split(".")[2])
+            if len(killed) < times and process not in killed:
+                killed.append(process)
+                os.kill(process, signal.SIGKILL)
 
-    runs = run_cases(paths, tmp_path / "out", workers=2, progress=kill)
-    assert len(killed) == 1
-    lost = [run for run in runs if run.passed is None]
-    assert lost
-    assert all("its worker was lost" in run.faults[0] for run in lost)
+    return kill, killed
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path, times: int) -> None:
+    names = ("one", "two", "three", "four")
+    paths = [write_case(tmp_path, name) for name in names]
+    kill, killed = _kill_workers(tmp_path / "out", "two", times)
+    runs = {run.name: run for run in run_cases(paths, tmp_path / "out", workers=2, progress=kill)}
+    assert len(killed) == times
+    lost = [name for name in names if runs[name].passed is None]
+    # tried once more, and then reported
+    assert lost == ["two"][: times - 1]
+    assert all("its worker was lost, and a second one" in runs[name].faults[0] for name in lost)
+    assert all(read_manifest(tmp_path / "out" / name) for name in names if name not in lost)
     recover(tmp_path / "out")
     assert not list((tmp_path / "out").glob(".*"))
 
