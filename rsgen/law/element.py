@@ -9,8 +9,9 @@ import sympy
 
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
-from rsgen.law.notation import latex
+from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
+from rsgen.text_table import TextTable
 
 __all__ = ["Element", "Law", "LawLike", "Parameter", "Range", "Search", "as_elements", "make_element"]
 
@@ -260,6 +261,16 @@ class Law(_Summand):
             )
         places = {symbol(old): symbol(check_name(new)) for old, new in renames.items()}
         return make_element(name or self.name or UNNAMED, self.force.xreplace(places))
+
+    def _repr_html_(self) -> str:
+        """Show the formula and, of a law of the library, what its parameters are."""
+        formula = f"<p>{mathml(sympy.Eq(sympy.Symbol('n'), self.force, evaluate=False))}</p>"
+        if not self.table:
+            return formula
+        rows = tuple((row.name, row.meaning, row.unit) for row in self.table)
+        notes = (self.source,) if self.source else ()
+        caption = ": ".join(filter(None, [self.name, self.title]))
+        return formula + TextTable(("parameter", "meaning", "unit"), rows, caption, notes).html()
 
     def __repr__(self) -> str:
         return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''})"

@@ -11,6 +11,7 @@ import numpy as np
 
 from rsgen.errors import RsgenError
 from rsgen.law.element import Law, Parameter, Range, Search
+from rsgen.text_table import TextTable
 
 __all__ = ["Library", "laws"]
 
@@ -241,6 +242,10 @@ class Library:
     def __repr__(self) -> str:
         width = max(map(len, _ROWS))
         return "\n".join(f"{name:<{width}}  {row.formula}" for name, row in _ROWS.items())
+
+    def _repr_html_(self) -> str:
+        rows = tuple((name, row.title, row.formula) for name, row in _ROWS.items())
+        return TextTable(("law", "what it is", "force"), rows).html()
 
 
 laws = Library()

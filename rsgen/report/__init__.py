@@ -13,7 +13,7 @@ import numpy as np
 from rsgen import kernel
 from rsgen.case import Case
 from rsgen.comparison import Comparison, compare
-from rsgen.errors import RsgenError
+from rsgen.errors import RsgenError, require
 from rsgen.figures import (
     Drawing,
     choose_levels,
@@ -32,6 +32,7 @@ from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
+from rsgen.ranking import Ranking
 from rsgen.report.index import write_index
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.notebook import known_results, write_notebook
@@ -85,7 +86,12 @@ class _Parts:
             "comparison": Comparison,
         }
         parts = {name: part for name, part in named.items() if part is not None}
+        given = [*given, *(parts.pop(name) for name in [*parts] if not isinstance(parts[name], kinds[name]))]
         for part in given:
+            if isinstance(part, Ranking):
+                raise RsgenError(
+                    "write_report: a Ranking is no result yet; give ranking.best, its best law identified"
+                )
             name = next((name for name, kind in kinds.items() if isinstance(part, kind)), None)
             if name is None or name in parts:
                 fault = "is none of them" if name is None else f"is a second {name}"
@@ -148,6 +154,7 @@ def write_report(
         Surface or identification are missing, a file cannot be written, or a cell of the notebook failed. The
         notebook comes last and is saved even then, so that all files are there.
     """
+    require(folder, (str, Path), "folder")
     named = {"case": case, "surface": surface, "identification": identification, "comparison": comparison}
     given = _Parts.of(parts, named)
     started = time.perf_counter()

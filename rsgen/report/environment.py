@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from functools import cache
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
-__all__ = ["TEMPLATES", "page_environment", "plain_text", "unbroken", "verbatim"]
+__all__ = ["TEMPLATES", "coded", "page_environment", "plain_text", "unbroken", "verbatim"]
 
 _MOST_CHARACTERS = 2000
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
@@ -49,6 +50,18 @@ def verbatim(text: str) -> Markup:
     return Markup(escape(plain_text(text.replace("\r\n", "\n"), most=200_000, keep="\n\t")))  # noqa: S704 - escaped
 
 
+def coded(text: str) -> Markup:
+    """Show what stands between backticks in a sentence of ours as code; all of it is escaped.
+
+    Examples
+    --------
+    >>> print(coded("try `rsgen rank <file>` & look"))
+    try <code>rsgen rank &lt;file&gt;</code> &amp; look
+    """
+    shown = str(escape(plain_text(text)))
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", shown))  # noqa: S704 - escaped
+
+
 def unbroken(text: str) -> str:
     """Keep a number, its power of ten and its unit on one line.
 
@@ -76,5 +89,5 @@ def page_environment() -> jinja2.Environment:
         keep_trailing_newline=True,
         finalize=_finalize,
     )
-    environment.filters.update(verbatim=verbatim, unbroken=unbroken)
+    environment.filters.update(verbatim=verbatim, unbroken=unbroken, coded=coded)
     return environment

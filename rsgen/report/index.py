@@ -170,5 +170,6 @@ def write_index(folder: Path | str) -> None:
     page = page_environment().get_template("index/index.html")
     counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
     counts = {state: count for state, count in counts.items() if count}
-    write_atomic(place / "index.html", page.render(cases=contexts, counts=counts, version=rsgen.__version__))
+    context = {"cases": contexts, "counts": counts, "marked": MARKED, "version": rsgen.__version__}
+    write_atomic(place / "index.html", page.render(context))
     write_atomic(place / "table1.md", table_of_results(entries))

@@ -121,6 +121,7 @@ def render_interactive(folder: str | Path) -> str:
     data = data.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     context = {
         "title": entry.result["title"],
+        "verdict": entry.verdict["headline"],
         "plotly": Markup(source.replace("</script", "<\\/script")),  # noqa: S704 - the package's own source
         "data": Markup(data),  # noqa: S704 - JSON without a "<"
         "version": rsgen.__version__,

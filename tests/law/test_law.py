@@ -118,3 +118,12 @@ def test_a_law_is_identified_however_it_is_given(way):
     identified = rsgen.identify(surface, way)
     for name, value in true.items():
         assert identified[name].value == pytest.approx(value, rel=1e-6)
+
+
+def test_laws_show_themselves_as_html() -> None:
+    spring = laws["cubic-spring"]._repr_html_()
+    assert spring.startswith("<p><math")
+    assert "hardening for k3 &gt; 0" in spring
+    assert "<td>cubic stiffness</td><td>N/m^3</td>" in spring
+    assert "<table>" not in Law("k*x")._repr_html_()
+    assert laws._repr_html_().count("<tr>") == 1 + len(laws)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rsgen.expression import parse
+from rsgen.finding import Finding
 from rsgen.report import draw_all, write_index
 from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.environment import plain_text
@@ -80,9 +82,19 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         text="\n".join(titles),
         warnings=titles,
     )
+    doubts = tuple(
+        Finding("law-does-not-fit", severity, numbers={"misfit": 0.3}) for severity in ("error", "doubt")
+    )
+    rejected = replace(identification, findings=doubts)
+    parts = (Subject.of_case(cubic_case(), rejected), surface, rejected, comparison, prediction, (), drawings)
+    text = render_page(*parts, {"Versions": "rsgen"})
+    (folder / "rejected.html").write_text(text, encoding="utf-8")
+    (folder / "results" / "rejected").mkdir()
+    result = result_text(build_result(*parts[:6], {"surface": 1.0}))
+    (folder / "results" / "rejected" / "result.json").write_text(result, encoding="utf-8")
     (folder / "bare.html").write_text(POLICY.sub("", hostile), encoding="utf-8")
     write_index(folder / "results")
-    places = (folder / "results" / "plain", folder / "results" / "hostile")
+    places = (folder / "results" / "plain", folder / "results" / "rejected")
     changes = render_difference(compare_results(*places), "before", titles[0])
     (folder / "difference.html").write_text(changes, encoding="utf-8")
     # describing functions wider than any phone, as those of laws with pieces are
@@ -98,11 +110,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         drawings,
     )
     (folder / "pieces.html").write_text(render_page(*parts, {"Versions": "rsgen"}), encoding="utf-8")
-    names = ("plain", "wide", "pieces", "hostile", "bare", "difference")
+    names = ("plain", "wide", "pieces", "hostile", "rejected", "bare", "difference")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}
 
 
-@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "bare", "difference", "index"])
+@pytest.mark.parametrize(
+    "name", ["plain", "wide", "pieces", "hostile", "rejected", "bare", "difference", "index"]
+)
 def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str) -> None:
     address = pages[name].as_uri()
 
@@ -139,7 +153,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 """
 
 
-@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "rejected", "difference", "index"])
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:

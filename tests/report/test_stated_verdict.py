@@ -17,6 +17,7 @@ from rsgen.finding import Finding
 from rsgen.identification import Identification
 from rsgen.report import draw_all
 from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
+from rsgen.report.environment import coded
 from rsgen.report.index import read_result, read_results, table_of_results, write_index
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
@@ -142,18 +143,19 @@ def test_a_rejected_page_marks_its_numbers() -> None:
     begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
     for finding in (ERROR, DOUBT):
         assert begin < text.index(full_sentence(finding)) < text.index("<table")
-        assert begin < text.index(next_step(finding)) < text.index("<table")
-    assert "<caption>Not to be used: True against identified values" in text
-    assert text.count("<caption>Not to be used: ") == text.count("<caption>") >= 3
-    assert text.count("<strong>Not to be used: </strong>") >= 5
+        assert begin < text.index(str(coded(next_step(finding)))) < text.index("<table")
+    assert '<caption><strong class="no">Not to be used: </strong>True against identified values' in text
+    marked = '<strong class="no">Not to be used: </strong>'
+    assert text.count(f"<caption>{marked}") == text.count("<caption>") >= 3
+    assert text.count(f"<figcaption>{marked}") >= 5
     assert "This is the estimate to use" not in text
     assert "the result is rejected" in text
 
 
 def test_a_doubtful_page_says_so_and_others_do_not() -> None:
     text = page_of(None, DOUBT)
-    assert 'class="verdict doubtful">Doubtful: look at' in text
-    assert "<caption>Doubtful: " in text
+    assert 'class="verdict doubtful">Doubtful: look before' in text
+    assert '<caption><strong class="no">Doubtful: </strong>' in text
     assert "Not to be used" not in text
     assert "This is the estimate to use" not in text
     for tolerance in (None, 1.0, 0.0):
@@ -237,7 +239,7 @@ def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
     assert verdict_change(difference) == "accepted -> doubtful (law-does-not-fit)"
     page = render_difference([difference], "a", "b")
     assert "accepted before, doubtful (law-does-not-fit) now." in page
-    assert next_step(DOUBT) in page
+    assert str(coded(next_step(DOUBT))) in page
     (data,) = difference_data([difference])
     assert [data["verdict"][side]["state"] for side in ("before", "after")] == ["accepted", "doubtful"]
     (back,) = compare_results(after, before)

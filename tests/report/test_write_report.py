@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,6 +13,7 @@ from rsgen.errors import RsgenError
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 SURFACE = cubic_surface()
+RANKING = rsgen.Ranking((), cubic_model(), fits=True, findings=(), noise=0.0, unexplained=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,10 @@ def test_a_title_is_shown_as_text(tmp_path: Path, found: rsgen.Identification) -
         ([SURFACE], "identification missing"),
         ([SURFACE, SURFACE], "a second surface"),
         ([SURFACE, "found"], "a str is none of them"),
+        (
+            [SURFACE, RANKING],
+            "a Ranking is no result yet; give ranking.best",
+        ),
     ],
 )
 def test_parts_that_make_no_report_are_named(tmp_path: Path, parts: list[object], said: str) -> None:
@@ -72,3 +78,11 @@ def test_a_case_brings_the_truth_when_no_comparison_is_given(
     assert one == other
     assert all(row["true"] is not None for row in one["parameters"])
     assert [path.name for path in written] == ["notebook.ipynb"] * 2
+
+
+def test_names_and_folders_of_another_kind_are_refused(found: rsgen.Identification) -> None:
+    wrong: Any = 5
+    with pytest.raises(RsgenError, match="folder: int; must be str or Path"):
+        rsgen.write_report(wrong, SURFACE, found)
+    with pytest.raises(RsgenError, match="a int is none of them"):
+        rsgen.write_report("never", SURFACE, identification=wrong)

@@ -99,8 +99,10 @@ def sentence(finding: Finding) -> str:
 
 
 def full_sentence(finding: Finding) -> str:
-    """Say a finding with a capital and a full stop; names of parameters and files keep their spelling."""
+    """Say a finding with capital and full stop; names, files and symbols such as c(X) keep their spelling."""
     text = sentence(finding)
-    if not any(name and text.startswith(name) for name in (finding.parameter, *finding.names.values())):
+    if text[1:2] != "(" and not any(
+        name and text.startswith(name) for name in (finding.parameter, *finding.names.values())
+    ):
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?")) else f"{text}."

@@ -13,7 +13,7 @@ _HEADLINES: dict[State, str] = {
     "accepted": "Accepted: every judged value is within tolerance",
     "identified": "Identified: nothing was judged against a truth",
     "missed": "Missed: a judged value is outside tolerance",
-    "doubtful": "Doubtful: look at what speaks against these numbers before you use them",
+    "doubtful": "Doubtful: look before you use these numbers",
     "rejected": "Rejected: these numbers are not to be used",
 }
 """The headline of a state, where nothing more is known or matters."""
