@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import tracemalloc
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields, replace
 
 import h5py
@@ -163,6 +167,71 @@ def test_links_out_of_the_file_are_refused(tmp_path):
         file["force"] = h5py.ExternalLink("secret.h5", "force")
     with pytest.raises(MeasurementError, match="force"):
         load_surface(tmp_path / "s.h5")
+
+
+def _virtual(file: h5py.File, shape: tuple[int, ...]) -> None:
+    layout = h5py.VirtualLayout(shape, "c16")
+    layout[:] = h5py.VirtualSource("secret.h5", "force", shape)
+    file.create_virtual_dataset("force", layout)
+
+
+HOSTILE: dict[str, Callable[[h5py.File], object]] = {
+    "virtual, from another file": lambda file: _virtual(file, (3,)),
+    "stored in another file": lambda file: file.create_dataset(
+        "force", (3,), "c16", external=[("secret.h5", 0, 48)]
+    ),
+    "10^8 rows that are not there": lambda file: file.create_dataset("force", (10**8,), "c16"),
+    "10^8 rows in one chunk": lambda file: file.create_dataset(
+        "force", (10**8,), "c16", chunks=(10**7,), compression="gzip"
+    ),
+    "a few rows, packed": lambda file: file.create_dataset("force", data=np.ones(3) + 0j, compression="gzip"),
+    "texts of any length": lambda file: file.create_dataset(
+        "force", data=["a", "b", "c"], dtype=h5py.string_dtype()
+    ),
+    "references": lambda file: file.create_dataset("force", data=[file.ref] * 3, dtype=h5py.ref_dtype),
+    "empty": lambda file: file.create_dataset("force", data=h5py.Empty("c16")),
+    "a group": lambda file: file.create_group("force"),
+    "a soft link": lambda file: file.__setitem__("force", h5py.SoftLink("/harmonics")),
+    "of another kind": lambda file: file.create_dataset("force", data=np.bytes_("abc")),
+    "a long attribute": lambda file: file.attrs.__setitem__("format", np.zeros(8000)),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_what_a_file_declares_costs_no_more_than_the_file(tmp_path, what):
+    save_surface(tmp_path / "secret.h5", random_surface(2, 3, 2))
+    save_surface(tmp_path / "s.h5", random_surface(2, 3, 2))
+    with h5py.File(tmp_path / "s.h5", "r+") as file:
+        if what != "a long attribute":
+            del file["force"]
+        HOSTILE[what](file)
+    tracemalloc.start()
+    try:
+        with pytest.raises(MeasurementError, match=r"s\.h5"):
+            load_surface(tmp_path / "s.h5")
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX")
+def test_a_pipe_is_no_surface(tmp_path):
+    os.mkfifo(tmp_path / "s.h5")
+    with pytest.raises(MeasurementError, match="there is no such file"):
+        load_surface(tmp_path / "s.h5")
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "damaged.h5"
+    save_surface(path, random_surface(2, 3, 2))
+    content = bytearray(path.read_bytes())
+    for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=3)):
+        content[place] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(content[: data.draw(st.sampled_from([len(content), len(content) // 2]))])
+    with suppress(RsgenError):
+        load_surface(path)
 
 
 def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from rsgen.errors import MeasurementError, require
+from rsgen.errors import MeasurementError, RsgenError, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
 from rsgen.surface.response_surface import COLUMN_UNITS, OUTCOMES, ResponseSurface
@@ -18,6 +21,9 @@ from rsgen.surface.response_surface import COLUMN_UNITS, OUTCOMES, ResponseSurfa
 __all__ = ["load_surface", "save_surface"]
 
 _FORMAT, _SCHEMA = "rsgen response surface", 1
+
+_ATTRIBUTE_BYTES = 65_536
+"""The notes of earlier versions are the longest attribute; a file may declare any size."""
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -60,37 +66,75 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
     MeasurementError
         The file is not HDF5, not a surface of this schema, or an array is missing or of the wrong kind.
     """
+    place = Path(path)
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != _FORMAT or file.attrs.get("schema") != _SCHEMA:
-                raise MeasurementError(f"{path}: not an rsgen response surface of schema {_SCHEMA}")
-            values: dict[str, Any] = {}
-            for name in (*COLUMN_UNITS, "findings"):
-                if name in ("stable", "findings") and name not in file:
-                    # surfaces of earlier versions have no such column
-                    continue
-                link = file.get(name, getlink=True)
-                if not isinstance(link, h5py.HardLink) or not isinstance(file[name], h5py.Dataset):
-                    raise MeasurementError(
-                        f"{path}: {name}: missing; a surface has {', '.join(COLUMN_UNITS)}"
-                    )
-                if file[name].external:
-                    raise MeasurementError(f"{path}: {name}: stored outside the file; not allowed")
-                values[name] = file[name][()]
-            values["sweep"] = np.char.decode(values["sweep"], "ascii")
-            if "findings" in values:
-                found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
-            else:
-                # the plain sentences of earlier versions become notes
-                found = [Finding.note(str(text)) for text in file.attrs.get("notes", ())]
-            return ResponseSurface(
-                **values | {"findings": tuple(found)},
-                origin=str(file.attrs["origin"]),
-                # surfaces written before there were tests without phase do not say
-                phase_known=bool(file.attrs.get("phase_known", True)),
-                control=str(file.attrs.get("control", "force")),
+        if not place.is_file():
+            raise MeasurementError(f"{path}: there is no such file")
+        with h5py.File(place, "r") as file:
+            return _surface(_Reader(file, str(path), place.stat().st_size))
+    except MeasurementError:
+        raise
+    except (*_FAULTS, MemoryError, RsgenError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
+
+
+_FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, RuntimeError)
+"""What h5py makes of damage."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """An open file of ``size`` bytes, in which an array may take no more than its bytes in the file."""
+
+    file: h5py.File
+    path: str
+    size: int
+
+    def attribute(self, name: str, default: Any = None) -> Any:
+        attributes = self.file.attrs
+        if name not in attributes:
+            return default
+        if attributes.get_id(name).get_storage_size() > _ATTRIBUTE_BYTES:
+            raise MeasurementError(f"{self.path}: {name}: longer than any surface has it")
+        return attributes[name]
+
+    def array(self, name: str) -> Any:
+        """Read an array that lies in the file as it is: no link, no pieces, nothing to unpack."""
+        link = self.file.get(name, getlink=True)
+        data = self.file[name] if isinstance(link, h5py.HardLink) else None
+        if not isinstance(data, h5py.Dataset):
+            raise MeasurementError(f"{self.path}: {name}: missing; a surface has {', '.join(COLUMN_UNITS)}")
+        if data.external or data.is_virtual:
+            raise MeasurementError(f"{self.path}: {name}: stored outside the file; not allowed")
+        plain = data.shape is not None and data.chunks is None and data.dtype.kind in "fcibuS"
+        if not plain or math.prod(data.shape) * data.dtype.itemsize > self.size:
+            raise MeasurementError(
+                f"{self.path}: {name}: is not stored as rsgen stores it: plain numbers, not in chunks, "
+                "not packed, no more than the file holds"
             )
-    except FileNotFoundError:
-        raise MeasurementError(f"{path}: there is no such file") from None
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as fault:
-        raise MeasurementError(f"{path}: cannot be read as a response surface: {fault}") from fault
+        return data[()]
+
+
+def _surface(reader: _Reader) -> ResponseSurface:
+    if reader.attribute("format") != _FORMAT or reader.attribute("schema") != _SCHEMA:
+        raise MeasurementError(f"{reader.path}: not an rsgen response surface of schema {_SCHEMA}")
+    values: dict[str, Any] = {
+        name: reader.array(name)
+        for name in (*COLUMN_UNITS, "findings")
+        # surfaces of earlier versions have no such column
+        if name in reader.file or name not in ("stable", "findings")
+    }
+    values["sweep"] = np.char.decode(values["sweep"], "ascii")
+    if "findings" in values:
+        found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
+    else:
+        # the plain sentences of earlier versions become notes
+        found = [Finding.note(str(text)) for text in reader.attribute("notes", ())]
+    return ResponseSurface(
+        **values | {"findings": tuple(found)},
+        origin=str(reader.attribute("origin")),
+        # surfaces written before there were tests without phase do not say
+        phase_known=bool(reader.attribute("phase_known", True)),
+        control=str(reader.attribute("control", "force")),
+    )
