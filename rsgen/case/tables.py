@@ -101,6 +101,7 @@ def _annotation(base: Any, rule: Rule) -> Any:
         inner, inner_rule, _ = read_hint(items[0])
         fewest, most = (rule.fewest, rule.most) if Ellipsis in items else (len(items), len(items))
         entry = _annotation(inner, inner_rule)
+        # a type made at run time, which mypy cannot know
         entries: Any = Annotated[list[entry], Field(min_length=fewest, max_length=most)]  # type: ignore[valid-type]
         # one text may stand for a list of one
         schema = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})

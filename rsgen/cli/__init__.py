@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from types import FrameType
 
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
+from rsgen.diagnostics import keep_from_terminal, program_fault
 from rsgen.errors import CaseError, RsgenError
 
 __all__ = ["main"]
@@ -66,6 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _interrupt)
         sys.unraisablehook = _repeat
+        keep_from_terminal()
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)
@@ -93,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # faults of usage come from the command line library and know how to say themselves
         message = getattr(fault, "format_message", None)
         if message is None:
-            raise
-        print_faults([f"rsgen: {' '.join(str(message()).split())} See: rsgen --help"])
+            print_faults([program_fault(fault, "rsgen")])
+        else:
+            print_faults([f"rsgen: {' '.join(str(message()).split())} See: rsgen --help"])
         code = FAULTY
     sys.exit(code if isinstance(code, int) else 0)

@@ -8,6 +8,7 @@ from typing import Any
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.case.trial import law_faults
 from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
+from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.measurement import read_measurement
 from rsgen.simulation import SimulatedTest
@@ -105,6 +106,9 @@ def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
             faults.append(f"{path.name}: test.file: {fault}")
         except RsgenError as fault:
             faults.append(f"{path.name}: test: {' '.join(str(fault).split())}")
+        except Exception as fault:
+            # a fault of the program must not hide those of other cases
+            faults.append(program_fault(fault, path.name))
     faults += name_clashes(loaded).values()
     if json:
         print_json({"cases": plans, "faults": faults})

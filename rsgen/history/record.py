@@ -176,6 +176,7 @@ class TimeHistory:
         """Make a history from evenly spaced instants ``time`` (n,) [s] in place of the sampling rate."""
         instants = _samples(time, "time", label)
         rate, start = sampling_rate(instants, f"{label}: time")
+        # anything array-like: the constructor makes arrays of force and response, as its fields declare them
         history = cls(rate, force, response, quantity, level, start, label)  # type: ignore[arg-type]
         if len(instants) != len(history):
             raise MeasurementError(

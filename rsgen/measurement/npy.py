@@ -44,6 +44,7 @@ def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtyp
     view = flat.view(np.uint8).data
     done = 0
     while done < len(view):
+        # typing.IO does not declare what every binary file of the library has
         part = file.readinto(view[done:])  # type: ignore[attr-defined]
         if not part:
             raise MeasurementError(f"is cut off: {done} bytes of {len(view)}; send the whole file again")

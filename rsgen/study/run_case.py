@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from typing import Any
 
 from rsgen.case import Case, load_case
 from rsgen.case.trial import law_faults
+from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.simulation import SimulatedTest, simulate
@@ -257,8 +257,6 @@ def run_case(
         text = " ".join(str(fault).split())
         faults = (text if text.startswith(file.name) else f"{file.name}: {text}",)
     except Exception as fault:
-        # a fault of the program must not stop other cases either; the log has the details
-        logging.getLogger("rsgen").debug("%s failed", file.name, exc_info=True)
-        text = " ".join(f"{type(fault).__name__}: {fault}".split())
-        faults = (f"{file.name}: {text[:300]}; this is a fault of rsgen, please report it with the case",)
+        # a fault of the program must not stop other cases either
+        faults = (program_fault(fault, file.name),)
     return CaseRun(file, name, seconds=time.perf_counter() - started, faults=faults)

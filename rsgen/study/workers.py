@@ -26,6 +26,7 @@ from types import FrameType, MappingProxyType
 from typing import Any
 
 from rsgen.case import Case
+from rsgen.diagnostics import keep_from_terminal
 from rsgen.errors import RsgenError
 from rsgen.study.progress import Step
 from rsgen.study.run_case import CaseRun, run_case
@@ -87,6 +88,7 @@ def _follow(parent: Connection) -> None:
 
 
 def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
+    keep_from_terminal()
     if steps is not None:
         _steps.append(steps)
     # Ctrl-C reaches every process of a terminal; the parent alone answers it

@@ -1,0 +1,91 @@
+"""Neither a warning of a library nor a traceback reaches the terminal unasked."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from rsgen.diagnostics import keep_from_terminal
+
+PROGRAM = """
+import logging, sys, warnings
+import rsgen.cli.laws_command as command
+def odd(*words):
+    warnings.warn("raw text of a library", RuntimeWarning)
+    logging.getLogger("matplotlib").warning("message of a library")
+    {act}
+    return 0
+command.laws_command = odd
+from rsgen.cli import main
+main(["laws"])
+"""
+
+
+def shell(act: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(act=act)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+def test_a_warning_of_a_library_stays_off_the_terminal() -> None:
+    run = shell("print('done')")
+    assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
+
+
+def test_a_fault_of_the_program_is_one_sentence() -> None:
+    run = shell("raise ZeroDivisionError('of\\nthe program')")
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert run.stderr.startswith("rsgen: ZeroDivisionError: of the program; this is a fault of rsgen")
+    assert run.stderr.count("\n") == 1
+
+
+def test_who_asks_sees_both() -> None:
+    run = shell("raise ZeroDivisionError('of the program')", RSGEN_DEBUG="1")
+    assert "raw text of a library" in run.stderr
+    assert "Traceback" in run.stderr
+    assert "in odd" in run.stderr
+
+
+@pytest.fixture
+def _log_as_it_was() -> Iterator[None]:
+    yield
+    logging.captureWarnings(False)
+
+
+@pytest.mark.usefixtures("_log_as_it_was")
+def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(
+    run_cli: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def odd(case: object) -> list[str]:
+        if case.name == "cubic":
+            raise ZeroDivisionError("odd")
+        return []
+
+    monkeypatch.setattr("rsgen.cli.check_command.law_faults", odd)
+    cases = Path(__file__).parents[2] / "cases"
+    checked = run_cli("check", cases / "cubic.toml", cases / "quintic.toml")
+    assert checked.code == 2
+    assert checked.out.startswith("quintic: ")
+    assert checked.err.startswith("cubic.toml: ZeroDivisionError: odd; this is a fault of rsgen")
+    assert checked.err.count("\n") == 1
+
+
+@pytest.mark.usefixtures("_log_as_it_was")
+def test_warnings_are_still_errors_for_those_who_want_them() -> None:
+    keep_from_terminal()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(RuntimeWarning):
+            warnings.warn("odd", RuntimeWarning, stacklevel=1)
