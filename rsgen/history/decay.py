@@ -213,7 +213,7 @@ def follow_decay(
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
     table[:, 1] = motion.displacement
     scale = mass if mass is not None else 1.0
-    needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale)
+    needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
     stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
     return FreeDecay(
         time=time + begin / history.rate,

@@ -6,9 +6,12 @@ Bogoliubov),
 
     F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
 
-where a steady state has V = i omega X and A = -omega^2 X. Velocity and acceleration follow from the
-envelopes, so what is unknown is only the mass; it follows from the same equation over all points with k and c
-free functions of the amplitude. For a linear oscillator the equation is exact at any rate.
+where a steady state has V = i omega X and A = -omega^2 X at the frequency of the force. Velocity and
+acceleration follow from the envelopes, so what is unknown is only the mass; it follows from the same equation
+over all points with k and c free functions of the amplitude. For a linear oscillator the equation is exact at
+any rate. Along one branch of a nonlinear resonance the frequency is itself a function of the amplitude, and
+the mass is not identifiable beside k(X); the flanks, where the amplitude is small and k(X) the same below and
+above the resonance, then determine it roughly.
 
 The pure number of a sweep is rate / (zeta f)^2: how far the frequency moves while the response rings down,
 against the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965, thesis, California
@@ -26,7 +29,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.history.record import FAINT
 from rsgen.history.sensor import Kinematics
 
-__all__ = ["Inertia", "estimate_mass", "steady_force"]
+__all__ = ["Inertia", "estimate_mass", "flank_mass", "steady_force"]
 
 
 _KNOTS = 12
@@ -39,6 +42,8 @@ _OUTLIER = 3.0
 """A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
 _INDEPENDENT = 1e-10
 """Columns whose singular values are below this fraction of the largest do not determine the mass."""
+_FLANKS = 0.3
+"""Up to this fraction of the largest amplitude k(X) is taken as constant: a cubic spring changes by 9 %."""
 
 
 class Inertia(NamedTuple):
@@ -92,14 +97,48 @@ def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
     return Inertia(float(solution[-1] / size[-1]), error, float(np.median(residual)))
 
 
-def steady_force(force: ComplexArray, motion: Kinematics, mass: float) -> tuple[ComplexArray, Array]:
-    """Find the force (n,) [N] that would hold the motion steady, and the damping c(X) (n,) [N s/m]."""
-    x, omega = motion.displacement, motion.omega
+def flank_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
+    """Find the mass from the flanks of a resonance, with k constant there, to a fifth; None without flanks.
+
+    ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one sweep or of several.
+    """
+    size = np.abs(motion.displacement)
+    flank = (size > 0) & (size < _FLANKS * np.max(size, initial=0.0)) & (np.abs(force) > 0)
+    if np.count_nonzero(flank) < 2 * _ROWS_A_KNOT:
+        return None
+    stiffness = (force[flank] / motion.displacement[flank]).real
+    inertia = (motion.acceleration[flank] / motion.displacement[flank]).real
+    columns = np.column_stack([np.ones(len(inertia)), inertia / np.max(np.abs(inertia))])
+    scale = np.abs(motion.displacement[flank] / force[flank])
+    weight = scale
+    for _ in range(_ROUNDS):
+        solution, _, rank, _ = np.linalg.lstsq(
+            columns * weight[:, None], stiffness * weight, rcond=_INDEPENDENT
+        )
+        if rank < columns.shape[1]:
+            return None
+        residual = np.abs(columns @ solution - stiffness) * scale
+        # of exact data, rounding is left
+        spread = max(float(np.median(residual)), 1e-12)
+        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
+    matrix = columns * weight[:, None]
+    left = (columns @ solution - stiffness) * weight
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    error = float(np.sqrt(inverse[1, 1] * (left @ left) / (len(left) - 2)))
+    unit = float(np.max(np.abs(inertia)))
+    return Inertia(float(solution[1]) / unit, error / unit, float(np.median(residual)))
+
+
+def steady_force(
+    force: ComplexArray, motion: Kinematics, mass: float, omega: Array
+) -> tuple[ComplexArray, Array]:
+    """Find the force (n,) [N] that would hold the motion steady at ``omega`` [rad/s], and c(X) [N s/m]."""
+    x = motion.displacement
     # unknown where nothing moved, as in a drop-out
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         stiffness = force / x
         inertia = motion.acceleration / x
         rate = motion.velocity / x
         damping = (stiffness.imag - mass * inertia.imag) / rate.imag
-    steady = (stiffness.real - damping * rate.real + 1j * omega * damping) * x
-    return np.asarray(steady), np.asarray(damping)
+        held = stiffness.real - damping * rate.real - mass * (inertia.real + omega**2) + 1j * omega * damping
+        return np.asarray(held * x), np.asarray(damping)

@@ -13,7 +13,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Quantity
 from rsgen.history.sensor import Kinematics
 
-__all__ = ["SweptPoints", "distorted_forces", "fast_sweeps", "other_modes"]
+__all__ = ["SweptPoints", "distorted_forces", "faint_forces", "fast_sweeps", "free_motion", "other_modes"]
 
 
 _OTHER = 0.3
@@ -31,15 +31,18 @@ _FAST = 10.0
 _DISTORTED = 0.05
 """Harmonics of the force, relative to its fundamental, from which on they are reported."""
 
+_ASIDE = 0.2
+"""Above this share of points set aside for one reason, what is left may not be the test that was meant."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SweptPoints:
     """The n points of one sweep.
 
     ``force`` (n,) [N] and ``motion`` are of the fundamental, ``harmonics`` (n, H+1) the displacement [m],
-    ``rate`` (n,) of the sweep [Hz/s] is positive. ``flattened`` and ``smoothed`` (n,) are the relative
-    differences of A/X and of X between two windows, ``distortion`` the harmonics of the force over its
-    fundamental.
+    ``drive`` (n,) is the frequency of the force [Hz], ``rate`` (n,) how fast it changes [Hz/s], positive.
+    ``flattened``, ``smoothed`` and ``unclear`` (n,) are the relative differences of A/X, of X and of the force
+    between two windows, ``distortion`` the harmonics of the force over its fundamental.
     """
 
     label: str
@@ -48,9 +51,11 @@ class SweptPoints:
     force: ComplexArray
     motion: Kinematics
     harmonics: ComplexArray
+    drive: Array
     rate: Array
     flattened: Array
     smoothed: Array
+    unclear: Array
     distortion: float
 
     def __len__(self) -> int:
@@ -77,13 +82,12 @@ def fast_sweeps(
     damping: Array,
     good: NDArray[np.bool_],
     mass: float,
-    *,
-    given: bool,
+    origin: str,
 ) -> list[Finding]:
     """Judge the sweeps at their resonances: a finding about the fastest, none where all are slow.
 
     The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
-    [N s/m]; ``good`` ones are used. The mass [kg] is ``given``, or from the sweeps.
+    [N s/m]; ``good`` ones are used. ``origin`` says where the mass [kg] is from.
     """
     worst, findings = _SLOW, []
     for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):
@@ -97,7 +101,7 @@ def fast_sweeps(
         change = float(np.median(np.abs(part.force[top] / steady[here][top] - 1)))
         numbers = {
             "rate": Quantity(rate, "Hz/s"),
-            "resonance": Quantity(float(np.median(part.motion.omega[top])) / (2 * pi), "Hz"),
+            "resonance": Quantity(float(np.median(part.drive[top])), "Hz"),
             "half_width": Quantity(width, "Hz"),
             "pace": Quantity(pace),
             "shift": Quantity(pace / (2 * pi)),
@@ -105,7 +109,6 @@ def fast_sweeps(
             "mass": Quantity(mass, "kg"),
             "proved_up_to": Quantity(_FAST),
         }
-        origin = "given" if given else "from the sweeps themselves"
         names = {"record": part.label, "direction": part.direction, "mass": origin}
         findings = [Finding("sweep-fast", "info" if pace <= _FAST else "warning", "", numbers, names)]
     return findings
@@ -114,18 +117,18 @@ def fast_sweeps(
 def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]) -> list[Finding]:
     """Find another maximum of the receptance, in the first sweep that has one."""
     for part, chosen, _, size in _sweep_by_sweep(parts, steady, good):
-        omega = part.motion.omega[chosen]
-        order = np.argsort(omega, kind="stable")
-        omega, size = omega[order], size[order]
+        frequency = part.drive[chosen]
+        order = np.argsort(frequency, kind="stable")
+        frequency, size = frequency[order], size[order]
         top = int(np.argmax(size))
         for places in (np.arange(top, -1, -1), np.arange(top, len(size))):
             side = size[places]
-            away = np.abs(omega[places] / omega[top] - 1) > _APART
+            away = np.abs(frequency[places] / frequency[top] - 1) > _APART
             # the lowest place on the way out
             valley = np.minimum.accumulate(side)
             height = np.where(away & (side > _OTHER * size[top]) & (valley < _VALLEY * side), side, 0.0)
             if height.any():
-                f = Quantity(float(omega[places[int(np.argmax(height))]]) / (2 * pi), "Hz")
+                f = Quantity(float(frequency[places[int(np.argmax(height))]]), "Hz")
                 return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
     return []
 
@@ -139,3 +142,28 @@ def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
         for part in parts
         if part.distortion > _DISTORTED
     ]
+
+
+def _counted(code: str, parts: list[SweptPoints], marked: NDArray[np.bool_], severe: float) -> list[Finding]:
+    """Count the marked points of all parts: a finding, which is a doubt above the share ``severe``."""
+    aside = int(np.count_nonzero(marked))
+    if not aside:
+        return []
+    frequency = np.concatenate([part.drive for part in parts])[marked]
+    numbers = {
+        "aside": Quantity(aside),
+        "points": Quantity(len(marked)),
+        "low": Quantity(float(frequency.min()), "Hz"),
+        "high": Quantity(float(frequency.max()), "Hz"),
+    }
+    return [Finding(code, "doubt" if aside > severe * len(marked) else "info", "", numbers)]
+
+
+def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_], good: NDArray[np.bool_]) -> list[Finding]:
+    """Count the points whose motion is mainly a free one, as after a jump."""
+    return _counted("motion-mainly-free", parts, free, _ASIDE)
+
+
+def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
+    """Count the points at which the force does not stand out of its noise."""
+    return _counted("force-in-noise", parts, faint, _ASIDE)

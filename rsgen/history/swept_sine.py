@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,17 @@ from rsgen.history.envelope import (
     independent_instants,
     place_windows,
 )
-from rsgen.history.quasi_steady import estimate_mass, steady_force
+from rsgen.history.quasi_steady import estimate_mass, flank_mass, steady_force
 from rsgen.history.record import FAINT, TimeHistory, as_histories, check_options, name_levels
 from rsgen.history.sensor import HARMONICS, Kinematics, differentiate, displacement_harmonics, highest_order
-from rsgen.history.sweep_checks import SweptPoints, distorted_forces, fast_sweeps, other_modes
+from rsgen.history.sweep_checks import (
+    SweptPoints,
+    distorted_forces,
+    faint_forces,
+    fast_sweeps,
+    free_motion,
+    other_modes,
+)
 from rsgen.history.sweep_law import SweepLaw
 from rsgen.history.tracking import Sweep, find_sweeps
 from rsgen.surface import ResponseSurface
@@ -42,11 +50,23 @@ _FLATTENED = 0.02
 _DOUBT = 0.1
 """A force or mass that is uncertain by more than this fraction is not used: it would not separate laws."""
 _FREE = 1.0
-"""A force whose correction exceeds this fraction of it is not used: the motion is mainly a free one."""
+"""A correction above this fraction of the measured and of the corrected force: mainly a free motion."""
 _FLANK = 0.2
 """Points belong to a resonance down to this fraction of its receptance: five half widths of it."""
 _ONE_MODE = 0.15
 """Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
+_AGREE = 1.5
+"""A mass within this factor of that of the flanks is believed; those are good to a fifth."""
+_ROUGH = 0.3
+"""With a mass from the flanks, a correction up to this fraction of the force is good to a tenth of it."""
+
+
+class _Mass(NamedTuple):
+    """A moving mass [kg]; how it was found; the correction, relative to the force, up to which it is good."""
+
+    value: float
+    origin: str
+    good_to: float
 
 
 def from_swept_sine(
@@ -62,8 +82,9 @@ def from_swept_sine(
     """Turn swept-sine time histories of one structure into a response surface.
 
     Every history may hold several sweeps, up and down, at several levels. The frequency of a point is that of
-    the steady motion with the same acceleration. What the sweep itself asked for is taken off the force
-    (``quasi_steady``) where the mass is given or the sweeps determine it.
+    the force, never that of a free motion such as follows a jump. What the sweep itself asked for is taken
+    off the force (``quasi_steady``) where the mass is given or the sweeps determine it; a point whose motion
+    is mainly a free one, and one at which the force does not stand out of its noise, is not settled.
 
     Parameters
     ----------
@@ -171,6 +192,7 @@ def _demodulated(
     force = demodulate(history.reference, rate, law.phase_at, narrow, (1, 2, 3) if reach >= 3 else (1,))[
         :, :, 0
     ]
+    steadier = demodulate(history.reference, rate, law.phase_at, wide, (1,))[:, 0, 0]
     envelope = demodulate(history.response, rate, law.phase_at, narrow, tuple(range(reach + 1)))
     motion = kinematics(narrow, envelope[:, 1])
     wider = kinematics(wide, demodulate(history.response, rate, law.phase_at, wide, (1,))[:, 0])
@@ -184,6 +206,7 @@ def _demodulated(
         flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
         smoothed = np.abs(wider.displacement / motion.displacement - 1)
         distortion = np.linalg.norm(force[:, 1:], axis=1) / np.abs(force[:, 0])
+        unclear = np.abs(steadier / force[:, 0] - 1)
     return SweptPoints(
         label=history.label,
         level=history.level,
@@ -191,9 +214,11 @@ def _demodulated(
         force=force[:, 0],
         motion=motion,
         harmonics=table,
+        drive=law.frequency_at(t),
         rate=np.abs(law.slope_at(t)),
         flattened=flattened,
         smoothed=smoothed,
+        unclear=unclear,
         distortion=float(np.median(distortion)),
     )
 
@@ -202,50 +227,61 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     def column(name: str) -> ComplexArray:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    force, flattened = column("force"), column("flattened").real
+    force, flattened, unclear = column("force"), column("flattened").real, column("unclear").real
     motion = Kinematics.joined([part.motion for part in parts])
-    omega = motion.omega
+    omega = 2 * pi * column("drive").real
     loud = np.abs(force) > FAINT * np.median(np.abs(force))
-    usable = loud & np.isfinite(flattened) & (omega > 0) & np.isfinite(motion.displacement)
-    good = usable & (flattened < _FLATTENED)
-    moving = mass if mass is not None else _moving_mass(parts, force, motion, good)
+    usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
+    driven = unclear < _DOUBT
+    good = usable & driven & (flattened < _FLATTENED)
     findings: list[Finding] = []
+    moving = _Mass(mass, "given", _FREE) if mass is not None else _moving_mass(parts, force, motion, good)
     steady = force
     if moving is not None:
-        steady, damping = steady_force(force, motion, moving)
+        steady, damping = steady_force(force, motion, moving.value, omega)
         steady = np.where(usable, steady, force)
-        asked = np.abs(moving * flattened * motion.acceleration)
+        asked = np.abs(moving.value * flattened * motion.acceleration)
         good &= asked < _DOUBT * np.maximum(np.abs(force), np.abs(steady))
-        good &= np.abs(steady - force) < _FREE * np.abs(force)
-        findings += fast_sweeps(parts, steady, damping, good, moving, given=mass is not None)
+        free = good & (np.abs(steady - force) >= moving.good_to * np.maximum(np.abs(force), np.abs(steady)))
+        good &= ~free
+        findings += free_motion(parts, free, good)
+        findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
     else:
         findings.append(Finding("sweep-not-corrected", "warning"))
+    findings += faint_forces(parts, usable & ~driven)
     findings += other_modes(parts, steady, good)
     findings += distorted_forces(parts)
     count = [len(part) for part in parts]
     level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])
-    known = np.isfinite(omega) & (omega > 0)
     return ResponseSurface(
-        level=np.repeat(level, count)[known],
-        frequency=omega[known] / (2 * pi),
-        force=steady[known],
-        harmonics=column("harmonics")[known],
-        sweep=np.repeat([part.direction for part in parts], count)[known],
-        outcome=np.where(good, 0, SWEPT_TOO_FAST)[known],
-        error=column("smoothed").real[known],
+        level=np.repeat(level, count),
+        frequency=omega / (2 * pi),
+        force=steady,
+        harmonics=column("harmonics"),
+        sweep=np.repeat([part.direction for part in parts], count),
+        outcome=np.where(good, 0, SWEPT_TOO_FAST),
+        error=column("smoothed").real,
         findings=tuple(findings),
     )
 
 
 def _moving_mass(
     parts: list[SweptPoints], force: ComplexArray, motion: Kinematics, good: NDArray[np.bool_]
-) -> float | None:
-    """Find the moving mass [kg] from the points at resonances; None where they do not determine one."""
+) -> _Mass | None:
+    """Find the moving mass from the points at resonances, else from the flanks; None where neither tells."""
+    flank = flank_mass(force[good], motion.select(good))
+    if flank is not None and (flank.misfit > _ONE_MODE or not flank.mass > 0):
+        flank = None
     picked = np.flatnonzero(_resonances(parts, good))
     found = estimate_mass(force[picked], motion.select(picked))
-    if found is None or found.misfit > _ONE_MODE or not 0 < found.standard_error < _DOUBT * abs(found.mass):
-        return None
-    return found.mass
+    if (
+        found is not None
+        and found.misfit < _ONE_MODE
+        and 0 < found.standard_error < _DOUBT * found.mass
+        and (flank is None or 1 / _AGREE < found.mass / flank.mass < _AGREE)
+    ):
+        return _Mass(found.mass, "from the sweeps themselves", _FREE)
+    return None if flank is None else _Mass(flank.mass, "from the flanks of the resonance", _ROUGH)
 
 
 def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -32,6 +32,8 @@ _FAINT = 0.1
 """Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
 _TURN = 0.05
 """A sweep has turned when the frequency moves back by this fraction of its range; spectra jitter by less."""
+_SWERVE = 0.2
+"""After a faint part a sweep goes on within this fraction of the way; a logarithmic one curves by less."""
 _PERIODS = 16.0
 """Window of the refinement, in periods: a first law may be off by a sixteenth of the frequency."""
 _PLACES = 500
@@ -121,14 +123,41 @@ def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArra
     smooth = median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
     least = max(_TURN * float(np.ptp(smooth[loud])), _LINES * line) if loud.any() else 0.0
-    for stretch in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
-        turns = monotone_runs(smooth[stretch], _TURN) if loud[stretch[0]] else []
+    for stretch in _stretches(smooth, loud, line):
+        turns = monotone_runs(smooth[stretch], _TURN)
         for number, (start, stop, _) in enumerate(turns):
             # spectra over the turn see both sides: they belong to neither run
             run = stretch[start + (number > 0) : stop - (number < len(turns) - 1)]
             if len(run) >= _FEWEST and np.ptp(smooth[run]) > least:
                 runs.append(run)
     return runs
+
+
+def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
+    """Find the loud stretches; those between which one sweep goes on, as where its force fell, are one."""
+    stretches: list[NDArray[np.intp]] = []
+    for part in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
+        if not loud[part[0]]:
+            continue
+        if stretches and _goes_on(frequency, stretches[-1], part, line):
+            stretches[-1] = np.concatenate([stretches[-1], part])
+        else:
+            stretches.append(part)
+    return stretches
+
+
+def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], line: float) -> bool:
+    """Whether the frequency after a faint part is where the one before it leads to."""
+    if min(len(before), len(after)) < _FEWEST:
+        return False
+    last, first = before[-_FEWEST:], after[:_FEWEST]
+    slope, start = np.polyfit(last, frequency[last], 1)
+    other = np.polyfit(first, frequency[first], 1)[0]
+    moved = abs(slope) * (first[0] - last[-1])
+    led_to = start + slope * first[0]
+    return bool(
+        slope * other > 0 and abs(frequency[first[0]] - led_to) < max(_NEAR * line, _SWERVE * float(moved))
+    )
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:

@@ -20,7 +20,7 @@ from rsgen.law.element import make_element
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state import solve_steady_states
 from rsgen.surface import OUTCOMES, ResponseSurface
-from tests.oracles.swept import sweep
+from tests.oracles.swept import driven, sweep
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -196,6 +196,71 @@ def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None
     k, c = against_stepped(o, surface)
     assert k.max() < AS_STEPPED
     assert c.max() < AS_STEPPED
+
+
+def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
+    """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
+    o = Oscillator(
+        MASS, (make_element("a", "k*x + k3*x**3 + c*v"),), {"k": STIFFNESS, "k3": cubic, "c": DAMPING / 2}
+    )
+    return sweep(o, level, law, stop, 200.0)
+
+
+@pytest.mark.parametrize("cubic", [8e6, -8e6])
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool, noise: float) -> None:
+    """After a jump the response rings at its own frequency; points that say so would go back, by 0.5 Hz."""
+    law = SweepLaw("linear", 11.5 if down else 9.0, -0.04 if down else 0.04)
+    clean = jumping(cubic, 2.0, law, 9.0 if down else 11.5)
+    random = np.random.default_rng(1).normal(size=(2, len(clean)))
+    signals = [
+        part + noise * np.std(part) * error
+        for part, error in zip((clean.force, clean.response), random, strict=True)
+    ]
+    surface = from_swept_sine(TimeHistory(200.0, *signals))
+    steps = np.diff(surface.frequency) * (-1 if down else 1)
+    assert (steps > 0).all()
+    # evenly in time under a law that is known
+    np.testing.assert_allclose(steps, np.median(steps), rtol=0.25)
+    used = surface.select(surface.settled)
+    assert len(used) > 0.9 * len(surface)
+    dynamic = used.force / used.harmonics[:, 1]
+    k = dynamic.real + MASS * used.omega**2
+    law_k = STIFFNESS + 0.75 * cubic * used.amplitude**2
+    # 1 % of k is a half width
+    assert np.max(np.abs(k / law_k - 1)) < 0.02
+    assert np.median(np.abs(k / law_k - 1)) < 2e-3
+    near = np.abs(dynamic.real) < 5 * np.abs(dynamic.imag)
+    error = np.abs(dynamic.imag / used.omega / (DAMPING / 2) - 1)[near]
+    # after the jump c(X) was off by a factor of eight, without a word
+    assert error.max() < (0.06 if noise == 0 else 0.4)
+    assert np.median(error) < 0.05
+
+
+def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
+    # along one branch the frequency is a function of the amplitude: free k(X) takes all; the mass came as -0.2
+    surface = from_swept_sine(jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.01), 11.5))
+    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-fast")
+    assert fast["mass"] == pytest.approx(MASS, rel=0.25)
+    assert fast.names["mass"] == "from the flanks of the resonance"
+
+
+def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
+    law, rate, n = SweepLaw("linear", 8.0, 0.05), 200.0, 16000
+    t = np.arange(n) / rate
+    # the force falls to 2 % where the structure moves most, and has 5 % of noise
+    fall = 1 - 0.98 * np.exp(-(((law.frequency_at(t) - 10) / 0.2) ** 2))
+    force = fall * np.cos(law.phase_at(t))
+    x = driven(linear(), force, rate)
+    force = force + 0.05 * np.random.default_rng(3).normal(size=n)
+    surface = from_swept_sine(TimeHistory(rate, force, x), mass=MASS)
+    assert (np.diff(surface.frequency) > 0).all()
+    (finding,) = (found for found in surface.findings if found.code == "force-in-noise")
+    assert 9.7 < finding["low"] < 10 < finding["high"] < 10.3
+    low, high = finding["low"], finding["high"]
+    assert not surface.settled[(surface.frequency >= low) & (surface.frequency <= high)].any()
+    assert np.mean(surface.settled[np.abs(surface.frequency - 10) > 0.5]) > 0.95
 
 
 def test_another_mode_in_the_band_is_found() -> None:

@@ -20,6 +20,14 @@ say_plainly(
             "determine a moving mass, as they would with one mode in it; choose a band around one mode, or "
             "give the mass"
         ),
+        "motion-mainly-free": (
+            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the motion is "
+            "mainly a free one, as after a jump or a fast passage; these points are left out"
+        ),
+        "force-in-noise": (
+            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the force does "
+            "not stand out of its noise; these points are left out"
+        ),
         "another-maximum": (
             "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
             "perhaps; choose a band around one mode, or fit a background"
@@ -101,6 +109,15 @@ def _(found: Finding) -> str:
         f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows {have} no number where one "
         f"is needed, left out; the first is {found.names['first']}"
     )
+
+NEXT_STEPS.update(
+    {
+        "motion-mainly-free": "Sweep slower, or step the frequency and wait until the response is steady.",
+        "force-in-noise": (
+            "Measure the force with less noise or a smaller range, or keep it from falling at the resonance."
+        ),
+    }
+)
 
 
 @says("response-stands-still")
