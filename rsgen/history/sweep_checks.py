@@ -13,7 +13,15 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Quantity
 from rsgen.history.sensor import Kinematics
 
-__all__ = ["SweptPoints", "distorted_forces", "faint_forces", "fast_sweeps", "free_motion", "other_modes"]
+__all__ = [
+    "SweptPoints",
+    "distorted_forces",
+    "faint_forces",
+    "fast_sweeps",
+    "free_motion",
+    "most_by_pace",
+    "other_modes",
+]
 
 
 _OTHER = 0.3
@@ -31,6 +39,10 @@ _FAST = 10.0
 _DISTORTED = 0.05
 """Harmonics of the force, relative to its fundamental, from which on they are reported."""
 
+_SUDDEN = 0.15
+"""A correction of the force up to this fraction of it is never called a free motion ..."""
+_MORE = 2.0
+"""... nor one of up to twice that which the pace asks for at the resonance of its sweep."""
 _ASIDE = 0.2
 """Above this share of points set aside for one reason, what is left may not be the test that was meant."""
 
@@ -41,8 +53,8 @@ class SweptPoints:
 
     ``force`` (n,) [N] and ``motion`` are of the fundamental, ``harmonics`` (n, H+1) the displacement [m],
     ``drive`` (n,) is the frequency of the force [Hz], ``rate`` (n,) how fast it changes [Hz/s], positive.
-    ``flattened``, ``smoothed`` and ``unclear`` (n,) are the relative differences of A/X, of X and of the force
-    between two windows, ``distortion`` the harmonics of the force over its fundamental.
+    ``flattened``, ``smoothed`` and ``unclear`` (n,) are the relative differences of A/X, of X and of the
+    force between two windows, ``distortion`` the harmonics of the force over its fundamental.
     """
 
     label: str
@@ -157,6 +169,20 @@ def _counted(code: str, parts: list[SweptPoints], marked: NDArray[np.bool_], sev
         "high": Quantity(float(frequency.max()), "Hz"),
     }
     return [Finding(code, "doubt" if aside > severe * len(marked) else "info", "", numbers)]
+
+
+def most_by_pace(
+    parts: list[SweptPoints], correction: Array, steady: ComplexArray, good: NDArray[np.bool_]
+) -> Array:
+    """Find the largest correction (n,), relative to the force, that the pace of each sweep explains.
+
+    The correction of the good points around the resonance is what the pace asks for; a jump asks for more.
+    """
+    most = np.full(len(good), _SUDDEN)
+    for _, chosen, here, size in _sweep_by_sweep(parts, steady, good):
+        top = chosen[size > _HALF_POWER * size.max()]
+        most[here] = max(_SUDDEN, _MORE * float(np.median(correction[here][top])))
+    return most
 
 
 def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_], good: NDArray[np.bool_]) -> list[Finding]:

@@ -29,6 +29,7 @@ from rsgen.history.sweep_checks import (
     faint_forces,
     fast_sweeps,
     free_motion,
+    most_by_pace,
     other_modes,
 )
 from rsgen.history.sweep_law import SweepLaw
@@ -242,7 +243,10 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         steady = np.where(usable, steady, force)
         asked = np.abs(moving.value * flattened * motion.acceleration)
         good &= asked < _DOUBT * np.maximum(np.abs(force), np.abs(steady))
-        free = good & (np.abs(steady - force) >= moving.good_to * np.maximum(np.abs(force), np.abs(steady)))
+        correction = np.abs(steady - force) / np.maximum(np.abs(force), np.abs(steady))
+        free = good & (
+            correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
+        )
         good &= ~free
         findings += free_motion(parts, free, good)
         findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)

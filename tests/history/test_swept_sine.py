@@ -239,7 +239,7 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
 
 
 def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
-    # along one branch the frequency is a function of the amplitude: free k(X) takes all; the mass came as -0.2
+    # along one branch the frequency is a function of the amplitude: k(X) takes all; the mass came as -0.2
     surface = from_swept_sine(jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.01), 11.5))
     (fast,) = (finding for finding in surface.findings if finding.code == "sweep-fast")
     assert fast["mass"] == pytest.approx(MASS, rel=0.25)

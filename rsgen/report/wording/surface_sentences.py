@@ -25,8 +25,8 @@ say_plainly(
             "mainly a free one, as after a jump or a fast passage; these points are left out"
         ),
         "force-in-noise": (
-            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the force does "
-            "not stand out of its noise; these points are left out"
+            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the force "
+            "does not stand out of its noise; these points are left out"
         ),
         "another-maximum": (
             "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
@@ -109,6 +109,7 @@ def _(found: Finding) -> str:
         f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows {have} no number where one "
         f"is needed, left out; the first is {found.names['first']}"
     )
+
 
 NEXT_STEPS.update(
     {
