@@ -106,6 +106,10 @@ def equation_rows(
     sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals, still = _parts(law, sample, values, scaled)
     columns = [_fundamental(signal) for signal in signals]
+    if not equations.harmonics[:, ::2].any():
+        # what an even force leaves along a motion without mean and even harmonics is round-off
+        for place in np.flatnonzero(np.isin(law.linear, law.even)):
+            columns[place] = np.zeros(len(columns[place]), dtype=complex)
     inertia = equations.omega**2 * equations.harmonics[:, 1]
     right = equations.force - project(still, 1)
     if mass is None:

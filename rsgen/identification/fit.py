@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.data import Points
 from rsgen.identification.forward import Forward, HarmonicBalance, Response
 from rsgen.identification.least_squares import Linearisation, Regression, fit, remove_bias
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
-from rsgen.identification.tolerances import NOISY, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
@@ -44,12 +45,15 @@ class Problem:
         The measured points.
     given
         m [kg], None where it is free.
+    held
+        Parameters that stay at their starting values, yet count among the unknowns when errors are stated.
     """
 
     elements: tuple[Element, ...]
     law: ForceLaw
     observed: Observed
     given: float | None
+    held: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
@@ -260,9 +264,13 @@ def fit_balance(
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    forward = HarmonicBalance(law, mode.motion, order, mass_free=problem.given is None)
+    forward = HarmonicBalance(
+        law, mode.motion, order, mass_free=problem.given is None, about_rest=0 not in mode.measured
+    )
     descent = _Descent(problem, forward)
-    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
+    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
+    if not law.odd:
+        common["natural"] = _natural_sizes(problem, parameters, mode)
     if not observed.phase_known:
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
@@ -337,6 +345,7 @@ def fit_simulator(
             steps=steps,
             neighbours=observed.points.neighbours,
             attainable=RESOLUTION * accuracy,
+            held=problem.held,
         )
         if noisy:
             found = descent.corrected(found)
@@ -352,11 +361,32 @@ def fit_simulator(
     return descent.finish(found)
 
 
+def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:
+    """(q,) sizes at which a term of the law equals the inertia force of the largest motion; zero for others.
+
+    A constant force moves the mean alone, and is in the fundamental by round-off even if it is zero.
+    """
+    law = problem.law
+    values, mass, _ = problem.split(parameters)
+    largest = [int(np.argmax(mode.amplitude))]
+    sine = np.zeros((1, 2), dtype=complex)
+    sine[:, 1] = mode.amplitude[largest]
+    motion = Motion(mode.omega[largest], sine)
+    force = abs(mass) * float(motion.omega[0] ** 2 * mode.amplitude[largest][0])
+    slopes = law.along(motion, values, SAMPLES).by_parameter
+    sizes = np.zeros(len(parameters))
+    for place in law.linear:
+        slope = float(np.max(np.abs(slopes[place])))
+        sizes[place] = force / slope if slope > 0 else 0.0
+    return sizes
+
+
 def _near_motion(start: Fit, noisy: bool) -> tuple[ComplexArray, Motion, Array]:
     """Force and motion of the mode near the measured ones, and its measured amplitude (n,) [m]."""
     observed = start.problem.observed
     mode = observed.mode(start.background)
-    if observed.phase_known and not noisy:
+    seen = start.problem.law.odd or 0 in mode.measured
+    if observed.phase_known and not noisy and seen:
         return mode.force, mode.motion, mode.amplitude
     # what the balance made of force and response together is less noisy, and has a phase
     smooth, found = start.force * np.exp(1j * start.turn), start.motion.harmonics

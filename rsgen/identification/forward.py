@@ -192,6 +192,21 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solution
 
 
+def _place_of_rest(law: ForceLaw, values: Array, size: float, steps: int = 40) -> float:
+    """Displacement [m] near zero at which the law exerts no force, in steps of at most size [m]; or zero."""
+    x, still = np.zeros(1), np.zeros(1)
+    for _ in range(steps):
+        sample = law.sample(x, still, still, still, values)
+        force, slope = float(sample.force[0]), float(sample.by_x[0])
+        step = -force / slope if slope > 0 and np.isfinite(force) else np.inf
+        if abs(step) < _CONVERGED * size:
+            return float(x[0])
+        if not np.isfinite(step):
+            return 0.0
+        x = x + np.clip(step, -size, size)
+    return 0.0
+
+
 class HarmonicBalance:
     """The balance from trial to trial: each begins where slopes lead from the one before.
 
@@ -206,24 +221,31 @@ class HarmonicBalance:
         Highest harmonic.
     mass_free
         Whether the mass is a parameter.
+    about_rest
+        Whether motions begin about the place of rest of the law, because the mean of ``start`` is not known.
     """
 
     exact_slopes = True
     step = 1e-4
     """Leaves the second derivatives eight digits: error of central differences h^2, round-off eps/h."""
 
-    def __init__(self, law: ForceLaw, start: Motion, order: int, *, mass_free: bool) -> None:
+    def __init__(
+        self, law: ForceLaw, start: Motion, order: int, *, mass_free: bool, about_rest: bool = False
+    ) -> None:
         self.harmonics = following_harmonics(law, order)
         self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
         self._start = np.zeros((len(start), max(order, 1) + 1), dtype=complex)
         known = [h for h in self.harmonics if h < len(start.orders)]
         self._start[:, known] = start.turned(-np.angle(start.harmonics[:, 1])).harmonics[:, known]
         self._law, self._omega, self._mass_free = law, start.omega, mass_free
+        self._about_rest = about_rest and 0 in self.harmonics
         self._last: tuple[Array, Array, int, Response] | None = None
 
     def __call__(self, values: Array, mass: float, size: Array) -> Response:
         """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
         parameters = np.append(values, mass)
+        if self._about_rest:
+            self._start[:, 0] = _place_of_rest(self._law, values, float(np.max(size)))
         guess = self._start
         if self._last is not None:
             before, last, sampled, response = self._last

@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.agreement import Agreement
+from rsgen.identification.asymmetric import explain_hidden, mirror_findings
 from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
 from rsgen.identification.findings import (
     Findings,
@@ -105,8 +106,9 @@ def identify(
     require(surface, ResponseSurface, "surface")
     model = _model_of(law, observation, mass)
     test = _prepare(surface, model)
-    start = start_fit(test.problem)
-    found = _fit(test.problem, start)
+    problem, start = start_fit(test.problem)
+    test = replace(test, problem=problem)
+    found = _fit(problem, start)
     return _judge(test, model, found)
 
 
@@ -227,6 +229,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
         for name in names
     }
+    reasons = explain_hidden(test.problem, reasons)
     solution = replace(refined.solution, covariance=regression.covariance, freedom=regression.freedom)
     estimates = make_estimates(solution, law, model, reasons)
     curve = _curve(surface, points, used, refined.mass)
@@ -243,7 +246,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         covariance=regression.covariance,
         resonances=resonances,
         curve=curve,
-        restoring=_without_law(kept, curve, mass, noise),
+        restoring=_without_law(kept, refined.harmonics[used, 0].real, curve, mass, noise),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=noise,
         levels=_force_levels(surface, points, resonances),
@@ -252,7 +255,11 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         outcome=_outcome(surface, points, estimates, refined),
         solution=refined.values,
         background=_background(refined, whole, model.observation.background),
-        findings=(*about, *general.collect(of_parameters, calibrated=model.observation.calibrated)),
+        findings=(
+            *about,
+            *mirror_findings(test.problem, estimates),
+            *general.collect(of_parameters, calibrated=model.observation.calibrated),
+        ),
     )
 
 
@@ -284,20 +291,17 @@ def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Re
 
 
 def _without_law(
-    points: Points, curve: EquivalentCurve, mass: float | None, noise: float
+    points: Points, predicted: Array, curve: EquivalentCurve, mass: float | None, noise: float
 ) -> RestoringForce | None:
-    """Draw the forces from k(X) and c(X), or along the motion where that leaves the middle."""
+    """Draw the forces from k(X) and c(X), or along the motion where its mean is not zero."""
     if mass is None:
         return None
-    if _is_centred(points):
+    recorded = 0 in points.measured
+    mean = points.harmonics[:, 0].real if recorded else predicted
+    # about zero, where alone a force follows from k(X) without a law
+    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < _CENTRED:
         return invert_curve(curve, mass)
-    return invert_motion(points, mass, noise)
-
-
-def _is_centred(points: Points) -> bool:
-    """Tell whether the motion stays about zero, where alone a force follows from k(X) without a law."""
-    mean = np.abs(points.harmonics[:, 0]) / points.amplitude
-    return 0 not in points.measured or float(np.sqrt(np.mean(mean**2))) < _CENTRED
+    return invert_motion(points, mass, noise) if recorded else None
 
 
 def _mode(table: Table, found: Fit) -> Table:

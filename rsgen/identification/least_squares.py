@@ -7,7 +7,7 @@ matrix is never squared, and its columns are scaled, because parameters differ b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,6 +134,8 @@ def fit(
     neighbours: NDArray[np.intp] | None = None,
     used: NDArray[np.bool_] | None = None,
     attainable: float = 0.0,
+    natural: Array | None = None,
+    held: Sequence[int] = (),
 ) -> Regression:
     """Gauss-Newton with step halving on parameters and nuisances together.
 
@@ -156,13 +158,18 @@ def fit(
         (n,) points to begin with, all where it is None.
     attainable
         Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
+    natural
+        (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
+    held
+        Parameters that stay where they are, yet count among the unknowns when errors are stated.
     """
+    natural = np.zeros(len(parameters)) if natural is None else natural
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     rounds = 4 if reject else 1
     converged = False
     for _ in range(rounds):
         parameters, nuisance, line, converged = _descend(
-            linearise, parameters, nuisance, used, steps, small, attainable
+            linearise, parameters, nuisance, used, steps, small, attainable, natural, held
         )
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
@@ -170,7 +177,7 @@ def fit(
         used = kept
         if same:
             break
-    return _summary(line, parameters, nuisance, used, converged)
+    return _summary(line, parameters, nuisance, used, converged, natural)
 
 
 def eliminate(line: Linearisation) -> tuple[Array, Array]:
@@ -188,15 +195,16 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
     return residual, matrix
 
 
-def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tuple[Array, Array, Array]:
+def solve_scaled(matrix: Array, right: Array, *sizes: Array) -> tuple[Array, Array, Array]:
     """Least squares with scaled columns.
 
     Parameters
     ----------
     matrix, right
         (r, q) and (r,).
-    size
-        (q,) present sizes of the unknowns; one whose whole effect is round-off is not identifiable.
+    *sizes
+        (q,) each, such as the present sizes of the unknowns: one whose whole effect at any of them is
+        round-off is not identifiable.
 
     Returns
     -------
@@ -209,7 +217,7 @@ def solve_scaled(matrix: Array, right: Array, size: Array | None = None) -> tupl
     """
     count = matrix.shape[1]
     norm = np.sqrt(np.sum(matrix**2, axis=0))
-    if size is not None and count:
+    for size in sizes if count else ():
         effect = norm * np.abs(size)
         matrix = np.where((effect > 0) & (effect < ROUND_OFF * effect.max()), 0.0, matrix)
         norm = np.sqrt(np.sum(matrix**2, axis=0))
@@ -231,6 +239,8 @@ def _descend(
     steps: int,
     small: float,
     attainable: float,
+    natural: Array,
+    held: Sequence[int],
     halvings: int = 6,
 ) -> tuple[Array, Array, Linearisation, bool]:
     line = linearise(parameters, nuisance)
@@ -239,9 +249,9 @@ def _descend(
         if not good.any():
             return parameters, nuisance, line, False
         residual, matrix = eliminate(line)
-        change, _, _ = solve_scaled(
-            matrix[good].reshape(residual[good].size, matrix.shape[2]), residual[good].reshape(-1), parameters
-        )
+        flat = matrix[good].reshape(residual[good].size, matrix.shape[2])
+        flat[:, list(held)] = 0.0
+        change, _, _ = solve_scaled(flat, residual[good].reshape(-1), parameters, natural)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
@@ -317,13 +327,18 @@ def _agreeing(
 
 
 def _summary(
-    line: Linearisation, parameters: Array, nuisance: Array, used: NDArray[np.bool_], converged: bool
+    line: Linearisation,
+    parameters: Array,
+    nuisance: Array,
+    used: NDArray[np.bool_],
+    converged: bool,
+    natural: Array,
 ) -> Regression:
     residual, matrix = eliminate(line)
     each = residual.shape[1] - line.by_nuisance.shape[2]
     count = len(parameters)
     flat = matrix[used].reshape(residual[used].size, count)
-    _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters)
+    _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters, natural)
     freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
     variance = float(np.sum(residual[used] ** 2)) / freedom
     fisher = inverse @ inverse.T * variance

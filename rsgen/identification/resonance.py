@@ -181,13 +181,15 @@ def fit_resonances(
         unknown = np.full(len(law.parameters) + (given is None), np.nan)
         values = unknown[: len(law.parameters)]
         return Solution(values, mass, np.diag(unknown), 1, np.nan), resonances
+    # harmonics without the mean say nothing of how far apart the turning points lie from zero
+    turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
     equations = Equations(
         omega[good],
         1j * force[good],
         np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
         False,
         1 / force[good],
-        turning[good] if not law.odd else np.zeros((0, 2)),
+        turning[good] if turned else np.zeros((0, 2)),
     )
     found = solve_equations(equations, law, mass, near=near.values)
     covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2

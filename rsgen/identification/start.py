@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.asymmetric import ORDER, start_asymmetric
 from rsgen.identification.data import ASYMMETRIC, Points
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
@@ -47,9 +48,6 @@ _TYPICAL = 0.04
 
 _SOME = 3
 """At least as many points are no accident."""
-
-_ORDER = 3
-"""Harmonics while only starting values or phases are sought; the fits that follow find the rest."""
 
 
 def solve_equations(
@@ -142,8 +140,12 @@ def is_strong(points: Points) -> bool:
     return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
 
 
-def start_fit(problem: Problem) -> Array:
-    """Parameters of the problem to start from, without any knowledge but the points."""
+def start_fit(problem: Problem) -> tuple[Problem, Array]:
+    """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
+    return start_asymmetric(problem, _start_first_order(problem))
+
+
+def _start_first_order(problem: Problem) -> Array:
     observed = problem.observed
     if not observed.phase_known:
         found = _start_amplitudes(observed.points, problem.law, problem.given)
@@ -152,7 +154,7 @@ def start_fit(problem: Problem) -> Array:
             return parameters
         # law and background share the tails of a resonance: the law comes near first
         alone = replace(observed, fitted=np.zeros_like(observed.fitted))
-        return fit_balance(replace(problem, observed=alone), parameters, order=_ORDER).regression.parameters
+        return fit_balance(replace(problem, observed=alone), parameters, order=ORDER).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
         found = _start_values(observed.mode(background), problem.law, problem.given)
@@ -160,7 +162,7 @@ def start_fit(problem: Problem) -> Array:
     if len(trials) == 1:
         return trials[0]
     few = problem.select(observed.points.spread(QUICK))
-    fits = [fit_balance(few, trial, order=_ORDER, correct=False) for trial in trials]
+    fits = [fit_balance(few, trial, order=ORDER, correct=False) for trial in trials]
     return min(fits, key=lambda found: found.regression.noise).regression.parameters
 
 
@@ -320,12 +322,12 @@ def with_phase(table: Table, found: Fit, shape: Shape, steps: int = 12) -> Table
     b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(steps):
-        balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
+        balance = _hold(law, found.values, found.mass, omega, size, ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
         step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
         size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
-    balance = _hold(law, found.values, found.mass, omega, size, _ORDER)
+    balance = _hold(law, found.values, found.mass, omega, size, ORDER)
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
     harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
     if isinstance(table, Points):

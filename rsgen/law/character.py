@@ -61,6 +61,11 @@ class Character:
         of a saturation.
     odd
         True where n(-x, -v) = -n(x, v): the mean and all even harmonics vanish.
+    even
+        Linear indices of forces p phi with phi(-x, -v) = phi(x, v): along a motion without mean and even
+        harmonics these have no odd harmonic.
+    mirrored
+        True where the other sign of all even ones is the law of the mirror image -x.
     switched
         True where the law has switches at all.
     rough
@@ -76,6 +81,8 @@ class Character:
     nonlinear: tuple[int, ...]
     scaled: tuple[tuple[int, ...], ...]
     odd: bool
+    even: tuple[int, ...]
+    mirrored: bool
     switched: bool
     rough: bool
     jumps: bool
@@ -98,12 +105,15 @@ def character(force: sympy.Expr) -> Character:
         for piece in normal_form_at(force, {name: 1 + spread * i for i, name in enumerate(names)}).pieces
         for switch in piece.switches
     ]
+    even = tuple(i for i in linear if _is_even(force.diff(parameters[i]), parameters))
     return Character(
         parameters=names,
         linear=linear,
         nonlinear=tuple(i for i in range(len(names)) if i not in linear),
         scaled=_scaled_groups(pieces, parameters, linear),
         odd=_is_odd(force, parameters),
+        even=even,
+        mirrored=_is_odd(force.subs({parameters[i]: 0 for i in even}), parameters),
         switched=bool(switches),
         rough=any(jump or corner for jump, corner in onsets),
         jumps=any(jump for jump, _ in onsets),
@@ -180,6 +190,15 @@ def _vanishes(expression: sympy.Expr) -> bool:
 
 
 def _is_odd(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
+    return _is_mirrored(force, parameters, -1.0)
+
+
+def _is_even(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
+    return _is_mirrored(force, parameters, 1.0)
+
+
+def _is_mirrored(force: sympy.Expr, parameters: list[sympy.Symbol], sign: float) -> bool:
+    """Decide whether n(-x, -v) = sign n(x, v)."""
     # tried at random states and values of several sizes: a symbolic proof does not end for every law
     law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
     generator = np.random.default_rng(0)
@@ -191,7 +210,7 @@ def _is_odd(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
             one, other = np.broadcast_to(one, x.shape), np.broadcast_to(other, x.shape)
             finite = np.isfinite(one) & np.isfinite(other)
             largest = np.max(np.abs(one[finite]), initial=0.0)
-            if not np.all(np.abs(one[finite] + other[finite]) <= _SAME * largest):
+            if not np.all(np.abs(one[finite] - sign * other[finite]) <= _SAME * largest):
                 return False
     return True
 

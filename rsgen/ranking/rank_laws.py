@@ -197,7 +197,7 @@ def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Ele
     fits = []
     for elements in laws:
         problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.mass)
-        fits.append(fit_balance(problem, start_fit(problem), order=_START_ORDER))
+        fits.append(fit_balance(*start_fit(problem), order=_START_ORDER))
     return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
 

@@ -26,6 +26,18 @@ say_plainly(
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
             f"zero ({_TESTED}); raise the level or take more points near the resonance"
         ),
+        "even-force-not-seen": (
+            "{parameter}: the fundamental shows an even force by the square of its size alone, and is "
+            "fitted as well without it; record the mean or the second harmonic"
+        ),
+        "sign-not-identifiable": (
+            "the sign of {parameters} is not identifiable: neither the mean nor an even harmonic was "
+            "recorded, and with the other sign -x fits as well as x; record the mean or the second harmonic"
+        ),
+        "mirror-image-fits": (
+            "the mirror image of the law, x and v with the other sign, fits as well: neither the mean nor an "
+            "even harmonic was recorded, which tell the two sides apart"
+        ),
         "not-determined": "{parameter}: not determined by the points that this method uses",
         "shift-small": (
             "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "

@@ -1,0 +1,140 @@
+"""Asymmetric laws on measured fundamentals: mean and second harmonic follow from the law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.identification import identify
+from rsgen.observation import Observation
+from rsgen.oscillator import Oscillator
+from rsgen.ranking import rank
+from rsgen.steady_state import solve_steady_states
+from rsgen.surface import ResponseSurface
+from tests.surfaces import changed, noisy
+
+QUADRATIC = "k*x + k2*x**2 + k3*x**3 + c*v"
+VALUES = {"k": 5920.0, "k2": 1e5, "k3": 4e6, "c": 7.5}
+MASS = 1.5
+
+HOUSE = 1e-6
+"""Largest relative error of a value from data without noise, where all that matters is carried."""
+
+SIGMAS = 4.0
+"""Standard errors that a value from one noisy table may be off."""
+
+
+def table(law: str = QUADRATIC, values: dict[str, float] | None = None) -> ResponseSurface:
+    """All harmonics of an asymmetric oscillator, force levels 1 to 8 N."""
+    level, frequency = (
+        grid.ravel() for grid in np.meshgrid([1.0, 2.0, 4.0, 8.0], np.linspace(8, 12, 61), indexing="ij")
+    )
+    oscillator = Oscillator(MASS, law, values or VALUES)
+    states = solve_steady_states(oscillator, level.astype(complex), frequency, harmonics=5, accuracy=1e-9)
+    return ResponseSurface(level, frequency, level.astype(complex), states.harmonics, outcome=states.outcome)
+
+
+def fundamental(full: ResponseSurface, noise: float = 0.0, **columns: object) -> ResponseSurface:
+    """What a test keeps that records the fundamental alone."""
+    harmonics = np.array(noisy(full, noise, 1).harmonics) if noise else np.array(full.harmonics)
+    force = noisy(full, noise, 2).force if noise else full.force
+    harmonics[:, 0] = harmonics[:, 2:] = 0
+    return changed(full, **{"harmonics": harmonics, "force": force} | columns)
+
+
+def without_phase(measured: ResponseSurface) -> ResponseSurface:
+    sizes = np.abs(measured.harmonics).astype(complex)
+    return changed(measured, harmonics=sizes, force=np.abs(measured.force).astype(complex), phase_known=False)
+
+
+def on_background(measured: ResponseSurface) -> ResponseSurface:
+    harmonics = np.array(measured.harmonics)
+    harmonics[:, 1] += (3e-5 + 1e-5j) * measured.force
+    return changed(measured, harmonics=harmonics, force=measured.force * np.exp(-0.2j))
+
+
+def codes(found) -> set[str]:
+    return {finding.code for finding in found.findings}
+
+
+def off(found, values: dict[str, float]) -> float:
+    return max(abs(abs(found[name].value) / abs(value) - 1) for name, value in values.items())
+
+
+@pytest.fixture(scope="module")
+def full() -> ResponseSurface:
+    return table()
+
+
+@pytest.mark.parametrize("tested", ["plain", "amplitudes", "background", "response control"])
+def test_a_fundamental_gives_every_value_but_the_sign(full, tested):
+    measured, observation = fundamental(full), None
+    if tested == "amplitudes":
+        measured = without_phase(measured)
+    elif tested == "background":
+        measured, observation = on_background(measured), Observation(background="constant")
+    elif tested == "response control":
+        level = 1e-3 * np.round(measured.amplitude * 1e3)
+        measured = changed(measured, level=level, control="response")
+    found = identify(measured, QUADRATIC, observation)
+    assert off(found, {**VALUES, "m": MASS}) < HOUSE
+    assert found["k2"].value > 0
+    named = [finding.names for finding in found.findings if finding.code == "sign-not-identifiable"]
+    assert named == [{"parameters": "k2"}]
+
+
+@pytest.mark.parametrize("tested", ["plain", "amplitudes", "background"])
+def test_intervals_of_an_even_force_hold_under_noise(full, tested):
+    measured, observation = fundamental(full, 0.01), None
+    if tested == "amplitudes":
+        measured = without_phase(measured)
+    elif tested == "background":
+        measured, observation = on_background(measured), Observation(background="constant")
+    found = identify(measured, QUADRATIC, observation)
+    for name, value in {**VALUES, "m": MASS}.items():
+        assert abs(found[name].value - value) < SIGMAS * found[name].standard_error
+    assert found["k2"].standard_error < 0.1 * VALUES["k2"]
+
+
+def test_the_second_harmonic_gives_the_sign():
+    full = table(values={**VALUES, "k2": -1e5})
+    harmonics = np.array(full.harmonics)
+    harmonics[:, 0] = 0
+    found = identify(changed(full, harmonics=harmonics), QUADRATIC)
+    assert abs(found["k2"].value / -1e5 - 1) < HOUSE
+    assert "sign-not-identifiable" not in codes(found)
+
+
+def test_two_stiffnesses_are_told_apart_but_not_their_sides():
+    law, values = "Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 7000.0, "k7": 5000.0, "c": 3.8}
+    found = identify(fundamental(table(law, values)), law)
+    assert sorted(found[name].value for name in ("k6", "k7")) == pytest.approx([5000, 7000], rel=HOUSE)
+    assert "mirror-image-fits" in codes(found)
+
+
+@pytest.mark.parametrize(
+    ("law", "even"), [(QUADRATIC, "k2"), ("k*x + k3*x**3 + c*v + F0", "F0"), ("k*x + c*v + F0", "F0")]
+)
+def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
+    cubic = "k3" in law
+    values = {"k": 5920.0, "c": 7.5} | ({"k3": 4e6} if cubic else {})
+    full = table("k*x + c*v" + " + k3*x**3" * cubic, values)
+    for noise in (0.0, 0.01):
+        found = identify(fundamental(full, noise), law)
+        assert found[even].finding is not None
+        assert found[even].finding.code in {"even-force-not-seen", "not-distinct-from-zero"}
+        for name, value in values.items():
+            if noise:
+                assert abs(found[name].value - value) < SIGMAS * found[name].standard_error
+            else:
+                assert abs(found[name].value / value - 1) < HOUSE
+        assert "not-converged" not in codes(found)
+
+
+def test_forces_are_not_drawn_without_a_law_where_the_mean_must_be_large(full):
+    assert identify(fundamental(full), QUADRATIC).restoring is None
+
+
+def test_a_ranking_tries_asymmetric_laws_on_fundamentals(full):
+    ranking = rank(fundamental(full, 0.003), ["k*x + c*v", QUADRATIC])
+    assert ranking.best.model.parameters == ("c", "k", "k2", "k3")
