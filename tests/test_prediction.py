@@ -187,3 +187,30 @@ def test_held_out_amplitudes_are_in_metres() -> None:
     assert {item.level_unit for item in prediction.held_out} == {"m"}
     # amplitudes are no forces to predict
     assert table.levels[2] not in [curve.level for curve in prediction]
+
+
+def test_curves_are_predicted_at_the_measured_force() -> None:
+    """A nominal level, or a label, is not the force that the structure felt."""
+    table = surface("cubic")
+    dropped = replace(table, force=0.7 * table.force, harmonics=0.7 * table.harmonics)
+    found = identify(dropped, model("cubic", hold_out=(table.levels[1],)))
+    forces = [0.7 * level for level in table.levels]
+    assert [curve.level for curve in predict(found, surface=dropped)] == pytest.approx(forces)
+    scored = predict(found, surface=dropped).held_out[0]
+    assert (scored.level, scored.force) == pytest.approx((table.levels[1], forces[1]))
+
+
+def test_the_forces_of_a_virtual_test_are_its_levels() -> None:
+    table = surface("cubic")
+    assert identify(table, model("cubic")).levels.tolist() == table.levels.tolist()
+
+
+def test_a_level_is_held_out_by_the_number_that_is_printed() -> None:
+    table = surface("cubic")
+    table = replace(table, level=table.level * (1 + 3.7e-6))
+    printed = float(f"{table.levels[1]:g}")
+    assert printed != table.levels[1]
+    found = identify(table, model("cubic", hold_out=(printed,)))
+    assert {item.level for item in predict(found, surface=table).held_out} == {float(table.levels[1])}
+    with pytest.raises(RsgenError, match="hold_out: no level"):
+        identify(table, model("cubic", hold_out=(1.01 * printed,)))

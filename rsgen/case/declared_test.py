@@ -13,6 +13,7 @@ from rsgen.declaration import given
 from rsgen.measurement import HistoryRule, MeasuredTest, Signal
 from rsgen.observation import Observation
 from rsgen.simulation import SimulatedTest
+from rsgen.surface import match_level
 
 __all__ = ["make_measured", "make_observation", "make_simulated"]
 
@@ -106,11 +107,11 @@ def make_observation(table: Any, test: SimulatedTest | MeasuredTest, maker: Make
             continue
         place = f"identify.hold_out.{number}"
         if isinstance(test, SimulatedTest) and test.level is not None:
-            near = test.level[abs(test.level - level) <= 1e-9 * abs(level)]
-            if not len(near):
+            meant = match_level(test.level, level)
+            if meant is None:
                 maker.faults.append(f"{place}: {level:g} {unit} is not tested; one of test.level is needed")
                 continue
-            level = float(near[0])
+            level = meant
         if level in levels:
             maker.faults.append(f"{place}: {level:g} {unit or 'N'} stands twice; each level once")
             continue

@@ -245,6 +245,9 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
             _draw_curve(axes, curve, scale.factor, "#D55E00", label="predicted")
         for item in items:
+            if item.level_unit != "N":
+                # where the amplitude was held, each point was tested at a force of its own
+                axes.plot(item.frequency, np.abs(item.predicted) / scale.factor, "-", color="#D55E00", lw=0.9)
             axes.plot(
                 item.frequency,
                 np.abs(item.measured) / scale.factor,

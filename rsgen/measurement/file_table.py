@@ -194,8 +194,10 @@ def read_channels(
         text = read_columns(path, test.layout, wanted, sha256)
         label = file_label(path)
         groups = [
-            [Channel(title or str(name), text.values[:, i], unit_in(title))]
-            for i, (name, title) in enumerate(zip(wanted, text.names, strict=True))
+            [Channel(title or str(name), text.values[:, i], unit, "the title of the column" if unit else "")]
+            for i, (name, title, unit) in enumerate(
+                zip(wanted, text.names, map(unit_in, text.names), strict=True)
+            )
         ]
         return groups, (*to_si(test, label, wanted, groups), *_about_words(label, text)), text
     groups = read_binary(path, form, wanted, sha256)

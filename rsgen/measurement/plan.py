@@ -325,6 +325,10 @@ class MeasuredTest:
         for name, count in (("sha256", len(self.sha256)), ("response_files", len(self.response_files))):
             if count not in (0, files):
                 yield name, f"{count} for {files} files; one for each is needed"
+        pairs = list(zip(self.files, self.response_files or self.files, strict=False))
+        if len(set(pairs)) < len(pairs):
+            twice = next(pair[0] for number, pair in enumerate(pairs) if pair in pairs[:number])
+            yield "files", f"{twice.name!r:.80} stands twice; each file once"
         one = files == 1 and self.history is None
         if len(self.level.values) not in (0, files) and not one:
             yield "level.values", f"{len(self.level.values)} for {files} files; one for each is needed"

@@ -12,6 +12,8 @@ from rsgen.errors import MeasurementError, RsgenError
 from rsgen.finding import Finding, quantities
 from rsgen.measurement.address import show
 from rsgen.measurement.column_titles import is_angular
+from rsgen.measurement.consistency import repeated_rows, run_findings, tell_branches_apart
+from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import Table, read_table
 from rsgen.measurement.nominal_levels import (
     group_levels,
@@ -184,6 +186,17 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     if test.per_force:
         response = response * force
     displacement = response / (2j * np.pi * frequency) ** _DERIVATIVES.index(test.quantity)
+    twice = repeated_rows(frequency, force, displacement)
+    if twice.any():
+        numbers = quantities(rows=int(twice.sum()), all=len(twice))
+        doubts = [*doubts, Finding("rows-twice", "warning", numbers=numbers, names={"file": table.label})]
+        table, frequency, force, displacement = (
+            table.keep(~twice),
+            frequency[~twice],
+            force[~twice],
+            displacement[~twice],
+        )
+        level = None if level is None else level[~twice]
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
@@ -219,6 +232,16 @@ def _has_entries(test: MeasuredTest) -> bool:
     """Whether a * of the plan means the entries of a file, each of which is a run."""
     places = (test.frequency, *test.response.columns, *(test.force.columns if test.force else ()))
     return any("*" in place for place in places if isinstance(place, str))
+
+
+def _blocks(part: _Part) -> range:
+    return range(int(part.block[-1]) + 1)
+
+
+def _called(test: MeasuredTest, number: int, entry: int) -> str:
+    """Call a block of a file."""
+    name = file_label((test.response_files or test.files)[number])
+    return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
 
 
 def _amplitudes(test: MeasuredTest) -> ResponseSurface:
@@ -258,6 +281,11 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         control=control,
         findings=tuple(findings),
     )
+    names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
+    consistent = run_findings(surface, block, names, test.per_force)
+    surface = replace(surface, findings=(*surface.findings, *consistent))
+    if test.sweep.direction == "recognise" and test.sweep.column is None:
+        surface = replace(surface, sweep=tell_branches_apart(surface, block))
     if test.level.spread is not None or (run is None and not known):
         return surface
     return settle_levels(surface, test, known)

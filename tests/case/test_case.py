@@ -21,6 +21,7 @@ from rsgen.case import case_schema, find_cases, load_case, name_clashes
 from rsgen.case.data_paths import path_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.expression import check_name
+from rsgen.measurement import MeasuredTest
 from rsgen.simulation import SimulatedTest
 from tests.case.faults import FAULTS, HISTORY, SIMULATED, TABLE, Fault, changed
 
@@ -402,3 +403,19 @@ def test_a_range_is_the_same_for_object_and_schema() -> None:
         SimulatedTest([1.0], [2.0], harmonics=65)
     schema = case_schema()["$defs"]["SimulatedTest"]["properties"]["harmonics"]
     assert (schema["minimum"], schema["maximum"]) == (1, 64)
+
+
+def test_levels_of_a_held_response_are_amplitudes(tmp_path: Path) -> None:
+    text = (ROOT / "cases" / "formats" / "csv-table.toml").read_text(encoding="utf-8")
+    held = text.replace('kind = "measured"', 'kind = "measured"\ncontrol = "response"')
+    held = held.replace('column = "force_N"', 'values = ["2 mm"]') + '\n[identify]\nhold_out = ["2 mm"]\n'
+    (tmp_path / "table.csv").write_bytes((ROOT / "cases" / "formats" / "table.csv").read_bytes())
+    path = tmp_path / "a.toml"
+    path.write_text(held, encoding="utf-8")
+    case = load_case(path)
+    assert isinstance(case.test, MeasuredTest)
+    assert case.test.level.values == pytest.approx((2e-3,))
+    assert case.observation.hold_out == pytest.approx((2e-3,))
+    path.write_text(held.replace("2 mm", "2 N"), encoding="utf-8")
+    with pytest.raises(CaseError, match="is a force, but m"):
+        load_case(path)

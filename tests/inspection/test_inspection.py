@@ -416,3 +416,91 @@ def test_a_mil_is_a_length(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     test = load_case(case).test
     assert isinstance(test, MeasuredTest)
     assert read_measurement(test).amplitude[0] == pytest.approx(50.8e-6)
+
+
+ROWS = [f"{8 + i / 10:.1f},{2 + i // 20},{1 + i / 7:.4f},{10 + i}" for i in range(40)]
+HEAD = "f_Hz,force_N,disp_um,lag_deg"
+
+
+@pytest.mark.parametrize(
+    ("lines", "kept", "said"),
+    [
+        (
+            [HEAD, *ROWS[:20], HEAD, *ROWS[20:]],
+            40,
+            "a row of words among the numbers, passed over; the first is line 22",
+        ),
+        (
+            [HEAD, *ROWS[:1], HEAD, *ROWS[1:]],
+            40,
+            "a row of words among the numbers, passed over; the first is line 3",
+        ),
+        ([HEAD, *ROWS[:9], "8.9,NA,NA,NA", *ROWS[10:]], 39, "(1 of 40 are not finite)"),
+        ([HEAD, *ROWS[:30], "restarted by hand", *ROWS[30:]], 40, "a row of words among the numbers"),
+        (["channels: 1 2 3", "1,2,3,4", HEAD, *ROWS], 40, "csv, 4 arrays of numbers"),
+    ],
+)
+def test_no_row_of_a_log_is_dropped_in_silence(
+    tmp_path: Path, run_cli: Callable[..., Any], lines: list[str], kept: int, said: str
+) -> None:
+    """A header that repeats, or a row without numbers, made ``skip`` pass over all rows above."""
+    path, case = tmp_path / "log.csv", tmp_path / "log.toml"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    assert said in run_cli("inspect", path).out
+    assert run_cli("init", "--from", path, case).code == 0
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    assert len(read_measurement(test)) == kept
+
+
+def test_utf_16_is_inspected_and_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    path, case = tmp_path / "a.csv", tmp_path / "a.toml"
+    path.write_bytes("\r\n".join([HEAD, *ROWS]).encode("utf-16"))
+    assert run_cli("init", "--from", path, case).code == 0
+    assert "40 measured points" in run_cli("check", case).out
+
+
+@pytest.mark.parametrize("title", ["Omega", "w", "omega_rad_s", "Omega [rad/s]"])
+def test_an_angular_frequency_is_proposed_as_one(tmp_path: Path, title: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([HEAD.replace("f_Hz", title), *ROWS, ""]), encoding="utf-8")
+    assert proposed(path)["frequency"] == {"column": title, "unit": "rad/s"}
+
+
+def test_the_header_of_labview_is_understood(tmp_path: Path) -> None:
+    head = (
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
+        "Samples\t50\t50\t\nY_Unit_Label\tNewtons\tm/s^2\t\nX_Dimension\tTime\tTime\t\nX0\t0.0E+0\t0.0E+0\t\n"
+        "***End_of_Header***\t\t\t\nX_Value\tHammer\tSensor 1\tComment\n"
+    )
+    path = tmp_path / "a.lvm"
+    rows = "".join(f"{i / 100:.3f}\t{i % 7}\t{i % 5}\n" for i in range(50))
+    path.write_text(head + rows, encoding="utf-8")
+    table = proposed(path)
+    assert table["time"] == {"column": "X_Value"}
+    assert table["force"] == {"samples": "Hammer", "unit": "N"}
+    assert table["response"] == {"quantity": "acceleration", "unit": "m/s^2", "samples": "Sensor 1"}
+
+
+@pytest.mark.parametrize(
+    "units",
+    [
+        {"units": {"f": "kHz", "F": "mN", "x": "um"}},
+        {"f_unit": "kHz", "F_unit": "mN", "x_unit": "um"},
+        {"unit_f": "kHz", "unit_F": "mN", "unit_x": "um"},
+    ],
+)
+def test_texts_of_a_matlab_file_are_shown_and_are_units(
+    tmp_path: Path, run_cli: Callable[..., Any], units: dict[str, Any]
+) -> None:
+    path = tmp_path / "a.mat"
+    numbers = {"f": np.linspace(1, 2, 30), "F": np.full(30, 2.0), "x": np.linspace(3, 4, 30)}
+    scipy.io.savemat(path, {"test": {**numbers, **units}, "operator": "Jo"})
+    table = proposed(path)
+    assert table["frequency"]["unit"] == "kHz"
+    assert table["force"]["unit"] == "mN"
+    assert table["response"]["unit"] == "um"
+    shown = run_cli("inspect", path).out
+    assert "'mN'" in shown
+    assert "'Jo'" in shown
+    assert "numbers are needed" not in shown

@@ -75,6 +75,13 @@ say_plainly(
             "within each run the amplitude of the response stays and the force moves, so the response was "
             'held; control = "force" under [test] would say otherwise'
         ),
+        "run-repeated": (
+            "{first} and {second} hold the same numbers row by row: one run was copied in place of another"
+        ),
+        "runs-of-other-size": (
+            "response over force differs by a factor of about {factor:.0f} between {first} and {second}: "
+            "their units differ, as m and mm do"
+        ),
         "response-not-held": (
             "the response is said to be held within a level, but it moves by {moved:.0%} at {level:.3q}"
         ),
@@ -88,6 +95,8 @@ NEXT_STEPS.update(
             "a wrong unit or factor of the level or of what was measured."
         ),
         "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
+        "run-repeated": "Look for the run that is missing, and take the copy out.",
+        "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
         "response-not-held": 'Leave out control = "response" if the test held the force.',
     }
 )
@@ -99,6 +108,14 @@ def _(found: Finding) -> str:
     return (
         f"{found.names['file']}: {rows} of words among the numbers, as a header that repeats, passed over; "
         f"the first is line {found['line']:.0f}"
+    )
+
+
+@says("rows-twice")
+def _(found: Finding) -> str:
+    return (
+        f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows repeat the row before to the "
+        "last digit: written twice, not measured twice, and left out"
     )
 
 

@@ -1,0 +1,93 @@
+"""Runs that do not fit together: copies, rows written twice, units that differ, branches in one order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.errors import MeasurementError
+from rsgen.measurement import MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.surface import ResponseSurface
+
+FREQUENCY = np.linspace(8, 12, 41)
+OMEGA = 2 * np.pi * FREQUENCY
+RECEPTANCE = np.abs(1 / (5920 - 1.5 * OMEGA**2 + 7.5j * OMEGA))
+
+
+def write(path: Path, force: float, response: np.ndarray, frequency: np.ndarray = FREQUENCY) -> Path:
+    rows = (f"{f:.6g},{force:.9g},{x:.9g}\n" for f, x in zip(frequency, response, strict=True))
+    path.write_text("f,F,x\n" + "".join(rows), encoding="utf-8")
+    return path
+
+
+def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # noqa: B008 - immutable
+    signals = Signal(amplitude="F"), Signal(amplitude="x")
+    return read_measurement(
+        MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, sweep=sweep)
+    )
+
+
+def severities(surface: ResponseSurface) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in surface.findings}
+
+
+@pytest.fixture
+def noisy() -> np.ndarray:
+    return RECEPTANCE * (1 + 1e-3 * np.random.default_rng(1).standard_normal(41))
+
+
+def test_runs_of_one_structure_fit_together(tmp_path: Path, noisy: np.ndarray) -> None:
+    paths = [write(tmp_path / f"{force}.csv", force, force * noisy) for force in (1.0, 2.0, 50.0)]
+    assert severities(read(*paths)) == {}
+
+
+def test_a_copy_in_place_of_another_run_is_doubted(tmp_path: Path, noisy: np.ndarray) -> None:
+    first = write(tmp_path / "a.csv", 1.0, noisy)
+    copy = write(tmp_path / "b.csv", 2.0, noisy)
+    surface = read(first, copy, write(tmp_path / "c.csv", 5.0, 5 * noisy))
+    assert severities(surface) == {"run-repeated": "doubt"}
+    assert surface.findings[0].names == {"first": "a.csv", "second": "b.csv"}
+
+
+def test_a_file_stands_once_in_a_plan(tmp_path: Path, noisy: np.ndarray) -> None:
+    path = write(tmp_path / "a.csv", 1.0, noisy)
+    with pytest.raises(MeasurementError, match=r"'a\.csv' stands twice"):
+        read(path, path)
+
+
+def test_rows_written_twice_count_once(tmp_path: Path, noisy: np.ndarray) -> None:
+    path = write(tmp_path / "a.csv", 1.0, np.repeat(noisy, 2), np.repeat(FREQUENCY, 2))
+    surface = read(path)
+    assert len(surface) == 41
+    assert severities(surface) == {"rows-twice": "warning"}
+    assert surface.findings[0]["rows"] == 41
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3, 1e6])
+def test_a_file_in_another_unit_is_doubted(tmp_path: Path, noisy: np.ndarray, factor: float) -> None:
+    first = write(tmp_path / "a.csv", 1.0, noisy)
+    surface = read(first, write(tmp_path / "b.csv", 2.0, 2 * factor * noisy))
+    assert severities(surface) == {"runs-of-other-size": "doubt"}
+    assert surface.findings[0]["factor"] == pytest.approx(max(factor, 1 / factor))
+
+
+def test_friction_that_holds_a_level_still_is_no_unit(tmp_path: Path, noisy: np.ndarray) -> None:
+    stuck = 1e-3 * noisy.min() * np.geomspace(1, 1.1, 41)
+    surface = read(write(tmp_path / "a.csv", 1.0, stuck), write(tmp_path / "b.csv", 2.0, 2 * noisy))
+    assert severities(surface) == {}
+
+
+@pytest.mark.parametrize(("hardens", "upper"), [(True, "up"), (False, "down")])
+def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
+    tmp_path: Path, hardens: bool, upper: str
+) -> None:
+    """Two files sorted by frequency were called upward sweeps, one the upper branch of a softening mode."""
+    high = np.linspace(1, 3, 41) if hardens else np.linspace(3, 1, 41)
+    low = np.linspace(0.3, 0.4, 41)
+    paths = write(tmp_path / "upper.csv", 1.0, high), write(tmp_path / "lower.csv", 1.0, low)
+    surface = read(*paths)
+    assert set(surface.sweep[:41]) == {upper}
+    assert set(surface.sweep[41:]) == {"down" if upper == "up" else "up"}
+    assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
