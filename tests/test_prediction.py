@@ -8,9 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
-from rsgen.oscillator import Oscillator
+from rsgen.oscillator import Model, Oscillator
 from rsgen.prediction import Prediction, predict
-from tests.surfaces import changed, model, surface
+from tests.surfaces import changed, model, noisy, surface
 
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""
@@ -35,6 +35,39 @@ def test_held_out_levels_are_predicted(quintic: tuple[object, Prediction]) -> No
         assert item.error < EXACT
         assert item.largest_error < EXACT
         assert np.all(np.diff(item.frequency) > 0)
+
+
+def test_a_held_out_level_is_scored_within_the_band(quintic: tuple[object, Prediction]) -> None:
+    table, whole = quintic
+    asked = model("quintic", hold_out=(6.0,))
+    found = identify(table, replace(asked, observation=replace(asked.observation, band=(9.0, 11.0))))
+    (item,) = predict(found, surface=table).held_out
+    assert item.frequency.min() >= 9.0
+    assert item.frequency.max() <= 11.0
+    assert len(item.frequency) < len(whole.held_out[0].frequency)
+
+
+@pytest.mark.parametrize(("law", "expected"), [(None, []), ("k*x + c*v", ["doubt"])])
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_a_held_out_level_that_is_missed_casts_doubt(
+    law: str | None, expected: list[str], noise: float
+) -> None:
+    table = noisy(surface("cubic"), noise, 1)
+    asked = model("cubic", hold_out=(8.0,))
+    if law is not None:
+        asked = Model(law, None, asked.observation)
+    findings = predict(identify(table, asked), surface=table).findings
+    assert [f.severity for f in findings if f.code == "held-out-missed"] == expected
+
+
+def test_without_phase_held_out_amplitudes_are_compared() -> None:
+    table = surface("cubic")
+    harmonics = np.zeros_like(table.harmonics)
+    harmonics[:, 1] = table.amplitude
+    table = changed(table, harmonics=harmonics, phase_known=False)
+    prediction = predict(identify(table, model("cubic", hold_out=(8.0,))), surface=table)
+    assert prediction.held_out[0].error < 1e-3
+    assert "held-out-missed" not in {finding.code for finding in prediction.findings}
 
 
 def test_curves_pass_through_the_measured_points(quintic: tuple[object, Prediction]) -> None:

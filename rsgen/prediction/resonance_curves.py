@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
-from rsgen.finding import Finding, Quantity, quantities
+from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
 from rsgen.oscillator import Oscillator
@@ -36,6 +36,17 @@ _WIDEST = 0.5
 
 _NEAR = 0.2
 """A predicted steady state farther from the measured one, relatively, is another one."""
+
+_AT_JUMPS = 0.02
+"""Share of the points of a run that may lie between a predicted and a measured jump: they are not judged."""
+
+_OF_MISFIT = 2.0
+"""A held-out level is missed where its error is as many times the misfit of the levels that were fitted: the
+noise of force and response makes 1.3 of it."""
+
+_MISSED = (0.05, 0.15, 0.5)
+"""Errors of held-out responses from which on they are worth a warning, cast doubt on the law, refute it: a
+twentieth is as good as most sensors, a seventh worse than most tests, with a half nothing is predicted."""
 
 
 def predict(
@@ -89,8 +100,12 @@ def predict(
     balance = AmplitudeBalance(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     curves = tuple(_curve(found, balance, level, omega, tested) for level in chosen)
-    held_out = _score(found, balance, surface) if surface is not None else ()
-    return Prediction(curves, held_out, tested, _findings(tested, curves, held_out))
+    held_out: tuple[HeldOutLevel, ...] = ()
+    findings = list[Finding]()
+    if surface is not None:
+        held_out = _score(found, balance, surface)
+        findings += _missed(held_out, surface, found.residual * np.sqrt(2))
+    return Prediction(curves, held_out, tested, (*_findings(tested, curves, held_out), *findings))
 
 
 def _levels(
@@ -237,13 +252,45 @@ def _respond(
     return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
 
 
+def _miss(
+    predicted: NDArray[np.complex128], measured: NDArray[np.complex128], surface: ResponseSurface
+) -> Array:
+    """(n,) distance from prediction to measurement [m]; of amplitudes where the phase was not recorded."""
+    if surface.phase_known:
+        return np.asarray(np.abs(predicted - measured))
+    return np.asarray(np.abs(np.abs(predicted) - np.abs(measured)))
+
+
+def _missed(
+    held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float
+) -> tuple[Finding, ...]:
+    """Judge held-out levels by their error, but for points at jumps, against the misfit of the others."""
+    findings = []
+    warned, doubted, refuted = _MISSED
+    for item in held_out:
+        size = np.abs(item.measured)
+        # what has no steady state there is missed by all of it
+        miss = np.where(np.isfinite(item.predicted), _miss(item.predicted, item.measured, surface), size)
+        judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
+        error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
+        if not (error > max(warned, _OF_MISFIT * misfit)):
+            continue
+        severity: Severity = "error" if error > refuted else "doubt" if error > doubted else "warning"
+        numbers = quantities(error=error, misfit=misfit, level=Quantity(item.level, item.level_unit))
+        findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
+    return tuple(findings)
+
+
 def _score(
     identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
-    model = identification.model
+    observation = identification.model.observation
+    low, high = observation.band or (0.0, inf)
     chosen = (
-        held_out_mask(surface, model)
+        held_out_mask(surface, identification.model)
         & surface.settled
+        & (surface.frequency >= low)
+        & (surface.frequency <= high)
         & (surface.amplitude > 0)
         & (np.abs(surface.force) > 0)
     )
@@ -255,7 +302,7 @@ def _score(
             rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
             measured = surface.harmonics[rows, 1]
             predicted = _respond(identification, balance, surface.select(rows))
-            miss = np.abs(predicted - measured)
+            miss = _miss(predicted, measured, surface)
             known = np.isfinite(miss)
             error = largest = nan
             if known.any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsgen.report.wording.sentences import say_plainly
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly
 
 say_plainly(
     {
@@ -15,5 +15,14 @@ say_plainly(
             "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
             "predicted steady state near the measured one"
         ),
+        "held-out-missed": (
+            "the held-out level {level:.3q} (sweep {sweep}) is predicted with an error of {error:.0%}, "
+            "against a misfit of {misfit:.2p} where the law was fitted"
+        ),
     }
+)
+
+NEXT_STEPS["held-out-missed"] = (
+    "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
+    "fewer levels."
 )
