@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, TypedDict
 
 from rsgen.finding import Finding
 
-__all__ = ["STATES", "USABLE", "State", "Verdict", "reach_verdict"]
+__all__ = ["STATES", "USABLE", "State", "StatedVerdict", "Verdict", "reach_verdict", "verdict_lines"]
 
 State = Literal["accepted", "missed", "identified", "doubtful", "rejected"]
 
@@ -81,3 +81,26 @@ def reach_verdict(
     if within_tolerance is None:
         return Verdict("identified", summary=summary)
     return Verdict("accepted" if within_tolerance else "missed", summary=summary)
+
+
+class StatedVerdict(TypedDict):
+    """A verdict in words: the entry "verdict" of a result.json.
+
+    ``state`` is one of ``STATES``; ``headline`` says it in a line; ``decided_by`` are the
+    findings that decided, as objects, gravest first; ``sentences`` and ``next_steps`` have one text for each
+    of them: what it is, and what to do about it ("" where nothing is known).
+    """
+
+    state: State
+    headline: str
+    decided_by: list[dict[str, Any]]
+    sentences: list[str]
+    next_steps: list[str]
+
+
+def verdict_lines(stated: StatedVerdict) -> list[str]:
+    """Give the headline and, indented, what decided with what to do about it."""
+    lines = [stated["headline"]]
+    for sentence, step in zip(stated["sentences"], stated["next_steps"], strict=True):
+        lines += [f"  because: {sentence}", *([f"  next: {step}"] if step else [])]
+    return lines

@@ -13,7 +13,7 @@ from rsgen.report.difference import (
     render_difference,
     verdict_change,
 )
-from rsgen.report.stated_verdict import verdict_lines
+from rsgen.verdict import verdict_lines
 
 __all__ = ["diff_command"]
 

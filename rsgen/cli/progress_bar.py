@@ -10,6 +10,7 @@ from typing import NamedTuple
 from rsgen.case import Case
 from rsgen.cli.terminal import plain, print_faults
 from rsgen.study import CaseRun, Step, expect
+from rsgen.verdict import verdict_lines
 
 __all__ = ["Listener", "case_progress", "stage_progress"]
 
@@ -25,10 +26,7 @@ def _lines(run: CaseRun) -> list[str]:
     """Say what became of a case: its verdict with where the result is, then what decided; [] if it failed."""
     if run.verdict is None:
         return []
-    # report and its figures are slow to import
-    from rsgen.report.stated_verdict import read_verdict, verdict_lines
-
-    headline, *reasons = verdict_lines(read_verdict({"verdict": run.verdict}))
+    headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
     return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons]
 

@@ -9,7 +9,7 @@ from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
 from rsgen.output import write_atomic
 from rsgen.report.index import read_result
 from rsgen.report.interactive import render_interactive
-from rsgen.report.stated_verdict import verdict_lines
+from rsgen.verdict import verdict_lines
 
 __all__ = ["show_command"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.errors import RsgenError
-from rsgen.verdict import USABLE, Verdict
+from rsgen.verdict import USABLE, Verdict, verdict_lines
 
 __all__ = [
     "ACCEPTED",
@@ -72,7 +72,7 @@ def print_verdict(verdict: Verdict, name: str = "") -> int:
         What it is the verdict on; "" where the command line says it.
     """
     # report and its figures are slow to import
-    from rsgen.report.stated_verdict import state_verdict, verdict_lines
+    from rsgen.report.stated_verdict import state_verdict
 
     first, *reasons = verdict_lines(state_verdict(verdict))
     for line in (f"{name}: {first}" if name else first, *reasons):

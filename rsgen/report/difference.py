@@ -14,9 +14,9 @@ from rsgen.figures import number_text, quantity_text
 from rsgen.report.environment import page_environment
 from rsgen.report.index import read_result, read_results
 from rsgen.report.page_tables import Cell, Table, TableRow
-from rsgen.report.stated_verdict import StatedVerdict, read_verdict
+from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.wording.page_sentences import error_text
-from rsgen.verdict import STATES
+from rsgen.verdict import STATES, StatedVerdict
 
 __all__ = [
     "CaseDifference",

@@ -18,11 +18,11 @@ from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import inline_svg
 from rsgen.report.result_json import SCHEMA
-from rsgen.report.stated_verdict import StatedVerdict, read_verdict
+from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.surface import load_surface
-from rsgen.verdict import STATES
+from rsgen.verdict import STATES, StatedVerdict
 
 __all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 

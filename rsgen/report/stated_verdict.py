@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypedDict
+from typing import Any
 
 from rsgen.finding import Finding
 from rsgen.report.wording.sentences import full_sentence, next_step
 from rsgen.report.wording.verdict_sentences import headline
-from rsgen.verdict import STATES, State, Verdict, reach_verdict
+from rsgen.verdict import STATES, StatedVerdict, Verdict, reach_verdict, verdict_lines
 
-__all__ = ["StatedVerdict", "explain", "read_verdict", "state_verdict", "verdict_lines"]
-
-
-class StatedVerdict(TypedDict):
-    """The entry "verdict" of a result.json.
-
-    ``state`` is one of ``rsgen.verdict.STATES``; ``headline`` says it in a line; ``decided_by`` are the
-    findings that decided, as objects, gravest first; ``sentences`` and ``next_steps`` have one text for each
-    of them: what it is, and what to do about it ("" where nothing is known).
-    """
-
-    state: State
-    headline: str
-    decided_by: list[dict[str, Any]]
-    sentences: list[str]
-    next_steps: list[str]
+__all__ = ["explain", "read_verdict", "state_verdict"]
 
 
 def state_verdict(verdict: Verdict) -> StatedVerdict:
@@ -37,14 +22,6 @@ def state_verdict(verdict: Verdict) -> StatedVerdict:
         "sentences": [full_sentence(finding) for finding in verdict.decided_by],
         "next_steps": [next_step(finding) for finding in verdict.decided_by],
     }
-
-
-def verdict_lines(stated: StatedVerdict) -> list[str]:
-    """Give the headline and, indented, what decided with what to do about it."""
-    lines = [stated["headline"]]
-    for sentence, step in zip(stated["sentences"], stated["next_steps"], strict=True):
-        lines += [f"  because: {sentence}", *([f"  next: {step}"] if step else [])]
-    return lines
 
 
 def explain(verdict: Verdict) -> str:

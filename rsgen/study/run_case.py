@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from rsgen.case import Case, load_case
 from rsgen.case.trial import law_faults
@@ -21,6 +20,7 @@ from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
 from rsgen.study.progress import Progress, stage_reporter
 from rsgen.surface import ResponseSurface, load_surface
+from rsgen.verdict import StatedVerdict
 
 __all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "run_case"]
 
@@ -60,7 +60,7 @@ class CaseRun:
     skipped: bool = False
     seconds: float = 0.0
     faults: tuple[str, ...] = ()
-    verdict: dict[str, Any] | None = None
+    verdict: StatedVerdict | None = None
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -107,10 +107,10 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     return CaseRun(case.path, case.name, folder, passed, skipped=True, verdict=verdict)
 
 
-def _said(folder: Path) -> tuple[bool, dict[str, Any]]:
+def _said(folder: Path) -> tuple[bool, StatedVerdict]:
     """Read from a result whether tolerances are kept, and its verdict."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    return bool(result["passed"]), dict(result["verdict"])
+    return bool(result["passed"]), result["verdict"]
 
 
 def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:

@@ -21,11 +21,11 @@ from rsgen.report.environment import coded
 from rsgen.report.index import read_result, read_results, table_of_results, write_index
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.stated_verdict import explain, read_verdict, state_verdict, verdict_lines
+from rsgen.report.stated_verdict import explain, read_verdict, state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, next_step
 from rsgen.surface import save_surface
-from rsgen.verdict import STATES, Verdict, reach_verdict
+from rsgen.verdict import STATES, Verdict, reach_verdict, verdict_lines
 from tests.samples import (
     cubic_case,
     cubic_comparison,
