@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from rsgen.case import load_case
-from rsgen.cli.terminal import ACCEPTED, number, print_block, print_json, print_line
+from rsgen.cli.terminal import number, print_block, print_json, print_line, print_verdict, verdict_code
 from rsgen.errors import RsgenError
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.ranking import Ranking, rank
+from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
 from rsgen.study import obtain_surface
 from rsgen.surface import ResponseSurface, load_surface
@@ -35,6 +36,7 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
         print_json(
             {
                 "case": name,
+                **state_verdict(ranking.verdict),
                 "fits": ranking.fits,
                 "verdict": [sentence(finding) for finding in ranking.findings],
                 "findings": [finding.to_dict() for finding in ranking.findings],
@@ -54,13 +56,15 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
                 ],
             }
         )
-        return ACCEPTED
+        return verdict_code(ranking.verdict.state)
+    code = print_verdict(ranking.verdict)
     print_block("", str(ranking))
     for finding in ranking.findings:
-        print_line(sentence(finding))
+        if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
+            print_line(sentence(finding))
     print_line(f"best: {ranking.candidates[0].force}")
     print_line(f"with {_values(ranking)}")
-    return ACCEPTED
+    return code
 
 
 def _values(ranking: Ranking) -> str:

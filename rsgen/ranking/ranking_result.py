@@ -107,7 +107,10 @@ class Ranking(Printed):
     @property
     def verdict(self) -> Verdict:
         """What the ranking is worth: "rejected" where none fits, "doubtful" where one has to look first."""
-        return reach_verdict(self.findings)
+        best = (
+            f for f in self.findings if f.code in ("law-fits-best", "law-nearest", "law-nearest-unproved")
+        )
+        return reach_verdict(self.findings, summary=next(best, None))
 
     def __getitem__(self, name: str) -> Candidate:
         """Candidate of this name.

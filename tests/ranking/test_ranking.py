@@ -339,7 +339,8 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert answer["candidates"][0]["name"] == "cubic-spring"
     assert answer["fits"] is True
     text = run_cli("rank", path).out
-    assert text.splitlines()[2].startswith("cubic-spring ")
+    assert text.startswith("Identified: cubic-spring fits best")
+    assert text.splitlines()[3].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text
     values = text.splitlines()[-1].removeprefix("with ").split(", ")
     assert [value.split(" ", 3)[0] for value in values] == ["c", "k", "k3", "m"]

@@ -44,4 +44,4 @@ def headline(verdict: Verdict) -> str:
             f"Identified: {summary['identified']:.0f} of {summary['parameters']:.0f} parameters, misfit "
             f"{number_text(100 * summary['misfit'], 2)} %, nothing judged against a truth"
         )
-    return f"{verdict.state.capitalize()}: {sentence(summary)}"
+    return f"{verdict.state.capitalize()}: {sentence(summary)}"  # of judged values, or of a ranking

@@ -1,0 +1,110 @@
+"""What a terminal and a script see of a verdict: its lines, and the exit code."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rsgen.cli.progress_bar import case_progress
+from rsgen.cli.run_command import exit_code
+from rsgen.finding import Finding
+from rsgen.report.stated_verdict import state_verdict
+from rsgen.study import CaseRun
+from rsgen.verdict import STATES, Verdict
+from tests.cli.test_cli import call
+
+FORMATS = Path(__file__).parents[2] / "cases" / "formats"
+DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
+
+
+def run_of(state: str | None) -> CaseRun:
+    if state is None:
+        return CaseRun(Path("a.toml"), "a", faults=("a.toml: is wrong",))
+    decided = (DOUBT,) if state in ("doubtful", "rejected") else ()
+    verdict = next(Verdict(known, decided) for known in STATES if known == state)
+    folder = Path("reports") / "a"
+    return CaseRun(Path("a.toml"), "a", folder, state != "missed", verdict=state_verdict(verdict))
+
+
+@pytest.mark.parametrize(
+    ("states", "code"),
+    [
+        ((), 0),
+        (("accepted", "identified"), 0),
+        (("accepted", "missed"), 1),
+        (("doubtful", "accepted"), 1),
+        (("rejected",), 1),
+        (("rejected", None), 2),
+        ((None,), 2),
+    ],
+)
+def test_a_script_goes_on_with_accepted_and_identified_results_only(
+    states: tuple[str | None, ...], code: int
+) -> None:
+    assert exit_code([run_of(state) for state in states]) == code
+
+
+def test_a_finished_case_says_what_decided_and_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+    with case_progress(3, quiet=False) as seen:
+        for state in ("accepted", "doubtful", None):
+            seen.finished(run_of(state))
+    shown = capsys.readouterr()
+    first, second, because, after = shown.out.splitlines()
+    assert first.startswith("a: Accepted: ")
+    assert first.endswith("(0.0 s) reports/a")
+    assert second.startswith("a: Doubtful: ")
+    assert because.startswith("  because: The law does not fit")
+    assert after.startswith("  next: ")
+    assert shown.err == "a.toml: is wrong\n"
+    with case_progress(1, quiet=True) as seen:
+        seen.finished(run_of("doubtful"))
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new", "states", "decided"),
+    [
+        ("", "", {"identified"}, set()),
+        ('phase_sense = "lag"', 'phase_sense = "lead"', {"rejected"}, {"structure-feeds-exciter"}),
+        ("k*x + kn*x**3", "k*x", {"doubtful", "rejected"}, {"law-does-not-fit"}),
+    ],
+)
+def test_every_command_says_the_same_of_a_measured_test(
+    old: str,
+    new: str,
+    states: set[str],
+    decided: set[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copy(FORMATS / "table.csv", tmp_path)
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text((FORMATS / "csv-table.toml").read_text().replace(old, new))
+    code = call("run", path, "--out", out, "--json")
+    (ran,) = json.loads(capsys.readouterr().out)
+    assert ran["verdict"]["state"] in states
+    assert decided <= {finding["code"] for finding in ran["verdict"]["decided_by"]}
+    assert code == (0 if states == {"identified"} else 1)
+    folder = out / "csv-table"
+    assert json.loads((folder / "result.json").read_text())["verdict"] == ran["verdict"]
+    assert ran["verdict"]["headline"] in (folder / "report.html").read_text().replace("\u00a0", " ")
+    assert ran["verdict"]["headline"] in (out / "index.html").read_text().replace("\u00a0", " ")
+    assert json.dumps(ran["verdict"]["headline"])[1:-1] in (folder / "notebook.ipynb").read_text()
+    # a surface that was saved, and an unchanged result, have the same verdict
+    assert call("identify", path, "--surface", folder / "surface.h5", "--json") == code
+    assert json.loads(capsys.readouterr().out)["verdict"] == ran["verdict"]
+    assert call("identify", path) == code
+    assert capsys.readouterr().out.startswith(ran["verdict"]["headline"])
+    assert call("run", path, "--out", out) == code
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"csv-table: {ran['verdict']['headline']} (unchanged)")
+    assert shown.count("  because: ") == len(ran["verdict"]["decided_by"])
+    # index alone
+    assert call("report", "--out", out) == 0
+    assert f"csv-table: {ran['verdict']['headline']}" in capsys.readouterr().out
+    assert call("report", path, "--out", out, "--json") == code
+    assert json.loads(capsys.readouterr().out)["verdicts"] == {"csv-table": ran["verdict"]}
