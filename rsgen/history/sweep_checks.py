@@ -156,7 +156,9 @@ def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
     ]
 
 
-def _counted(code: str, parts: list[SweptPoints], marked: NDArray[np.bool_], severe: float) -> list[Finding]:
+def _count_finding(
+    code: str, parts: list[SweptPoints], marked: NDArray[np.bool_], severe: float
+) -> list[Finding]:
     """Count the marked points of all parts: a finding, which is a doubt above the share ``severe``."""
     aside = int(np.count_nonzero(marked))
     if not aside:
@@ -187,9 +189,9 @@ def most_by_pace(
 
 def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_], good: NDArray[np.bool_]) -> list[Finding]:
     """Count the points whose motion is mainly a free one, as after a jump."""
-    return _counted("motion-mainly-free", parts, free, _ASIDE)
+    return _count_finding("motion-mainly-free", parts, free, _ASIDE)
 
 
 def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
     """Count the points at which the force does not stand out of its noise."""
-    return _counted("force-in-noise", parts, faint, _ASIDE)
+    return _count_finding("force-in-noise", parts, faint, _ASIDE)

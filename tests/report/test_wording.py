@@ -120,16 +120,31 @@ def choices(code: ast.expr, severity: ast.expr) -> list[tuple[ast.expr, ast.expr
     return [(code, severity)]
 
 
+def makes_grave(function: ast.FunctionDef) -> bool:
+    """Whether a helper makes a finding of a code it is given, with a severity that may be doubt or error."""
+    given = {argument.arg for argument in function.args.args}
+    made = [node for node in ast.walk(function) if isinstance(node, ast.Call) and len(node.args) > 1]
+    return any(
+        ast.unparse(node.func) == "Finding"
+        and ast.unparse(node.args[0]) in given
+        and ast.unparse(node.args[1]) not in given
+        and may_be_grave(node.args[1], function)
+        for node in made
+    )
+
+
 def grave_codes(tree: ast.Module) -> set[str]:
     """Codes of a file that may have the severity "doubt" or "error"."""
     found = set()
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    grave_helpers = {function.name for function in functions if makes_grave(function)}
     for function in functions or [tree]:
         for node in ast.walk(function):
             if not (isinstance(node, ast.Call) and codes_of(ast.Expression(node))):
                 continue
             named = {word.arg: word.value for word in node.keywords}
-            if ast.unparse(node.func).split(".")[-1] == "Finding":
+            called = ast.unparse(node.func).split(".")[-1]
+            if called == "Finding":
                 severity = node.args[1] if len(node.args) > 1 else named["severity"]
                 for code, its in choices(node.args[0], severity):
                     found |= texts_of(code) if may_be_grave(its, function) else set()
@@ -137,7 +152,11 @@ def grave_codes(tree: ast.Module) -> set[str]:
             # a helper: one of its arguments may be the severity
             given = [*node.args[1:], *named.values()]
             given += [value for argument in given for value in values_of(ast.unparse(argument), function)]
-            if "severity" in named or GRAVE & {text for value in given for text in texts_of(value)}:
+            if (
+                called in grave_helpers
+                or "severity" in named
+                or GRAVE & {text for value in given for text in texts_of(value)}
+            ):
                 found |= texts_of(node.args[0])
     return found
 
@@ -160,8 +179,16 @@ def f(misfit, given, table):
     choice = Finding("j" if misfit else "k", "error", "m")
     paired = Finding("l" if misfit else "m", "info" if misfit else "doubt")
     crossed = Finding("n" if misfit else "o", "info" if given else "doubt")
+    counted = count_finding("p", 3)
+    told = tell_finding("q", "info")
+
+def count_finding(code, count):
+    return Finding(code, "doubt" if count else "info")
+
+def tell_finding(code, severity):
+    return Finding(code, severity)
 """
-    assert grave_codes(ast.parse(source)) == set("acdefghjkmno")
+    assert grave_codes(ast.parse(source)) == set("acdefghjkmnop")
 
 
 def test_every_finding_that_may_decide_a_verdict_has_a_next_step() -> None:
