@@ -78,7 +78,7 @@ def stage_progress(case: Case, *stages: str) -> Iterator[Callable[[str, float], 
         return
     from rsgen.cli.bars import Bars
 
-    whole = expect(case).seconds
-    expected = {stage: whole[stage] for stage in stages}
+    whole = expect(case)
+    expected = {stage: whole.seconds[stage] * whole.crowding for stage in stages}
     with Bars() as bars:
         yield lambda stage, share: bars.show(Step(case.path, stage, share, expected))

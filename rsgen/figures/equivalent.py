@@ -110,7 +110,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
         result = law.evaluate(amplitude, omega, used)
         stiffness = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), amplitude.shape)
-        update = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / mass)
+        update = np.sqrt(np.where((stiffness > 0) & (mass > 0), stiffness, np.nan) / mass)
         done = bool(np.allclose(update, omega, rtol=1e-9, equal_nan=True))
         omega = np.where(np.isfinite(update), update, omega)
         if done:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.kernel.compiled import Integrated, Kernel, compile_kernel
 from rsgen.kernel.generation import generate, parameter_order
-from rsgen.kernel.store import cache_fault, cache_folder
+from rsgen.kernel.store import cache_fault, cache_folder, is_stored
 
 __all__ = [
     "Integrated",
@@ -13,5 +13,6 @@ __all__ = [
     "cache_folder",
     "compile_kernel",
     "generate",
+    "is_stored",
     "parameter_order",
 ]

@@ -19,7 +19,7 @@ from typing import Any
 from rsgen.kernel.machine_code import compile_source, host, load_object
 from rsgen.kernel.private_folder import UntrustedFolderError, open_private_folder
 
-__all__ = ["cache_fault", "cache_folder", "load_kernel"]
+__all__ = ["cache_fault", "cache_folder", "is_stored", "load_kernel"]
 
 _FORMAT = "3"  # of the files; raise it when their layout changes
 
@@ -62,6 +62,12 @@ def _stored(key: str) -> tuple[bytes, str] | None:
         return None
     symbol, _, code = content.partition(b"\0")
     return code, symbol.decode()
+
+
+def is_stored(source: str) -> bool:
+    """Whether a kernel source was compiled before, so that loading it takes no time."""
+    key = _key(source)
+    return key in _loaded or _stored(key) is not None
 
 
 def _compiled(key: str, source: str) -> tuple[bytes, str]:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from rsgen.case import Case
+from rsgen.kernel import generate, is_stored
 from rsgen.law.pieces import normal_form
 from rsgen.simulation import SimulatedTest
+from rsgen.steady_state.solver import LOCATED
 from rsgen.surface import ResponseSurface
 
 __all__ = ["STAGES", "Expectation", "Progress", "Step", "expect", "stage_reporter"]
@@ -17,17 +21,27 @@ __all__ = ["STAGES", "Expectation", "Progress", "Step", "expect", "stage_reporte
 STAGES = ("surface", "identification", "report")
 """What a run goes through, in this order."""
 
-# Measured on one core of 2020; a law that is met for the first time is derived and compiled
-_COMPILE_SECONDS = 8.0
-_SURFACE_POINTS_A_SECOND = 5_000
-_SMOOTH_POINTS_A_SECOND = 4_000
-_SWITCHED_POINTS_A_SECOND = 1_500
-_READ_SECONDS = 1.0
-_IDENTIFY_SECONDS = 1.5
-_REPORT_SECONDS = 5.0
+# Processor seconds of the eight cases and five measured tests, on a machine that needs _PROBE_SECONDS.
+_START_SECONDS = 3.0
+"""The program and its libraries are loaded."""
+_COMPILE_SECONDS = {False: 2.2, True: 5.0}
+"""A law without and with switches is compiled; once, then it is in the cache."""
+_SURFACE_POINTS_A_SECOND = 20_000
+_IDENTIFY_SECONDS = {False: 0.5, True: 1.2}
+_POINTS_A_SECOND = {False: 5_000, True: 2_000}
+_RANK_SECONDS_A_POINT = 0.03
+"""All laws together; twice that with a background, which is fitted with each."""
+_RANK_POINTS = 500
+"""More points than these are thinned out before laws are ranked."""
+_REPORT_SECONDS = 4.0
 _PROGRAM_MEGABYTES = 250
 _BYTES_A_HARMONIC = 500
 """Copies that identification makes of a point, for each of its harmonics."""
+
+_PROBE_STEPS = 200_000
+"""Of a loop by which the speed of a machine is measured: long against the clock, short for the user."""
+_PROBE_SECONDS = 0.0115
+"""What the loop took where the seconds above were measured."""
 
 _PAUSE_SECONDS = 0.2
 """Between two messages of one stage: no eye follows more, and a pipe takes a limited number."""
@@ -35,15 +49,46 @@ _PAUSE_SECONDS = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Seconds of each stage and the largest memory [MB], to a factor of about three; on the high side."""
+    """How long a run takes on this machine now, to a factor of about two.
+
+    Parameters
+    ----------
+    seconds
+        Of the processor, by stage.
+    megabytes
+        The largest memory [MB].
+    crowding
+        Programs that share a processor, at least 1: so many times longer it takes.
+    """
 
     seconds: dict[str, float]
     megabytes: int
+    crowding: float = 1.0
 
     @property
     def total(self) -> float:
-        """Seconds of the whole run."""
+        """Seconds of the processor for the whole run."""
         return sum(self.seconds.values())
+
+
+@lru_cache(maxsize=1)
+def _slowness() -> float:
+    """Time that this machine takes over that of the machine where the constants were measured."""
+
+    def probe() -> float:
+        started, total = time.process_time(), 0
+        for step in range(_PROBE_STEPS):
+            total += step * step % 7
+        return time.process_time() - started
+
+    return min(probe() for _ in range(3)) / _PROBE_SECONDS
+
+
+def _crowding() -> float:
+    """Programs that want a processor, the run among them, over processors; 1 where nobody says."""
+    if not hasattr(os, "getloadavg"):
+        return 1.0
+    return max(1.0, (os.getloadavg()[0] + 1) / (os.cpu_count() or 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +116,7 @@ class Step:
 Progress = Callable[[Step], None]
 
 
-def expect(case: Case, surface: ResponseSurface | None = None) -> Expectation:
+def expect(case: Case, surface: ResponseSurface | None = None, reading: float = 0.0) -> Expectation:
     """Say what a run of a case will take.
 
     Parameters
@@ -80,27 +125,37 @@ def expect(case: Case, surface: ResponseSurface | None = None) -> Expectation:
         The case; laws with corners and jumps take longer.
     surface
         Of a measured case, once it was read; without it nothing is known of its points.
+    reading
+        Processor seconds that reading it took.
     """
-    points, harmonics = 0, 1
-    if isinstance(case.test, SimulatedTest):
-        points, harmonics = len(case.test.level) * len(case.test.frequency), case.test.harmonics
-        simulation = _COMPILE_SECONDS + points / _SURFACE_POINTS_A_SECOND
-    else:
-        simulation = _READ_SECONDS
-        if surface is not None:
-            points, harmonics = len(surface), surface.harmonics.shape[1] - 1
-    switched = any(piece.switches for piece in normal_form(case.model.force).pieces)
-    rate = _SWITCHED_POINTS_A_SECOND if switched else _SMOOTH_POINTS_A_SECOND
-    seconds = (simulation, _IDENTIFY_SECONDS + points / rate, _REPORT_SECONDS)
+    law, test = case.model.force, case.test
+    switched = any(piece.switches for piece in normal_form(law).pieces)
+    points, harmonics, simulation = 0, 1, reading / _slowness()
+    if isinstance(test, SimulatedTest):
+        points, harmonics = len(test.level) * len(test.frequency), test.harmonics
+        simulation = points / _SURFACE_POINTS_A_SECOND
+        if case.oscillator is not None and test.method == "time":
+            located = test.accuracy < LOCATED
+            source = generate(law, values=case.oscillator.values, locate_all=located)
+            simulation += 0.0 if is_stored(source) else _COMPILE_SECONDS[switched]
+    elif surface is not None:
+        points, harmonics = len(surface), surface.harmonics.shape[1] - 1
+    identification = _IDENTIFY_SECONDS[switched] + points / _POINTS_A_SECOND[switched]
+    if case.ranked:
+        fitted = 1 if case.observation.background == "none" else 2
+        identification += fitted * _RANK_SECONDS_A_POINT * min(points, _RANK_POINTS)
+    seconds = (_START_SECONDS + simulation, identification, _REPORT_SECONDS)
     megabytes = _PROGRAM_MEGABYTES + round(points * (harmonics + 2) * _BYTES_A_HARMONIC / 1e6)
-    return Expectation(dict(zip(STAGES, seconds, strict=True)), megabytes)
+    here = {stage: second * _slowness() for stage, second in zip(STAGES, seconds, strict=True)}
+    return Expectation(here, megabytes, _crowding())
 
 
 def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, float], None]:
     """Give a function of stage and share that reports every new stage, and shares now and then."""
     if progress is None:
         return lambda stage, share: None
-    expected = expect(case).seconds
+    expectation = expect(case)
+    expected = {stage: s * expectation.crowding for stage, s in expectation.seconds.items()}
     last = ("", 0.0)
 
     def report(stage: str, share: float) -> None:

@@ -161,6 +161,13 @@ def test_backbone_of_a_cubic_spring_is_the_closed_formula() -> None:
     np.testing.assert_allclose(model.omega**2 * 1.5, model.stiffness, rtol=1e-12)
 
 
+@pytest.mark.parametrize("mass", [-1.5, 0.0])
+def test_a_mass_that_has_no_resonance_draws_no_backbone_and_warns_of_nothing(mass: float) -> None:
+    model = backbone(IDENTIFICATION, {**TRUTH, "m": mass}, np.array([1e-3, 1e-2]))
+    assert np.isfinite(model.stiffness).all()
+    assert model.mass == mass
+
+
 def test_band_is_linear_propagation_of_the_covariance() -> None:
     amplitude = np.linspace(0.001, 0.05, 7)
     _, stiffness, damping = refined_band(IDENTIFICATION, amplitude)

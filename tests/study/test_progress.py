@@ -1,0 +1,67 @@
+"""How long a run takes: what it depends on; what it takes is measured by hand, for machines differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rsgen.case import Case, load_case
+from rsgen.kernel import compile_kernel
+from rsgen.steady_state.solver import LOCATED
+from rsgen.study import expect, progress
+from rsgen.surface import ResponseSurface
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _quiet_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("RSGEN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(progress, "_slowness", lambda: 1.0)
+    monkeypatch.setattr("os.getloadavg", lambda: (0.0, 0.0, 0.0), raising=False)
+
+
+def cubic() -> Case:
+    return load_case(ROOT / "cases" / "cubic.toml")
+
+
+def test_a_slow_machine_and_a_busy_one_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    quiet = expect(cubic())
+    assert quiet.crowding == 1.0
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (13.0, 9.0, 5.0))
+    busy = expect(cubic())
+    assert busy.crowding == 7.0
+    assert busy.seconds == quiet.seconds
+    monkeypatch.setattr(progress, "_slowness", lambda: 3.0)
+    assert expect(cubic()).total == pytest.approx(3 * quiet.total)
+
+
+def test_a_law_that_was_compiled_before_is_simulated_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rsgen.kernel.store._loaded", {})
+    case = cubic()
+    first = expect(case).seconds["surface"]
+    assert case.oscillator is not None
+    compile_kernel(
+        case.oscillator.force, values=case.oscillator.values, locate_all=case.test.accuracy < LOCATED
+    )
+    assert expect(case).seconds["surface"] < first - 1
+
+
+def test_ranking_takes_longer_and_longer_with_a_background(tmp_path: Path) -> None:
+    surface = ResponseSurface(1.0, [9.0] * 300, 1.0, [1e-3j] * 300)
+    text = (ROOT / "cases" / "formats" / "csv-table.toml").read_text(encoding="utf-8")
+    ranked = text.replace("schema = 1", 'schema = 1\nmodel = "rank"')
+    behind = ranked.replace("[test]", '[identify]\nbackground = "constant"\n\n[test]', 1)
+    seconds = []
+    for content in (text, ranked, behind):
+        (tmp_path / "case.toml").write_text(content, encoding="utf-8")
+        expected = expect(load_case(tmp_path / "case.toml"), surface)
+        seconds.append(expected.seconds["identification"])
+    assert seconds[0] + 5 < seconds[1] < seconds[2] - 5
+
+
+def test_the_time_of_reading_counts_as_it_was_measured() -> None:
+    case = load_case(ROOT / "cases" / "formats" / "csv-table.toml")
+    assert expect(case, reading=7.0).total == pytest.approx(expect(case).total + 7.0)
