@@ -174,7 +174,12 @@ def _named(amount: NDArray[np.float64]) -> NDArray[np.float64]:
     return amount
 
 
-def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool) -> ResponseSurface:
+def _coincide(amount: NDArray[np.float64]) -> bool:
+    """Whether several levels were all measured with one amount."""
+    return len(amount) > 1 and float(np.ptp(amount)) < _SPREAD * float(amount.min())
+
+
+def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:
     """Call levels by what was measured where they are labels; say where nominal levels and forces disagree.
 
     Parameters
@@ -185,6 +190,8 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool) -> 
         The plan.
     known
         Whether the levels are nominal ones; numbers of runs get names without a word.
+    said
+        Whether case or files say in which unit the levels are.
     """
     levels, none = surface.levels, (np.nan, np.nan)
     typical = typical_amounts(surface)
@@ -205,6 +212,10 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool) -> 
             return replace(surface, findings=(*surface.findings, *_order_findings(surface, levels, median)))
     if not np.isfinite(typical).all():
         return surface
+    if known and not test.level.labels and _coincide(typical):
+        numbers = {"count": Quantity(len(levels)), "amount": Quantity(float(typical[0]), surface.level_unit)}
+        finding = Finding("levels-of-one-force", "doubt", numbers=numbers)
+        return replace(surface, findings=(*surface.findings, finding))
     names = _named(typical)
     renamed = replace(surface, level=names[np.searchsorted(levels, surface.level)])
     if not known:
@@ -214,7 +225,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool) -> 
         "amounts": ", ".join(f"{name:g} {surface.level_unit}" for name in names),
         "unit": surface.level_unit,
     }
-    said = test.unit_said and not test.level.labels and test.calibrated
+    said = said and not test.level.labels and test.calibrated
     finding = Finding(
         "levels-disagree" if said else "levels-are-labels", "doubt" if said else "info", names=labels
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.finding import Finding, quantities
 from rsgen.measurement.address import show
-from rsgen.measurement.column_titles import is_angular
+from rsgen.measurement.column_titles import is_angular, unit_in
 from rsgen.measurement.consistency import repeated_rows, run_findings, tell_branches_apart
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import Table, read_table
@@ -23,7 +23,7 @@ from rsgen.measurement.nominal_levels import (
     settle_levels,
 )
 from rsgen.measurement.passivity import passivity_findings
-from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.plan import HERTZ, QUANTITIES, HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = ["read_measurement"]
 
+_SAME_UNIT = 1e-3
+"""Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 _DERIVATIVES = ("displacement", "velocity", "acceleration")
 
 
@@ -47,6 +49,7 @@ class _Part:
     mark: NDArray[np.float64] | None
     block: NDArray[np.int64]
     findings: tuple[Finding, ...]
+    unit_said: bool
 
 
 def _signal(table: Table, signal: Signal, factor: float, what: str) -> NDArray[np.complex128]:
@@ -146,11 +149,45 @@ def _whole_rows(table: Table, other: Table) -> tuple[Table, Table]:
     return kept, kept if other is table else other.keep(keep)
 
 
+def _contradiction(table: Table, column: int | str, unit: str, title: str) -> Finding:
+    """Say that the case reads a column in another unit than its title names."""
+    about = {
+        "file": table.label,
+        "column": table.names.get(column, str(column)),
+        "unit": unit,
+        "title": title,
+    }
+    return Finding("unit-contradicts-title", "doubt", names=about)
+
+
+def _unit_doubts(test: MeasuredTest, table: Table, signal: Signal | None, target: str) -> list[Finding]:
+    """Find columns of a text whose title names another unit of the same quantity than the case."""
+    if signal is None or signal.unit is None or signal.factor != 1 or not test.calibrated:
+        return []
+    found = []
+    for column in signal.columns:
+        title = unit_in(table.names.get(column, ""))
+        try:
+            said, read = (
+                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, signal.unit)
+            )
+        except RsgenError:
+            # a title may end like a unit of something else
+            continue
+        if title and abs(said - read) > _SAME_UNIT * abs(read):
+            found.append(_contradiction(table, column, signal.unit, title))
+    return found
+
+
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
     column = cast("int | str", test.frequency)
+    unit = unit_in(table.names.get(column, ""))
     if test.frequency_unit is not None:
-        return test.frequency_factor, []
+        other = unit in HERTZ and HERTZ[unit] != test.frequency_factor
+        return test.frequency_factor, [
+            _contradiction(table, column, test.frequency_unit, unit)
+        ] if other else []
     unit, title = table.units.get(column, ""), table.names.get(column, "")
     if table.unit_of_place == "row":
         title = title.rpartition("/")[2]
@@ -183,6 +220,12 @@ def _part(test: MeasuredTest, number: int) -> _Part:
         # without a force the plan asks for a level
         force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
     response = _signal(other, test.response, test.response_factor, "response")
+    per = "/N" if test.per_force else ""
+    doubts = [
+        *doubts,
+        *_unit_doubts(test, table, test.force, "N"),
+        *_unit_doubts(test, other, test.response, QUANTITIES[test.quantity] + per),
+    ]
     if test.per_force:
         response = response * force
     displacement = response / (2j * np.pi * frequency) ** _DERIVATIVES.index(test.quantity)
@@ -201,7 +244,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
     findings = (*table.findings, *(() if same else other.findings), *doubts)
-    return _Part(frequency, force, displacement, level, mark, table.block, findings)
+    said = test.unit_said or (test.level.column is not None and bool(table.units.get(test.level.column)))
+    return _Part(frequency, force, displacement, level, mark, table.block, findings, said)
 
 
 def _as_number(value: int | str | None) -> float:
@@ -288,7 +332,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         surface = replace(surface, sweep=tell_branches_apart(surface, block))
     if test.level.spread is not None or (run is None and not known):
         return surface
-    return settle_levels(surface, test, known)
+    return settle_levels(surface, test, known, any(part.unit_said for part in parts))
 
 
 def _levels_of_histories(
@@ -297,7 +341,7 @@ def _levels_of_histories(
     """Say what was held, and settle the levels that the plan gives."""
     surface = replace(surface, control=test.control or "force")
     known = all(history.level is not None for history in histories)
-    return settle_levels(surface, test, known) if known else surface
+    return settle_levels(surface, test, known, test.unit_said) if known else surface
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:

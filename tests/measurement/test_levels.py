@@ -170,3 +170,12 @@ def test_a_level_is_found_by_the_digits_that_are_printed(
     levels: list[float], asked: float, meant: int | None
 ) -> None:
     assert match_level(np.array(levels), asked) == (None if meant is None else levels[meant])
+
+
+def test_levels_that_were_all_measured_with_one_force_are_doubted(tmp_path: Path) -> None:
+    forces = {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}.csv")))
+    assert surface.levels.tolist() == [1, 3, 9]
+    assert codes(surface)["levels-of-one-force"] == "doubt"
+    rule = LevelRule(name="{level}.csv", unit="label")
+    assert "levels-of-one-force" not in codes(read_measurement(of_files(tmp_path, forces, level=rule)))

@@ -109,3 +109,32 @@ def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path: Path) -> None
     ragged = text(tmp_path / "b.txt", "t\tF\tx\n0.0\t1\n")
     with pytest.raises(MeasurementError, match="line 2: 2 values; every line must have 3"):
         read_columns(ragged, Layout(), ["t"])
+
+
+@pytest.mark.parametrize(
+    ("table", "keys", "unit"),
+    [
+        ("frequency", {"frequency_unit": "rad/s"}, "rad/s"),
+        ("frequency", {"frequency_unit": "kHz"}, "kHz"),
+        ("force", {"unit": "mN"}, "mN"),
+        ("response", {"unit": "m"}, "m"),
+    ],
+)
+def test_a_case_that_contradicts_a_title_is_doubted(
+    tmp_path: Path, table: str, keys: dict[str, Any], unit: str
+) -> None:
+    path = text(tmp_path / "a.csv", "f_Hz,F_N,x_mm\n1,2,3\n2,2,4\n")
+    force, response = ({**keys} if table == name else {} for name in ("force", "response"))
+    more = keys if table == "frequency" else {}
+    signals = Signal(amplitude="F_N", **force), Signal(amplitude="x_mm", **response)
+    surface = read_measurement(MeasuredTest(path, 1, *signals, "displacement", phase_known=False, **more))
+    doubts = [found for found in surface.findings if found.severity == "doubt"]
+    assert [found.code for found in doubts] == ["unit-contradicts-title"]
+    assert doubts[0].names["unit"] == unit
+
+
+def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path: Path) -> None:
+    path = text(tmp_path / "a.csv", "f_Hz,drive_V,a_g\n1,2,3\n2,2,4\n")
+    force, response = Signal(amplitude=2, unit="V", factor="3 N/V"), Signal(amplitude=3, unit="g")
+    test = MeasuredTest(path, 1, force, response, "acceleration", phase_known=False, frequency_unit="Hz")
+    assert read_measurement(test).findings == ()

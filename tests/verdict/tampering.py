@@ -13,7 +13,8 @@ SENSE = frozenset({"not-passive", "structure-feeds-exciter", "mass-negative"})
 """Force and response cannot belong together in this sense: power or mass have the wrong sign."""
 
 MISFIT = frozenset({"law-does-not-fit"})
-LEVELS = MISFIT | {"levels-contradict", "level-set-aside", "points-set-aside"}
+NAMES = {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
+LEVELS = MISFIT | {"levels-contradict", "level-set-aside", "points-set-aside"} | NAMES
 POINTS = frozenset({"law-does-not-fit", "points-set-aside", "level-set-aside"})
 SIZE = frozenset({"amplitude-implausible", "mass-implausible", "frequency-implausible"})
 WAVE = frozenset({"not-a-steady-sine"})
@@ -309,9 +310,17 @@ TAMPERINGS = (
     Tampering("force in kN, read as N", SIZE, kilonewtons),
     Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
     Tampering("response in g, read as m/s^2; mass known", MISFIT | SIZE, gravities_known_mass),
-    Tampering("rad/s read as Hz, column called omega", SIZE | {"unit-doubted"}, radians_as_hertz),
-    Tampering("Hz read as rad/s, column called f_Hz", SIZE | {"unit-doubted"}, hertz_as_radians),
-    Tampering("Hz read as kHz", SIZE | {"unit-doubted"}, kilohertz),
+    Tampering(
+        "rad/s read as Hz, column called omega",
+        SIZE | {"frequency-angular", "unit-contradicts-title"},
+        radians_as_hertz,
+    ),
+    Tampering(
+        "Hz read as rad/s, column called f_Hz",
+        SIZE | {"frequency-angular", "unit-contradicts-title"},
+        hertz_as_radians,
+    ),
+    Tampering("Hz read as kHz", SIZE | {"frequency-angular", "unit-contradicts-title"}, kilohertz),
     Tampering("acceleration read as displacement", SENSE, as_displacement),
     Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity),
     Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),

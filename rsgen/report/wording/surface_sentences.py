@@ -67,6 +67,8 @@ say_plainly(
             "the levels are said to be {labels} {unit}, but {amounts} were measured; they are called by what "
             "was measured"
         ),
+        "levels-of-one-force": ("{count:.0f} levels of different name were all measured with {amount:.3q}"),
+        "unit-contradicts-title": ("{file}: {column} is read in {unit}, but its title says {title}"),
         "levels-swapped": (
             "the level of {low:.3q} was driven harder than that of {high:.3q}: measured {low_measured:.3q} "
             "and {high_measured:.3q}"
@@ -94,6 +96,11 @@ NEXT_STEPS.update(
             'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
             "a wrong unit or factor of the level or of what was measured."
         ),
+        "levels-of-one-force": (
+            'Look whether the force was recorded at all; write unit = "label" under [test.level] if these '
+            "are repeats of one level."
+        ),
+        "unit-contradicts-title": "Look which of the two is right, and change the case or the title.",
         "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
         "run-repeated": "Look for the run that is missing, and take the copy out.",
         "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
