@@ -16,6 +16,8 @@ _FEWEST = 8
 """Points of a run from which on two runs are compared."""
 _MOST = 60
 """Runs that are compared with each other at most; each with each would take long for thousands."""
+_TWICE = 0.2
+"""From this share of rows on that are the one before, an export wrote rows twice."""
 _STEPS = (1e3, 1e6)
 """Factors between units of one set: m and mm, N and mN, m and um."""
 _NEAR_STEP = 2.0
@@ -30,10 +32,14 @@ _APART = 1.5
 def repeated_rows(
     frequency: NDArray[np.float64], force: NDArray[np.complex128], response: NDArray[np.complex128]
 ) -> NDArray[np.bool_]:
-    """(n,) True for a row that is the one before, to the last digit: written twice, not measured twice."""
+    """(n,) True for a row that is the one before, to the last digit: written twice, not measured twice.
+
+    None where only a few are, as at the turn of a sweep or where a display has few digits.
+    """
     same = np.zeros(len(frequency), dtype=np.bool_)
     same[1:] = np.all([values[1:] == values[:-1] for values in (frequency, force, response)], axis=0)
-    return same
+    written_twice = same.sum() >= max(_FEWEST, _TWICE * len(same))
+    return same if written_twice else np.zeros_like(same)
 
 
 def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np.intp]]:

@@ -307,7 +307,7 @@ TAMPERINGS = (
     Tampering("sign of the response reversed", SENSE, reversed_sign),
     Tampering("phase in the wrong sense (conjugate)", SENSE, conjugate),
     Tampering("response in mm/s^2, read as m/s^2", SIZE, millimetres),
-    Tampering("force in kN, read as N", SIZE, kilonewtons),
+    Tampering("force in kN, read as N", SIZE | NAMES, kilonewtons),
     Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
     Tampering("response in g, read as m/s^2; mass known", MISFIT | SIZE, gravities_known_mass),
     Tampering(
