@@ -15,6 +15,7 @@ from rsgen.measurement import read_measurement
 from rsgen.simulation import SimulatedTest
 from rsgen.study import STAGES, expect
 from rsgen.study.foresight import point_faults
+from rsgen.surface.plausibility import plausibility_findings
 
 __all__ = ["check_command"]
 
@@ -29,6 +30,11 @@ def _processor_seconds() -> float:
     return used.user + used.system + used.children_user + used.children_system
 
 
+def _refuse(faults: list[str]) -> None:
+    if faults:
+        raise CaseError(faults)
+
+
 def _plan(case: Case) -> dict[str, Any]:
     """What a run of a case will do.
 
@@ -40,6 +46,7 @@ def _plan(case: Case) -> dict[str, Any]:
     test, surface, reading = case.test, None, 0.0
     warnings = list(case.warnings)
     if isinstance(test, SimulatedTest):
+        _refuse(point_faults(case))
         kind = {
             "kind": "simulated",
             "levels": len(test.level),
@@ -53,7 +60,9 @@ def _plan(case: Case) -> dict[str, Any]:
         started = _processor_seconds()
         surface = read_measurement(test)
         reading = _processor_seconds() - started
-        warnings += map(sentence, surface.findings)
+        _refuse(point_faults(case, surface))
+        odd = plausibility_findings(surface, calibrated=case.observation.calibrated)
+        warnings += map(sentence, (*surface.findings, *odd))
         kind = {
             "kind": "measured",
             "file": test.file.name,
@@ -63,9 +72,6 @@ def _plan(case: Case) -> dict[str, Any]:
             "lowest_frequency": float(surface.frequency.min()),
             "highest_frequency": float(surface.frequency.max()),
         }
-    refused = point_faults(case, surface)
-    if refused:
-        raise CaseError(refused)
     expected = expect(case, surface, reading)
     return {
         "case": case.name,

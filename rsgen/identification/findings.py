@@ -22,7 +22,7 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.motion import cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import Sizes, quantity_findings, size_findings
+from rsgen.surface.plausibility import plausibility_findings
 from rsgen.units import parameter_units
 
 __all__ = [
@@ -219,16 +219,9 @@ class Findings:
         return (*found, *self._runs())
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
-        """What no vibration test can have: a response of another quantity, sizes of another unit."""
-        other = [finding for finding in self.surface.findings if finding.code == "another-quantity"]
-        if not other:
-            yield from (other := list(quantity_findings(self.surface)))
-        # the sizes of another quantity say nothing of units
-        if calibrated and not other:
-            mass = None if "m" in not_identifiable else self.fit.mass
-            dampings = [r.damping_ratio for r in self.resonances if r.damping_ratio > 0]
-            sizes = Sizes.of(self.surface, mass, min(dampings, default=None))
-            yield from size_findings(sizes, phase_known=self.surface.phase_known)
+        mass = None if "m" in not_identifiable else self.fit.mass
+        damping = min((r.damping_ratio for r in self.resonances if r.damping_ratio > 0), default=None)
+        return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)
 
     def _feeds(self) -> bool:
         """Whether the structure works on the exciter, in sum and at most points."""

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from rsgen.finding import Finding, Quantity
 from rsgen.surface.response_surface import ResponseSurface
 
-__all__ = ["LIMITS", "MISTAKES", "Limit", "Mistake", "Sizes", "quantity_findings", "size_findings"]
+__all__ = [
+    "LIMITS",
+    "MISTAKES",
+    "Limit",
+    "Mistake",
+    "Sizes",
+    "plausibility_findings",
+    "quantity_findings",
+    "size_findings",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +43,7 @@ class Limit:
 LIMITS = {
     "frequency": Limit(1e-4, 0.02, 1e5, 1e6, "Hz"),
     "displacement": Limit(1e-14, 1e-10, 0.5, 10.0, "m"),
-    "velocity": Limit(1e-12, 1e-9, 10.0, 100.0, "m/s"),
+    "velocity": Limit(1e-12, 1e-9, 10.0, 60.0, "m/s"),
     "acceleration": Limit(1e-9, 1e-6, 1e5, 1e6, "m/s^2"),
     "force": Limit(1e-12, 1e-4, 1e5, 1e8, "N"),
     "mass": Limit(2e-5, 1e-3, 1e6, 1e10, "kg"),
@@ -45,8 +54,8 @@ LIMITS = {
 
 frequency: one period in three hours; above 1 MHz only what is smaller than a grain of sand has modes.
 displacement: the best interferometers resolve 1e-14 m; no rig moves a structure by more than 10 m.
-velocity: a vibrating solid is stressed by density * speed of sound * velocity, so metals break at some 50 m/s
-(F. V. Hunt, J. Acoust. Soc. Am. 32, 1960, p. 1123); vibrometers resolve 1e-9 m/s in hours.
+velocity: a vibrating solid is stressed by density * speed of sound * velocity, so that the strongest metals
+break at some 50 m/s (F. V. Hunt, J. Acoust. Soc. Am. 32, 1960, p. 1123); vibrometers resolve 1e-9 m/s.
 acceleration: the quietest ground moves with 1e-9 m/s^2; 100 000 g destroys every sensor.
 force: the largest shaking tables bring 1e8 N; below 1e-12 N the thermal force on grams is larger.
 mass: a sensor and what carries it weigh more than 20 mg; a dam weighs 1e10 kg.
@@ -205,6 +214,32 @@ _NAMED = 2
 def _usable(surface: ResponseSurface) -> NDArray[np.intp]:
     good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
     return np.flatnonzero(good & (surface.amplitude > 0) & (np.abs(surface.force) > 0))
+
+
+def plausibility_findings(
+    surface: ResponseSurface,
+    *,
+    calibrated: bool = True,
+    mass: float | None = None,
+    damping: float | None = None,
+) -> Iterator[Finding]:
+    """Find what no vibration test can have: a response of another quantity, or sizes of another unit.
+
+    Parameters
+    ----------
+    surface
+        With at least one settled point; a finding that reading made about its quantity is not repeated.
+    calibrated
+        False where force or response have no known scale, so that sizes say nothing.
+    mass, damping
+        As for ``Sizes``, where they are known.
+    """
+    other = [finding for finding in surface.findings if finding.code == "another-quantity"]
+    if not other:
+        yield from (other := list(quantity_findings(surface)))
+    # the sizes of another quantity say nothing of units
+    if calibrated and not other:
+        yield from size_findings(Sizes.of(surface, mass, damping), phase_known=surface.phase_known)
 
 
 def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Finding]:
