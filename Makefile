@@ -43,6 +43,7 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.background
 	$(BIN)/python -m benchmarks.ranking
+	$(BIN)/python -m benchmarks.ranking_background
 	$(BIN)/python -m benchmarks.wordings
 	$(BIN)/python -m benchmarks.verdicts
 

@@ -49,6 +49,12 @@ _TYPICAL = 0.04
 _SOME = 3
 """At least as many points are no accident."""
 
+_GROSS_START = 0.05
+"""A law that is near any other leaves more only beside a background that is far off."""
+
+_FEWEST_OF_LEVEL = 8
+"""Points of a level that determine a linear mode with a background, eight values."""
+
 
 def solve_equations(
     equations: Equations,
@@ -215,7 +221,52 @@ def _start_backgrounds(problem: Problem, scanned: int = 80, turns: int = 12) -> 
     names = observed.background.names
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
-    return [fit_balance(few, trial, order=1, correct=False).background for trial in trials]
+    fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
+    if min(found.regression.noise for found in fits) > _GROSS_START and len(names) > 1:
+        fits += _beside_receptances(few, phases)
+    return [found.background for found in fits]
+
+
+def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
+    """Fit beside a background as large as the mode: the one that a linear mode at each level would have."""
+    observed, fits = problem.observed, []
+    points = observed.points
+    for level in np.unique(points.level):
+        run = points.select(points.level == level)
+        if len(run) < _FEWEST_OF_LEVEL:
+            continue
+        seen = _linear_receptance(run)
+        moved = np.array(points.harmonics)
+        moved[:, 1] -= seen * points.force
+        mode = replace(points, harmonics=moved)
+        turned = [_turned(mode, problem.law, problem.given, float(phase)) for phase in phases]
+        best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in turned]))
+        b = seen * np.exp(-1j * phases[best])
+        background = np.zeros(len(observed.background.names))
+        background[:3] = phases[best], b.real, b.imag
+        trial = problem.join(turned[best].values, turned[best].mass, background)
+        fits.append(fit_balance(problem, trial, order=1, correct=False))
+    return fits
+
+
+def _linear_receptance(points: Points, rounds: int = 4) -> complex:
+    """Give b of x/F = b + a/(k - s^2 + i c s) for measured forces, s = omega over its mean, by least squares.
+
+    The denominator multiplied out, the equation is linear; its weight follows in a few rounds (Sanathanan and
+    Koerner, IEEE Trans. Autom. Control 8 (1963)).
+    """
+    s = points.omega / np.mean(points.omega)
+    ratio = points.harmonics[:, 1] / points.force
+    one = np.ones(len(s))
+    numerator = [part * s**power for power in range(3) for part in (-one, -1j * one)]
+    columns = np.stack([ratio, 1j * s * ratio, *numerator], axis=1)
+    weight = 1 / np.abs(ratio)
+    for _ in range(rounds):
+        matrix, right = columns * weight[:, None], ratio * s**2 * weight
+        matrix, right = np.vstack([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
+        found, _, _ = solve_scaled(matrix, right)
+        weight = 1 / np.abs(ratio * (found[0] - s**2 + 1j * found[1] * s))
+    return -complex(found[6], found[7])
 
 
 def _place_neighbour(

@@ -148,8 +148,9 @@ def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
             numbers = {"value": Quantity(value)}
             found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
     found += _cancelling(guess, rows)
-    if len(guess.background) and abs(guess.background[0]) > _TURNED:
-        found.append(Finding("phase-turned", "doubt", "psi", {"phase": Quantity(guess.background[0], "rad")}))
+    phase = float(np.angle(np.exp(1j * guess.background[0]))) if len(guess.background) else 0.0
+    if abs(phase) > _TURNED:
+        found.append(Finding("phase-turned", "doubt", "psi", {"phase": Quantity(phase, "rad")}))
     return found
 
 
@@ -173,8 +174,8 @@ def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
         for i, j in combinations(range(len(names)), 2)
     }
     least = min(sums, key=lambda pair: sums[pair])
-    fed = float(np.sum(np.maximum(-work, 0.0)) / max(abs(float(work.sum())), 1e-300))
-    if fed > _FED:
+    fed = float(np.sum(np.maximum(-work, 0.0)) / max(float(work.sum()), 1e-300))
+    if work.sum() > 0 and fed > _FED:
         one, other = names[int(np.argmin(work))], names[int(np.argmax(work))]
         numbers = {"share": Quantity(fed)}
         return [Finding("damping-feeds-energy", "doubt", "", numbers, {"law": one, "other": other})]

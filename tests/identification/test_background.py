@@ -46,6 +46,8 @@ def cubic() -> ResponseSurface:
         ("phase", PSI, 0, 0),
         ("phase", -2.5, 0, 0),
         ("constant", PSI, FLEXIBILITY, 0),
+        # half of the peak of the mode
+        ("constant", 0.2, 2.1e-3, 0),
         ("residuals", PSI, FLEXIBILITY, INERTIA),
         ("residuals", 0, 0, 0),
     ],
