@@ -20,6 +20,7 @@ from rsgen.errors import MeasurementError
 from rsgen.inspection import Proposal, list_contents, propose
 from rsgen.measurement import Layout, MeasuredTest, read_measurement
 from rsgen.measurement.text_columns import read_columns, text_lines
+from rsgen.surface import ResponseSurface
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -35,6 +36,13 @@ def proposed(path: Path) -> dict[str, Any]:
     return tree
 
 
+def read_case(path: Path) -> ResponseSurface:
+    """Read a case of few points; ``check`` would refuse it, for nothing can be identified from them."""
+    test = load_case(path).test
+    assert isinstance(test, MeasuredTest)
+    return read_measurement(test)
+
+
 @pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
 def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: Callable[..., Any]) -> None:
     (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -46,9 +54,7 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: 
         assert checked.code == 2
         assert "system.mass: is missing" in checked.err
         case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    assert len(read_measurement(test)) > 10
+    assert len(read_case(case)) > 10
     assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
 
@@ -101,7 +107,7 @@ def test_layouts_of_texts(
     assert table["frequency"]["column"] == column
     case = tmp_path / "a.toml"
     assert run_cli("init", "--from", path, case).code == 0
-    assert run_cli("check", case).code == 0
+    assert len(read_case(case)) > 1
 
 
 def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
@@ -272,7 +278,7 @@ def test_a_last_line_without_an_end_is_vouched_for_by_the_hash(
     assert proposed(path)["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
     case = tmp_path / "a.toml"
     assert run_cli("init", "--from", path, case).code == 0
-    assert run_cli("check", case).code == 0
+    assert len(read_case(case)) == 3
 
 
 @pytest.mark.parametrize(
@@ -448,9 +454,7 @@ def test_no_row_of_a_log_is_dropped_in_silence(
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
     assert said in run_cli("inspect", path).out
     assert run_cli("init", "--from", path, case).code == 0
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    assert len(read_measurement(test)) == kept
+    assert len(read_case(case)) == kept
 
 
 def test_utf_16_is_inspected_and_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
