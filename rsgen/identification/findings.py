@@ -257,7 +257,8 @@ class Findings:
     def _runs(self) -> list[Finding]:
         found, runs = [], len(self.resonances)
         jumps = sum(resonance.jump for resonance in self.resonances)
-        if jumps:
+        # the points of a decay lie along the resonance, on neither side of it
+        if jumps and not any(finding.code == "force-of-decay" for finding in self.surface.findings):
             found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
         if few:
