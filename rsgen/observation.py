@@ -11,10 +11,13 @@ import numpy as np
 from rsgen.declaration import Rule, check, declare, documented
 from rsgen.errors import RsgenError
 
-__all__ = ["BACKGROUNDS", "Observation"]
+__all__ = ["BACKGROUNDS", "OFFSET", "Observation"]
 
 BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""
+
+OFFSET = "+offset"
+"""Ending of a kind that has a response beside it which does not depend on the force."""
 
 
 def _numbers(values: object, what: str, count: int | None = None) -> tuple[float, ...]:
@@ -40,11 +43,22 @@ class Observation:
     Raises RsgenError where the background is unknown or the band not ascending.
     """
 
-    background: Literal["none", "phase", "constant", "residuals", "neighbour"] = declare(
+    background: Literal[
+        "none",
+        "phase",
+        "constant",
+        "residuals",
+        "neighbour",
+        "phase+offset",
+        "constant+offset",
+        "residuals+offset",
+        "neighbour+offset",
+    ] = declare(
         "none",
         "What the sensor sees of other modes, fitted with the law: a constant phase error between force and "
         "response; and a response proportional to the force; and its change over the band, as modes below "
-        "and above leave it; and one linear mode near the band.",
+        "and above leave it; and one linear mode near the band. With +offset also a displacement of constant "
+        "size and phase that does not depend on the force, as pick-up from the generator leaves it.",
     )
     hold_out: tuple[Annotated[float, Rule(unit="N")], ...] = declare(
         (), "Nominal levels that identification must not see; prediction is scored on them.", most=1000

@@ -307,7 +307,7 @@ def _without_law(
 def _mode(table: Table, found: Fit) -> Table:
     """Subtract the background; phases that were not recorded are those that the fit predicts."""
     observed = found.problem.observed
-    shape = shape_of(observed.kind, table.omega, observed.band)
+    shape = shape_of(observed.kind, table.omega, table.force, observed.band)
     if not observed.phase_known:
         table = with_phase(table, found, shape)
     return shape.subtract(table, found.background)

@@ -9,6 +9,7 @@ add (their inertia); both are complex, because those modes have damping, and bec
 the drive (residual terms: Ewins, Modal Testing, 2000, Sec. 4.4). Within a band A and B are nearly collinear,
 so they are carried as the value b0 in the middle of the band and the change b1 over the band. A mode too near
 for these terms has one of its own, r/(omega_n^2 - omega^2 + 2 i zeta omega_n omega): it is linear.
+A displacement o that does not depend on the force (pick-up from the generator) is a receptance o/F.
 No background is the case without values; a recorded phase needs one nuisance a point more.
 """
 
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from rsgen.identification.data import Points
 from rsgen.identification.forward import Response
 from rsgen.identification.least_squares import Linearisation
-from rsgen.observation import BACKGROUNDS
+from rsgen.observation import BACKGROUNDS, OFFSET
 from rsgen.surface import ResponseSurface
 
 __all__ = ["Observed", "Shape", "shape_of"]
@@ -35,23 +36,27 @@ ComplexArray = NDArray[np.complex128]
 Table = TypeVar("Table", Points, ResponseSurface)
 
 
+_NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
+"""Values that amplitudes alone say nothing of, or little that damping does not."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """A background as a function of real values: psi, real and imaginary part of b0, b1; a neighbour.
+    """A background as a function of real values: psi, real and imaginary part of b0, b1, o; a neighbour.
 
     Parameters
     ----------
     names, units
         Of the values.
     functions
-        (n, t) real: what each complex term is multiplied by at each point.
+        (n, t): what each complex term is multiplied by at each point; 1/F of an offset.
     omega
         (n,) [rad/s].
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    functions: Array
+    functions: ComplexArray
     omega: Array
 
     @property
@@ -99,30 +104,35 @@ class Shape:
         return replace(points, force=force, harmonics=harmonics, peak=peak)
 
 
-def shape_of(kind: str, omega: Array, band: tuple[float, float]) -> Shape:
+def shape_of(kind: str, omega: Array, force: ComplexArray | Array, band: tuple[float, float]) -> Shape:
     """Give the functions of a background at the frequencies.
 
     Parameters
     ----------
     kind
         "none": no value; "phase": psi; "constant": and b0; "residuals": and b1; "neighbour": and a mode near
-        the band.
-    omega
-        (n,) [rad/s].
+        the band; with "+offset": and o, a displacement in the phase of the turned force.
+    omega, force
+        (n,) [rad/s], [N].
     band
         Lowest and highest frequency [Hz] of the points that are fitted.
     """
-    rank = BACKGROUNDS.index(kind)
+    rank = BACKGROUNDS.index(kind.removesuffix(OFFSET))
     terms = min(max(rank - 1, 0), 2)
     count = 1 + 2 * terms if rank else 0
     names = ("psi", "b0_re", "b0_im", "b1_re", "b1_im")[:count]
     units = ("rad", *["m/N"] * 4)[:count]
-    if kind == "neighbour":
-        names, units = (*names, "r_re", "r_im", "f_n", "zeta"), (*units, "1/kg", "1/kg", "Hz", "")
     low, high = (1 / (2 * np.pi * f) ** 2 for f in band)
     # 1 in the middle for b0; from -1/2 to 1/2 over the band for b1
     change = (1 / omega**2 - (low + high) / 2) / (high - low) if high != low else np.zeros(len(omega))
-    return Shape(names, units, np.stack([np.ones(len(omega)), change], axis=1)[:, :terms], omega)
+    functions = [np.ones(len(omega)), change][:terms]
+    if kind.endswith(OFFSET):
+        names, units = (*names, "o_re", "o_im"), (*units, "m", "m")
+        functions.append(1 / np.where(np.abs(force) > 0, force, np.inf))
+    if rank == len(BACKGROUNDS) - 1:
+        names, units = (*names, "r_re", "r_im", "f_n", "zeta"), (*units, "1/kg", "1/kg", "Hz", "")
+    columns = np.array(functions, dtype=np.complex128).reshape(len(functions), len(omega)).T
+    return Shape(names, units, columns, omega)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,15 +180,16 @@ class Observed:
         """Take the points with a background of a kind over their band."""
         frequency = points.omega / (2 * np.pi)
         band = float(frequency.min()), float(frequency.max())
-        shape = shape_of(kind, points.omega, band)
+        shape = shape_of(kind, points.omega, points.force, band)
         # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
-        fitted = (np.arange(len(shape.names)) % 2 == 1) | phase_known
+        fitted = np.array([phase_known or name not in _NEED_PHASE for name in shape.names], dtype=bool)
         return cls(points, shape, phase_known, fitted, kind, band)
 
     def without_neighbour(self) -> Observed:
         """Residual terms only."""
-        shape = shape_of("residuals", self.points.omega, self.band)
-        return replace(self, kind="residuals", background=shape, fitted=self.fitted[: len(shape.names)])
+        kind = self.kind.replace("neighbour", "residuals")
+        shape = shape_of(kind, self.points.omega, self.points.force, self.band)
+        return replace(self, kind=kind, background=shape, fitted=self.fitted[: len(shape.names)])
 
     def select(self, chosen: NDArray[np.intp]) -> Observed:
         """Take some of the points; the band of the background stays."""

@@ -191,19 +191,20 @@ class RestoringForce:
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """The background: the sensor sees x = q + b(omega) F with F = F_measured exp(i psi).
+    """The background: the sensor sees x = q + b(omega) F + o with F = F_measured exp(i psi).
 
     b(omega) = b0 + b1 (omega^-2 - middle)/(width), complex: residual terms of modes above and below the band,
-    or what the sensor picks up of the drive.
+    or what the sensor picks up of the drive. o is a displacement of constant size and phase to F, whatever
+    the size of F.
 
     Parameters
     ----------
     kind
-        "phase": psi alone; "constant": and b0; "residuals": and b1.
+        "phase": psi alone; "constant": and b0; "residuals": and b1; "...+offset": and o.
     band
         Lowest and highest frequency [Hz] fitted; b1 is the change of b from the one to the other.
     estimates
-        psi [rad], real and imaginary part of b0 and b1 [m/N], as many as the kind has.
+        psi [rad], real and imaginary part of b0 and b1 [m/N] and of o [m], as many as the kind has.
     share
         Root mean square of the subtracted part over that of the measured response [1].
     """
@@ -218,9 +219,9 @@ class Background:
         """The numbers of the estimates, as the shape takes them."""
         return np.array([estimate.value for estimate in self.estimates])
 
-    def shape(self, omega: NDArray[np.float64]) -> Shape:
-        """Give the background at (n,) frequencies [rad/s] as a function of its values."""
-        return shape_of(self.kind, omega, self.band)
+    def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> Shape:
+        """Give the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
+        return shape_of(self.kind, omega, force, self.band)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -14,10 +14,12 @@ from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, fit_balance
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
 from rsgen.identification.tolerances import CHANCE, QUICK, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion, project
+from rsgen.observation import OFFSET
 from rsgen.surface import ResponseSurface
 
 __all__ = ["aside_findings", "is_systematic", "misfit_findings", "sign_findings"]
@@ -122,7 +124,7 @@ def misfit_findings(
     observed = fit.problem.observed
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
         found.append(_background_proposal(points, resonances))
-    return found
+    return [*found, *_offset_proposal(fit)]
 
 
 def _severity(size: float, doubt: float, error: float) -> Severity:
@@ -150,6 +152,33 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     whole = left.pop("")
     best = min(left, key=lambda term: left[term])
     return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def _offset_proposal(fit: Fit) -> list[Finding]:
+    """Whether an offset takes up most of the misfit, more than terms proportional to the force."""
+    observed = fit.problem.observed
+    if observed.kind.endswith(OFFSET):
+        return []
+    chosen = observed.points.spread(QUICK)
+    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
+    values, mass, background = problem.split(fit.regression.parameters)
+    left = {}
+    plain = "phase" if observed.kind == "none" else observed.kind
+    for kind in (observed.kind, "residuals", plain + OFFSET):
+        seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
+        known = dict(zip(observed.background.names, background, strict=True))
+        start = np.array([known.get(name, 0.0) for name in seen.background.names])
+        trial = replace(problem, observed=replace(seen, band=observed.band))
+        found = fit_balance(
+            trial, trial.join(values, mass, start), order=3, reject=False, steps=_STEPS, correct=False
+        )
+        left[kind] = relative_misfit(found)
+    whole, with_offset = left[observed.kind], left[plain + OFFSET]
+    if not with_offset < (1 - _TAKEN) * min(whole, left["residuals"]):
+        return []
+    size = relative_misfit(fit)
+    numbers = quantities(misfit=size, left=size * with_offset / whole)
+    return [Finding("offset-possible", "info", numbers=numbers, names={"kind": plain + OFFSET})]
 
 
 def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:

@@ -220,7 +220,7 @@ def _as_seen(
     background = identification.background
     if background is None:
         return size, np.angle(force) % (2 * np.pi)
-    shape, values = background.shape(omega), background.values
+    shape, values = background.shape(omega, np.abs(force)), background.values
     response = size + shape.receptance(values) * force
     return np.abs(response), np.angle(force / shape.turn(values) / response) % (2 * np.pi)
 
@@ -247,7 +247,7 @@ def _respond(
     background = identification.background
     if background is None:
         return balance.respond(surface.force, surface.omega, surface.amplitude)
-    shape, values = background.shape(surface.omega), background.values
+    shape, values = background.shape(surface.omega, surface.force), background.values
     mode = shape.subtract(surface, values)
     return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
 

@@ -31,6 +31,8 @@ _BACKGROUND_NAMES = {
     "b0_im": "the same, imaginary",
     "b1_re": "its change over the band, real",
     "b1_im": "the same, imaginary",
+    "o_re": "response that does not depend on the force, real",
+    "o_im": "the same, imaginary",
     "r_re": "residue of the neighbour, real",
     "r_im": "the same, imaginary",
     "f_n": "natural frequency of the neighbour",

@@ -56,7 +56,7 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
     seen = among_others(cubic, psi, a, b)
     found = identify(seen, model("cubic"), Observation(background=kind))
     assert max(errors(found, truth("cubic")).values()) < EXACT
-    shape, values = found.background.shape(seen.omega), found.background.values
+    shape, values = found.background.shape(seen.omega, seen.force), found.background.values
     assert values[0] == pytest.approx(psi, abs=EXACT)
     expected = a + b / seen.omega**2
     size = np.abs(seen.harmonics[:, 1] / seen.force)
@@ -146,7 +146,9 @@ def test_predictions_are_of_what_the_sensor_sees(cubic):
 
 
 def test_a_model_says_what_a_background_may_be():
-    with pytest.raises(RsgenError, match="'none', 'phase', 'constant', 'residuals' or 'neighbour' is needed"):
+    with pytest.raises(
+        RsgenError, match=r"'none', 'phase', 'constant', 'residuals', 'neighbour', .* is needed"
+    ):
         Observation(background="smooth")
     with pytest.raises(RsgenError, match="ascending"):
         Observation(band=(5.0, 4.0))
@@ -166,3 +168,60 @@ def test_the_vibrating_wire_beside_its_background(measured_data: Callable[[str],
     assert np.degrees(psi.value) == pytest.approx(13.7, abs=1.0)
     assert all(abs(e.value) > 5 * e.standard_error for e in (psi, real, imaginary))
     assert 0.01 < found.background.share < 0.1
+
+
+OFFSET = 4e-4 - 2e-4j
+"""Displacement [m] that does not depend on the force: a third of the response at the ends of the band."""
+
+
+def with_offset(table: ResponseSurface) -> ResponseSurface:
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 1] += OFFSET
+    return changed(table, harmonics=harmonics, origin="measured")
+
+
+@pytest.mark.parametrize("kind", ["phase", "constant", "residuals"])
+def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
+    beside = {"phase": (0, 0), "constant": (FLEXIBILITY, 0), "residuals": (FLEXIBILITY, INERTIA)}[kind]
+    seen = with_offset(among_others(cubic, 0.0, *beside))
+    found = identify(seen, model("cubic"), Observation(background=f"{kind}+offset"))
+    assert max(errors(found, truth("cubic")).values()) < EXACT
+    of = {e.name: e for e in found.background.estimates}
+    assert of["o_re"].value + 1j * of["o_im"].value == pytest.approx(OFFSET, abs=EXACT * abs(OFFSET))
+    assert of["o_re"].unit == "m"
+    # the curve passes through what was measured, offset included
+    level = float(seen.levels[1])
+    curve = predict(found, levels=[level]).curves[0]
+    rows = seen.level == level
+    along = np.interp(seen.frequency[rows], curve.frequency, curve.amplitude)
+    assert np.max(np.abs(along / seen.amplitude[rows] - 1)) < 0.01
+
+
+def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
+    seen = noisy(with_offset(cubic), 0.01, 3)
+    without = identify(seen, model("cubic"), Observation(background="phase"))
+    (proposal,) = (f for f in without.findings if f.code == "offset-possible")
+    assert proposal.names == {"kind": "phase+offset"}
+    assert proposal["left"] < 0.5 * proposal["misfit"]
+    found = identify(seen, model("cubic"), Observation(background=proposal.names["kind"]))
+    assert not {"offset-possible", "law-does-not-fit"} & {finding.code for finding in found.findings}
+    of = {e.name: e for e in found.background.estimates}
+    for name, value in {"o_re": OFFSET.real, "o_im": OFFSET.imag}.items():
+        low, high = of[name].interval
+        # a 95 % interval, doubled: this is one noisy table
+        assert abs(of[name].value - value) < high - low
+        assert abs(value) > high - low
+
+
+def test_a_residual_term_is_not_called_an_offset(cubic):
+    seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
+    assert "offset-possible" not in {finding.code for finding in identify(seen, model("cubic")).findings}
+
+
+def test_amplitudes_alone_show_an_offset():
+    table = with_offset(surface("cubic"))
+    sizes = np.abs(table.harmonics).astype(complex)
+    sizes[:, 0] = sizes[:, 2:] = 0
+    bare = changed(table, harmonics=sizes, force=np.abs(table.force).astype(complex), phase_known=False)
+    found = identify(bare, model("cubic"), Observation(background="phase+offset"))
+    assert max(errors(found, truth("cubic")).values()) < 1e-3

@@ -38,6 +38,10 @@ say_plainly(
             "the mirror image of the law, x and v with the other sign, fits as well: neither the mean nor an "
             "even harmonic was recorded, which tell the two sides apart"
         ),
+        "offset-possible": (
+            "a response that does not depend on the force, as pick-up from the generator leaves it, would "
+            'take the misfit from {misfit:.2g} to {left:.2g}: try [identify] background = "{kind}"'
+        ),
         "not-determined": "{parameter}: not determined by the points that this method uses",
         "shift-small": (
             "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
