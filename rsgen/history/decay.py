@@ -9,7 +9,7 @@ change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -18,10 +18,11 @@ from scipy.interpolate import PchipInterpolator
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
-from rsgen.finding import Finding
+from rsgen.finding import Finding, Quantity
 from rsgen.history.envelope import PERIODS, demodulate, independent_instants, place_windows
 from rsgen.history.quasi_steady import steady_force
-from rsgen.history.record import FEWEST, QUIET, TimeHistory, as_histories, check_options
+from rsgen.history.record import DERIVATIVES, FEWEST, TimeHistory, as_histories, check_options
+from rsgen.history.release import Stretch, find_decays, force_ends
 from rsgen.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.surface import ResponseSurface
 
@@ -40,6 +41,10 @@ _GROUP = 7
 """Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
 _HALF_WIDTHS = 3.0
 """Forced points this near to resonance are compared; farther off, k(X) is lost in m omega^2."""
+_NO_MASS = (
+    "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
+    "known: all parameters are then per kg"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +69,8 @@ class FreeDecay:
         [kg] or None.
     label
         Of the history.
+    findings
+        Where it begins and ends in its record, and why.
     """
 
     time: Array
@@ -76,6 +83,7 @@ class FreeDecay:
     harmonics: ComplexArray
     mass: float | None
     label: str
+    findings: tuple[Finding, ...] = ()
 
     @property
     def amplitude(self) -> Array:
@@ -92,10 +100,7 @@ class FreeDecay:
             The mass is not known: without it a decay determines k/m and c/m, but no force.
         """
         if self.mass is None:
-            raise MeasurementError(
-                f"{self.label}: a free decay determines stiffness and damping per mass only; give the mass, "
-                "or 1 kg where it is not known: all parameters are then per kg"
-            )
+            raise MeasurementError(_NO_MASS.format(self.label))
         omega = 2 * pi * self.frequency
         needed = self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
         return np.asarray(needed * self.harmonics[:, 1])
@@ -137,15 +142,16 @@ def from_free_decay(
     mass: float | None = None,
     band: tuple[float, float] | None = None,
     harmonics: int = HARMONICS,
+    start: float | None = None,
 ) -> ResponseSurface:
     """Turn free decays of one structure into a response surface.
 
     Every point has the force that would have held its motion, F = (k(X) - m omega^2 + i omega c(X)) X; each
-    decay is one level, named by the largest of its forces.
+    decay is one level, named by the largest of its forces. A record with several blows has several decays.
 
     Parameters
     ----------
-    histories, mass, band, harmonics
+    histories, mass, band, harmonics, start
         One history or several, and the rest, as ``follow_decay`` takes them. Give the mass as 1 where it is
         not known: all parameters are then per kg.
 
@@ -164,7 +170,14 @@ def from_free_decay(
     2.0
     """
     several = as_histories(histories, "free decay")
-    decays = [follow_decay(history, mass=mass, band=band, harmonics=harmonics) for history in several]
+    check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
+    if mass is None:
+        raise MeasurementError(_NO_MASS.format(several[0].label))
+    decays = [
+        decay
+        for history in several
+        for decay in _follow_all(history, mass=mass, band=band, harmonics=harmonics, start=start)
+    ]
     force = [decay.force for decay in decays]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
     return ResponseSurface(
@@ -173,7 +186,10 @@ def from_free_decay(
         force=np.concatenate(force),
         harmonics=np.concatenate([decay.harmonics for decay in decays]),
         sweep="rest",
-        findings=tuple(Finding("force-of-decay", "info", names={"record": d.label}) for d in decays),
+        findings=(
+            *(Finding("force-of-decay", "info", names={"record": history.label}) for history in several),
+            *(finding for decay in decays for finding in decay.findings),
+        ),
     )
 
 
@@ -183,19 +199,24 @@ def follow_decay(
     mass: float | None = None,
     band: tuple[float, float] | None = None,
     harmonics: int = HARMONICS,
+    start: float | None = None,
 ) -> FreeDecay:
     """Follow frequency and damping of a free decay against its amplitude.
 
     Parameters
     ----------
     history
-        From anywhere before the release on; where a force was measured, the decay begins when it ends.
+        From anywhere before the release on: the decay begins where a measured force ends, or where the
+        response stops to be driven; it ends before the amplitude is that of the noise. Of several decays the
+        largest is followed.
     mass
         Modal mass [kg]; without it stiffness and damping come per unit mass.
     band
         (lowest, highest) frequency [Hz] in which the mode is looked for; the strongest line where None.
     harmonics
         Highest harmonic of the displacement.
+    start
+        Instant of the release [s], if known; a drive that goes on after it is a doubt.
 
     Raises
     ------
@@ -203,11 +224,56 @@ def follow_decay(
         No decay is found: the force never ends, or fewer than some 25 periods stand out of the noise.
     """
     check_options(history.label, band=band, mass=mass, harmonics=harmonics)
-    begin = _release(history)
-    samples = history.response[begin:]
+    return max(
+        _follow_all(history, mass=mass, band=band, harmonics=harmonics, start=start),
+        key=lambda decay: float(decay.amplitude[0]),
+    )
+
+
+def _follow_all(
+    history: TimeHistory,
+    *,
+    mass: float | None,
+    band: tuple[float, float] | None,
+    harmonics: int,
+    start: float | None,
+) -> list[FreeDecay]:
+    """Follow every decay of a record; one that is too short is left out beside others."""
+    ended = force_ends(history, len(history))
+    loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
+    line = _strongest(history.response[loudest if ended is None else ended :], history, band)
+    decays, fault = [], None
+    stretches = find_decays(history, line, band, start)
+    for stretch in stretches:
+        try:
+            decays.append(_follow_one(history, stretch, mass, band, harmonics))
+        except MeasurementError as error:
+            fault = error
+    if fault is not None and not decays:
+        raise fault
+    if len(stretches) > 1:
+        numbers = {"found": Quantity(len(stretches)), "used": Quantity(len(decays))}
+        several = Finding("several-decays", "info", "", numbers, {"record": history.label})
+        rising = [stretch for stretch in stretches if stretch.rises]
+        ends = {"end": Quantity(history.start + rising[0].end / history.rate, "s")} if rising else {}
+        doubts = [Finding("decay-rises", "doubt", "", ends, {"record": history.label})] if rising else []
+        decays[0] = replace(decays[0], findings=(several, *doubts, *decays[0].findings))
+    return decays
+
+
+def _follow_one(
+    history: TimeHistory,
+    stretch: Stretch,
+    mass: float | None,
+    band: tuple[float, float] | None,
+    harmonics: int,
+) -> FreeDecay:
+    begin = stretch.begin
+    samples = history.response[begin : stretch.end]
     if len(samples) < FEWEST:
-        raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
-    time, envelope, curve = _tracked(samples, history, _strongest(samples, history, band), harmonics)
+        raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
+    line = _strongest(samples, history, band)
+    time, envelope, curve = _tracked(samples, history, line, harmonics, stretch.floor)
     omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
     motion = differentiate(envelope[:, 1], omega, change, history.quantity)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
@@ -215,7 +281,7 @@ def follow_decay(
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
     stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
-    return FreeDecay(
+    found = FreeDecay(
         time=time + begin / history.rate,
         frequency=motion.omega / (2 * pi),
         damping_ratio=damping / (2 * scale * motion.omega),
@@ -227,10 +293,32 @@ def follow_decay(
         mass=mass,
         label=history.label,
     )
+    return replace(found, findings=_limits(found, stretch, history))
+
+
+def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:
+    """Say where a decay begins and ends, if that is not where its record does."""
+    names = {"record": history.label}
+    size, time = decay.amplitude, decay.time + history.start
+    begin = Quantity(history.start + stretch.begin / history.rate, "s")
+    unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVES[history.quantity]
+    numbers = {
+        "begin": begin,
+        "first": Quantity(float(time[0]), "s"),
+        "last": Quantity(float(time[-1]), "s"),
+        "large": Quantity(float(size[0]), "m"),
+        "small": Quantity(float(size[-1]), "m"),
+        "floor": Quantity(stretch.floor / unit, "m"),
+    }
+    after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
+    findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]
+    if stretch.driven and stretch.given:
+        findings.append(Finding("drive-after-start", "doubt", "", {"begin": begin}, names))
+    return tuple(findings)
 
 
 def _tracked(
-    samples: Array, history: TimeHistory, first: float, harmonics: int
+    samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
 ) -> tuple[Array, ComplexArray, PchipInterpolator]:
     """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
     time, frequency = _follow(samples, history.rate, first)
@@ -239,11 +327,12 @@ def _tracked(
     for _ in range(_ROUNDS):
         curve = PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
-        clear = _clear(envelope[:, 1, 0])
+        clear = _clear(envelope[:, 1, 0], floor)
         if np.count_nonzero(clear) < _GROUP:
             raise MeasurementError(
                 f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
-                f"{_GROUP} independent windows of {PERIODS:g} periods, as is needed"
+                f"{_GROUP} independent windows of {PERIODS:g} periods, as is needed; where a second mode "
+                "beats with it, give a band around one"
             )
         time, envelope = time[clear], envelope[clear]
         growth = envelope[:, 1, 1] / envelope[:, 1, 0]
@@ -264,16 +353,6 @@ def _demodulated(
         samples, rate, lambda t: np.asarray(2 * pi * turns(t)), windows, tuple(range(orders + 1))
     )
     return windows.middle / rate, envelope
-
-
-def _release(history: TimeHistory) -> int:
-    """Find the first sample of the free decay."""
-    if history.force is not None:
-        size = np.abs(history.force)
-        largest = float(size.max())
-        if largest > 0:
-            return int(len(size) - np.argmax(size[::-1] > QUIET * largest))
-    return int(np.argmax(np.abs(history.response)))
 
 
 def _strongest(samples: Array, history: TimeHistory, band: tuple[float, float] | None) -> float:
@@ -305,15 +384,15 @@ def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
     return np.asarray((starts + length / 2) / rate), np.array(strongest)
 
 
-def _clear(envelope: ComplexArray) -> NDArray[np.bool_]:
-    """Mark points well above their scatter, up to the first that is not."""
+def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
+    """Mark points well above their scatter and the ``floor`` of the record, up to the first that is not."""
     # fourth differences: those of noise have 70 times its variance, those of the decay itself are small
     rough = np.abs(np.diff(envelope, 4)) / np.sqrt(70)
     if not len(rough):
         return np.zeros(len(envelope), dtype=bool)
     # at the quiet end, the last fifth, they are noise alone
     scatter = float(np.median(rough[-max(len(rough) // 5, 3) :]))
-    return np.asarray(np.logical_and.accumulate(np.abs(envelope) > _CLEAR * scatter))
+    return np.asarray(np.logical_and.accumulate(np.abs(envelope) > _CLEAR * max(scatter, floor)))
 
 
 def _scatter(values: Array) -> Array:

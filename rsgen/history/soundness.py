@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.history.record import BLOCK, TimeHistory, blocks
 
-__all__ = ["record_findings"]
+__all__ = ["cut_off", "record_findings"]
 
 _FLAT = 3
 """A top is flat from 3 equal samples on; where the steps are coarse, a sine has some of these."""
@@ -29,7 +30,7 @@ def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return edges[::2], edges[1::2] - edges[::2]
 
 
-def _clipped(values: NDArray[np.float32] | Array, sign: int) -> int:
+def cut_off(values: NDArray[Any], sign: int) -> int:
     """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
     top = max(float((sign * block).max()) for block in blocks(values))
     next_top, count, on_flat = -np.inf, 0, 0
@@ -63,7 +64,7 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
     """Find where samples are cut off or missing, which a fit to amplitudes alone does not show."""
     findings = []
     for name, values in (("force", history.force), ("response", history.response)):
-        cut = 0 if values is None else _clipped(values, 1) + _clipped(values, -1)
+        cut = 0 if values is None else cut_off(values, 1) + cut_off(values, -1)
         if cut:
             names = {"record": history.label, "signal": name}
             findings.append(Finding("record-clipped", "warning", "", {"samples": Quantity(cut)}, names))

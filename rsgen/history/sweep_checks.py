@@ -156,21 +156,15 @@ def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
     ]
 
 
-def _count_finding(
-    code: str, parts: list[SweptPoints], marked: NDArray[np.bool_], severe: float
-) -> list[Finding]:
-    """Count the marked points of all parts: a finding, which is a doubt above the share ``severe``."""
-    aside = int(np.count_nonzero(marked))
-    if not aside:
-        return []
+def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Quantity]:
+    """Count the marked points of all parts, and say where they are."""
     frequency = np.concatenate([part.drive for part in parts])[marked]
-    numbers = {
-        "aside": Quantity(aside),
+    return {
+        "aside": Quantity(float(np.count_nonzero(marked))),
         "points": Quantity(len(marked)),
         "low": Quantity(float(frequency.min()), "Hz"),
         "high": Quantity(float(frequency.max()), "Hz"),
     }
-    return [Finding(code, "doubt" if aside > severe * len(marked) else "info", "", numbers)]
 
 
 def most_by_pace(
@@ -187,11 +181,17 @@ def most_by_pace(
     return most
 
 
-def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_], good: NDArray[np.bool_]) -> list[Finding]:
+def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_]) -> list[Finding]:
     """Count the points whose motion is mainly a free one, as after a jump."""
-    return _count_finding("motion-mainly-free", parts, free, _ASIDE)
+    if not free.any():
+        return []
+    many = np.mean(free) > _ASIDE
+    return [Finding("motion-mainly-free", "doubt" if many else "info", "", _counted(parts, free))]
 
 
 def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
     """Count the points at which the force does not stand out of its noise."""
-    return _count_finding("force-in-noise", parts, faint, _ASIDE)
+    if not faint.any():
+        return []
+    many = np.mean(faint) > _ASIDE
+    return [Finding("force-in-noise", "doubt" if many else "info", "", _counted(parts, faint))]

@@ -248,7 +248,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
             correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
         )
         good &= ~free
-        findings += free_motion(parts, free, good)
+        findings += free_motion(parts, free)
         findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
     else:
         findings.append(Finding("sweep-not-corrected", "warning"))

@@ -358,7 +358,7 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     elif rule.excitation == "stepped-sine":
         surface = from_stepped_sine(histories, band=rule.band, **given)
     else:
-        surface = from_free_decay(histories, mass=rule.mass, band=rule.band, **given)
+        surface = from_free_decay(histories, mass=rule.mass, band=rule.band, start=rule.start, **given)
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete, lfilter
 
 from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
 from rsgen.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
 from rsgen.law.element import make_element
 from rsgen.oscillator import Oscillator
@@ -90,7 +95,7 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     dynamic = surface.force / surface.harmonics[:, 1]
     np.testing.assert_allclose(dynamic.real + MASS * surface.omega**2, found.stiffness, rtol=1e-12)
     np.testing.assert_allclose(dynamic.imag / surface.omega, found.damping, rtol=1e-9)
-    assert [finding.code for finding in surface.findings] == ["force-of-decay"]
+    assert [finding.code for finding in surface.findings] == ["force-of-decay", "decay-taken"]
 
 
 def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:
@@ -128,7 +133,8 @@ def test_a_mode_is_chosen_by_its_band() -> None:
 @pytest.mark.parametrize(
     ("force", "response", "message"),
     [
-        (np.ones(5000), np.ones(5000), "force does not end"),
+        (np.ones(5000), np.cos(0.1 * np.arange(5000)), "force does not end"),
+        (None, np.cos(0.1 * np.arange(5000)), "does not fall by a tenth"),
         (None, np.zeros(5000), "nothing moves"),
         (None, np.exp(-20 * np.arange(5000) / RATE) * np.cos(0.1 * np.arange(5000)), "stand out"),
     ],
@@ -136,3 +142,102 @@ def test_a_mode_is_chosen_by_its_band() -> None:
 def test_what_is_no_decay_is_refused(force: np.ndarray | None, response: np.ndarray, message: str) -> None:
     with pytest.raises(MeasurementError, match=message):
         follow_decay(TimeHistory(RATE, force, response))
+
+
+def driven_decay(noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Force and displacement: 12 s of sine near the resonance, then 20 s of free decay (c = 1.9, linear)."""
+    above, below, _ = cont2discrete(([1.0], [MASS, 1.9, STIFFNESS]), 1 / RATE, "foh")
+    t = np.arange(0, 32, 1 / RATE)
+    force = np.where(t < 12, 3 * np.cos(2 * np.pi * 10.03 * t), 0.0)
+    x = lfilter(above.ravel(), below, force)
+    return force, x + noise * np.std(x) * np.random.default_rng(2).normal(size=len(x))
+
+
+def one(findings: tuple[Finding, ...], code: str) -> Finding:
+    (found,) = (finding for finding in findings if finding.code == code)
+    return found
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_decay_begins_where_the_drive_ends_though_no_force_was_measured(noise: float) -> None:
+    _, x = driven_decay(noise)
+    found = follow_decay(TimeHistory(RATE, None, x), mass=MASS)
+    begin = one(found.findings, "decay-taken")
+    assert begin.names["after"] == "drive"
+    assert 12.0 <= begin["begin"] < 13.0
+    assert begin["large"] == pytest.approx(found.amplitude[0])
+    # it was a thousand times too small
+    loud = found.amplitude > 0.1 * found.amplitude[0]
+    assert np.median(found.damping[loud]) == pytest.approx(1.9, rel=0.05 if noise else 1e-3)
+    np.testing.assert_allclose(found.stiffness, STIFFNESS, rtol=0.02 if noise else 1e-4)
+
+
+def test_an_offset_and_noise_of_the_force_do_not_hide_its_end() -> None:
+    force, x = driven_decay()
+    random = np.random.default_rng(1)
+    noisy = force + 0.7 + 0.05 * random.normal(size=len(force))
+    found = follow_decay(TimeHistory(RATE, noisy, x), mass=MASS)
+    assert one(found.findings, "decay-taken")["begin"] == pytest.approx(12, abs=0.02)
+
+
+def test_a_given_start_wins_and_a_drive_after_it_is_a_doubt() -> None:
+    _, x = driven_decay()
+    history = TimeHistory(RATE, None, x)
+    early = follow_decay(history, mass=MASS, start=8.0)
+    assert one(early.findings, "decay-taken")["begin"] == pytest.approx(8.0)
+    assert one(early.findings, "drive-after-start").severity == "doubt"
+    late = follow_decay(history, mass=MASS, start=12.5)
+    assert [finding.code for finding in late.findings] == ["decay-taken"]
+    np.testing.assert_allclose(late.damping, 1.9, rtol=1e-3)
+
+
+@pytest.mark.parametrize("with_force", [False, True])
+def test_every_blow_of_a_record_is_a_decay_of_its_own(with_force: bool) -> None:
+    t = np.arange(0, 36, 1 / RATE)
+    force = sum(size * np.exp(-(((t - at) / 0.004) ** 2)) for at, size in ((2, 400), (13, 250), (24, 500)))
+    above, below, _ = cont2discrete(([1.0], [MASS, 1.9, STIFFNESS]), 1 / RATE, "foh")
+    x = lfilter(above.ravel(), below, force)
+    surface = from_free_decay(TimeHistory(RATE, force if with_force else None, x), mass=MASS)
+    assert one(surface.findings, "several-decays")["used"] == 3
+    assert len(surface.levels) == 3
+    c = (surface.force / surface.harmonics[:, 1]).imag / surface.omega
+    np.testing.assert_allclose(c, 1.9, rtol=5e-3)
+
+
+def test_a_decay_ends_above_its_floor() -> None:
+    # hum beside the line is no scatter: it was followed to the end, where k and c are those of the hum
+    t = np.arange(0, 40, 1 / RATE)
+    x = np.exp(-0.6 * t) * np.cos(20 * np.pi * t) + 2e-3 * np.cos(2 * np.pi * 10.2 * t)
+    found = follow_decay(TimeHistory(RATE, None, x), mass=MASS)
+    taken = one(found.findings, "decay-taken")
+    assert taken["floor"] == pytest.approx(2e-3, rel=0.05)
+    assert taken["small"] > 0.039
+    assert np.median(found.damping) == pytest.approx(1.8, rel=0.05)
+
+
+def test_clipped_samples_are_before_the_begin() -> None:
+    x = decay("linear")
+    found = follow_decay(TimeHistory(RATE, None, np.clip(x, -0.006, 0.006)), mass=MASS)
+    assert found.amplitude[0] < 0.006
+    np.testing.assert_allclose(found.damping, 1.9, rtol=2e-3)
+
+
+def test_modes_that_beat_are_a_doubt() -> None:
+    t = np.arange(0, 30, 1 / RATE)
+    other = 0.8 * np.exp(-0.3267 * t) * np.cos(20.8 * np.pi * t)
+    slow = TimeHistory(RATE, None, np.exp(-0.31 * t) * np.cos(20 * np.pi * t) + other)
+    assert one(from_free_decay(slow, mass=MASS).findings, "decay-rises").severity == "doubt"
+    fast = TimeHistory(RATE, None, np.exp(-0.3 * t) * (np.cos(20 * np.pi * t) + 0.8 * np.cos(23 * np.pi * t)))
+    with pytest.raises(MeasurementError, match="second mode beats with it"):
+        from_free_decay(fast, mass=MASS)
+
+
+def test_a_measured_decay_that_begins_driven(measured_data: Callable[[str], Path]) -> None:
+    path = measured_data("frid_decay/decay_f_42p05_ampl_2p0_0.lvm")
+    lines = path.read_text().split("X_Value")[1].splitlines()[1:]
+    strain = np.array([float(line.split("\t")[2]) for line in lines if line])
+    found = follow_decay(TimeHistory(1000, None, strain))
+    assert 11.5 < one(found.findings, "decay-taken")["begin"] < 12.5
+    # misfit 70 %, and a damping ratio of 1e-5, when the drive was taken for the decay
+    assert 3e-3 < found.damping_ratio[0] < 1e-2
+    assert found.amplitude[0] > 30 * found.amplitude[-1]

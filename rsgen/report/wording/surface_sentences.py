@@ -40,6 +40,18 @@ say_plainly(
             "{record}: points of a free decay; the force of each is the one that would have held its "
             "motion, computed with the given mass"
         ),
+        "several-decays": (
+            "{record}: {found:.0f} decays, one after each blow or drive, {used:.0f} of which are used; each "
+            "is a level of its own"
+        ),
+        "decay-rises": (
+            "{record}: the amplitude rises again, more slowly than by a blow, from {end:.4g} s on: two modes "
+            "beat, or something drives the structure"
+        ),
+        "drive-after-start": (
+            "{record}: the start that was given, {begin:.4g} s, is believed, but the response is driven "
+            "after it"
+        ),
         "force-not-recorded": (
             "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
             "which then looks like damping and stiffness of the structure"
@@ -137,6 +149,8 @@ def _(found: Finding) -> str:
 
 NEXT_STEPS.update(
     {
+        "decay-rises": "Choose a band around one mode, or use stop to end the record before the rise.",
+        "drive-after-start": "Leave the start out, so that the end of the drive is found, or move it.",
         "motion-mainly-free": "Sweep slower, or step the frequency and wait until the response is steady.",
         "force-in-noise": (
             "Measure the force with less noise or a smaller range, or keep it from falling at the resonance."
@@ -151,6 +165,20 @@ def _(found: Finding) -> str:
     return (
         f"{found.names['record']}: the response stands still {times} while the force moves, longest at "
         f"{found['begin']:.5g} s for {found['length']:.3g} s: a drop-out; look at the points around it"
+    )
+
+
+@says("decay-taken")
+def _(found: Finding) -> str:
+    begins = {
+        "drive": f"a drive ends at {found['begin']:.4g} s",
+        "start": f"it begins at {found['begin']:.4g} s, as given",
+        "blow": f"it begins at {found['begin']:.4g} s",
+    }[found.names["after"]]
+    floor = f", above a floor of {found['floor']:.2g} m" if found["floor"] > 0 else ""
+    return (
+        f"{found.names['record']}: {begins}; the decay is followed from {found['first']:.4g} s "
+        f"({found['large']:.3g} m) to {found['last']:.4g} s ({found['small']:.3g} m){floor}"
     )
 
 
