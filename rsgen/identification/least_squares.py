@@ -216,6 +216,9 @@ def solve_scaled(matrix: Array, right: Array, *sizes: Array) -> tuple[Array, Arr
         (q, d) directions, in scaled parameters: its null vectors.
     """
     count = matrix.shape[1]
+    if not np.isfinite(matrix).all():
+        # as where the mass is not known: nothing is known then, and the decomposition would not end
+        return np.full(count, np.nan), np.full((count, count), np.nan), np.zeros((count, 0))
     norm = np.sqrt(np.sum(matrix**2, axis=0))
     for size in sizes if count else ():
         effect = norm * np.abs(size)

@@ -75,6 +75,9 @@ def mass_from_slices(points: Points, slices: int = 25) -> tuple[float, float] | 
     if len(centred) < 3:
         return None
     abscissa, ordinate = np.concatenate(centred).T
+    if not (np.any(abscissa) and np.any(ordinate)):
+        # one frequency, or no real part: there is no line through the points
+        return None
     weight = np.ones(len(abscissa))
     slope = 0.0
     for _ in range(10):

@@ -7,6 +7,8 @@ mirrors the second, a channel with the sign reversed both; neither shows in the 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rsgen.finding import Finding
@@ -63,6 +65,13 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
     if not surface.phase_known or np.count_nonzero(good) < _FEWEST:
         return ()
     chosen = surface.select(good)
+    # signs do not depend on the scale; squares of absurd units would overflow
+    chosen = replace(
+        chosen,
+        force=chosen.force / np.max(np.abs(chosen.force)),
+        harmonics=chosen.harmonics / np.max(np.abs(chosen.harmonics[:, 1])),
+        frequency=chosen.frequency / np.max(chosen.frequency),
+    )
     fed, rises = _power(chosen) < _FED, _slope(chosen) > _RISES
     if not (fed or rises):
         return ()

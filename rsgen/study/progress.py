@@ -29,8 +29,10 @@ _COMPILE_SECONDS = {False: 2.2, True: 5.0}
 _SURFACE_POINTS_A_SECOND = 20_000
 _IDENTIFY_SECONDS = {False: 0.5, True: 1.2}
 _POINTS_A_SECOND = {False: 5_000, True: 2_000}
-_RANK_SECONDS_A_POINT = 0.03
-"""All laws together; twice that with a background, which is fitted with each."""
+_RANK_SECONDS_A_POINT = {False: 0.03, True: 0.1}
+"""All laws together, without and with a background, which is fitted with each."""
+_RANKED_REPORT_SECONDS = 15.0
+"""More for the curves of a law that a ranking puts together beside a background."""
 _RANK_POINTS = 500
 """More points than these are thinned out before laws are ranked."""
 _REPORT_SECONDS = 4.0
@@ -141,10 +143,12 @@ def expect(case: Case, surface: ResponseSurface | None = None, reading: float = 
     elif surface is not None:
         points, harmonics = len(surface), surface.harmonics.shape[1] - 1
     identification = _IDENTIFY_SECONDS[switched] + points / _POINTS_A_SECOND[switched]
+    report = _REPORT_SECONDS
     if case.ranked:
-        fitted = 1 if case.observation.background == "none" else 2
-        identification += fitted * _RANK_SECONDS_A_POINT * min(points, _RANK_POINTS)
-    seconds = (_START_SECONDS + simulation, identification, _REPORT_SECONDS)
+        behind = case.observation.background != "none"
+        identification += _RANK_SECONDS_A_POINT[behind] * min(points, _RANK_POINTS)
+        report += _RANKED_REPORT_SECONDS * behind
+    seconds = (_START_SECONDS + simulation, identification, report)
     megabytes = _PROGRAM_MEGABYTES + round(points * (harmonics + 2) * _BYTES_A_HARMONIC / 1e6)
     here = {stage: second * _slowness() for stage, second in zip(STAGES, seconds, strict=True)}
     return Expectation(here, megabytes, _crowding())

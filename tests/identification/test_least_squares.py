@@ -27,6 +27,15 @@ def test_what_is_not_identifiable_is_named() -> None:
     assert (np.abs(null).max(axis=1) > 1e-3).tolist() == [True, True, False, True]
 
 
+def test_of_columns_that_are_no_numbers_nothing_is_known() -> None:
+    matrix = np.ones((6, 3))
+    matrix[:, 2] = np.nan
+    solution, inverse, null = solve_scaled(matrix, np.ones(6))
+    assert np.isnan(solution).all()
+    assert (inverse @ inverse.T).shape == (3, 3)
+    assert null.shape == (3, 0)
+
+
 def line_through(noise: float, seed: int, spoilt: int = 0):
     """Points of y = p0 + p1 x with equal noise on x and y; nuisances are x and an idle one."""
     generator = np.random.default_rng(seed)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,3 +52,12 @@ def test_a_coarse_grid_is_no_jump(surface_of: SurfaceOf) -> None:
 def test_levels_that_miss_the_resonance_have_none(surface_of: SurfaceOf) -> None:
     table = surface_of("cubic", values=LINEAR, frequencies=np.linspace(6, 9, 31))
     assert find_resonances(select_points(table, model("cubic")), 1.5)[0] == ()
+
+
+def test_tests_at_one_frequency_or_without_real_part_draw_no_line(surface_of: SurfaceOf) -> None:
+    points = select_points(surface_of("cubic"), model("cubic"))
+    assert mass_from_slices(points) is not None
+    assert mass_from_slices(replace(points, omega=np.full(len(points), 60.0))) is None
+    harmonics = points.harmonics.copy()
+    harmonics[:, 1] = -1j * np.abs(harmonics[:, 1])
+    assert mass_from_slices(replace(points, harmonics=harmonics)) is None

@@ -9,7 +9,9 @@ import pytest
 
 from rsgen.finding import Finding
 from rsgen.measurement import MeasuredTest, Signal, read_measurement
+from rsgen.measurement.passivity import passivity_findings
 from rsgen.report.wording import sentence
+from rsgen.surface import ResponseSurface
 
 MASS, STIFFNESS, DAMPING = 2.0, 2e4, 6.0
 FREQUENCY = np.arange(13.0, 20.0, 0.1)
@@ -72,3 +74,13 @@ def test_a_reversed_channel_or_phase_is_found(
     text = sentence(finding)
     assert ("factor" in text) == sign
     assert (f'phase_sense = "{"lead" if lag else "lag"}"' in text) == phase
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_signs_are_found_in_any_unit_without_overflow(scale: float, sign: int) -> None:
+    frequency = np.linspace(8, 12, 25)
+    omega = 2 * np.pi * frequency
+    response = sign / (5920 - 1.5 * omega**2 + 6j * omega)
+    surface = ResponseSurface(1.0, frequency, 1.0, scale * response)
+    assert len(passivity_findings(surface, "lead", "displacement")) == (sign < 0)
