@@ -1,7 +1,7 @@
 """How often does a ranking find a known law beside a background? A section of reports/accuracy.md.
 
 Run by ``make bench``; with ``[runs]`` for a quick look. Runs go through all rows in turn and the section is
-written after each turn, so that a run that is ended leaves what it has. The ranking sees the surface and the
+written after each, so that a benchmark that is ended leaves what it has. The ranking sees the surface and the
 library, nothing else. Time is processor time of one core.
 """
 
@@ -66,7 +66,8 @@ Noisy virtual tests of known laws ({levels} levels x {frequencies} frequencies),
 ("residuals") of up to a third of the receptance of the mode. Fundamentals only; of the bilinear spring,
 whose fundamental is that of a linear one, mean and harmonics, too. The ranking has the library and no values.
 Asked: in {asked:.0%} of the runs the law is first or tied, and fits. Here {found} of {runs} ({share:.1%});
-{doubted} were called doubtful or rejected. Seconds are those of a core.
+{doubted} were called doubtful or rejected. {turns} runs a row are asked; rows with fewer, or missing, are those
+of a benchmark that was ended early. Seconds are those of a core.
 
 | law | background | noise | runs | first or tied, and fits | doubted | seconds a ranking | first instead |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
@@ -118,7 +119,7 @@ def section(tallies: dict[tuple[str, str, float], Tally]) -> str:
     )
     head = HEAD.format(
         levels=len(LEVELS), frequencies=len(FREQUENCIES), psi=OTHERS.psi, asked=ASKED, runs=runs, found=found,
-        share=found / runs, doubted=doubted,
+        share=found / runs, doubted=doubted, turns=RUNS,
     )  # fmt: skip
     rows = [
         f"| {law} | {kind} | {noise:.1%} | {tally.runs} | {tally.found} | {tally.doubted} "
@@ -130,14 +131,14 @@ def section(tallies: dict[tuple[str, str, float], Tally]) -> str:
 
 
 def main() -> None:
-    """Write the section after each turn."""
+    """Write the section after each run."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     tallies = {(law, kind, noise): Tally() for law in LAWS for kind in KINDS for noise in NOISES}
     for seed in range(1, runs + 1):
         for (law, kind, noise), tally in tallies.items():
             run(tally, law, kind, noise, seed)
             print(seed, law, kind, noise, tally, flush=True)
-        write_section(section(tallies))
+            write_section(section({row: each for row, each in tallies.items() if each.runs}))
 
 
 if __name__ == "__main__":
