@@ -66,8 +66,8 @@ Noisy virtual tests of known laws ({levels} levels x {frequencies} frequencies),
 ("residuals") of up to a third of the receptance of the mode. Fundamentals only; of the bilinear spring,
 whose fundamental is that of a linear one, mean and harmonics, too. The ranking has the library and no values.
 Asked: in {asked:.0%} of the runs the law is first or tied, and fits. Here {found} of {runs} ({share:.1%});
-{doubted} were called doubtful or rejected. {turns} runs a row are asked; rows with fewer, or missing, are those
-of a benchmark that was ended early. Seconds are those of a core.
+{doubted} were called doubtful or rejected. {turns} runs a row are asked; rows with fewer, or missing, are
+those of a benchmark that was ended early. Seconds are those of a core.
 
 | law | background | noise | runs | first or tied, and fits | doubted | seconds a ranking | first instead |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
