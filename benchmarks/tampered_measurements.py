@@ -26,6 +26,9 @@ NAMES = ("wire", "nlbeam", "clamp", "f16", "decay")
 TABLES = ("wire", "nlbeam", "clamp")
 """Stepped sines; the numbers of their surfaces are tampered with as those of a virtual test."""
 
+READINGS = 10
+"""Of fifty a point: enough for their scatter, and five times quicker."""
+
 
 def folder() -> Path | None:
     """Where the measured data are; None where RSGEN_DATA names no folder."""
@@ -60,10 +63,22 @@ def edit(*changes: tuple[str, str]) -> Callable[[str], Edited]:
     return make
 
 
+def _first_readings(surface: rsgen.ResponseSurface) -> np.ndarray:
+    """The first READINGS of every point of a test that has more."""
+    points = np.stack([surface.level, surface.frequency], axis=1)
+    _, point = np.unique(points, axis=0, return_inverse=True)
+    order = np.argsort(point, kind="stable")
+    first = np.searchsorted(point[order], point[order])
+    reading = np.empty(len(order), dtype=int)
+    reading[order] = np.arange(len(order)) - first
+    return reading < READINGS
+
+
 def as_table(name: str) -> Laboratory:
     """What a measured test gave, as a table like that of a laboratory."""
     case = rsgen.load_case(CASES / f"{name}.toml", folder())
     surface = rsgen.read(case)
+    surface = surface.select(_first_readings(surface))
     observation = case.model.observation
     further = f'identify = {{ background = "{observation.background}", '
     further += (
@@ -139,16 +154,14 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
         Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), ("cn*v*abs(v)**q", "c*v"))),
         Tampering("the phase error left out", MISFIT | SENSE, build=edit(('"phase"', '"none"'))),
         Tampering(
-            "another channel (second harmonic) taken",
+            "the drive's channel taken for the response",
             MISFIT | SENSE,
-            build=edit(("X1__V_", "X2__V_"), ("Y1__V_", "Y2__V_")),
+            build=edit(("X1__V_", "X_exc__V_"), ("Y1__V_", "Y_exc__V_")),
         ),
         Tampering(
             "velocity read as displacement",
             SENSE | MISFIT,
             build=edit(('"velocity"', '"displacement"'), ("1 m/s/V", "1 m/V")),
-            unseen="the phase of the drive is said to be unknown, and over a band of"
-            " 2 % a velocity is a displacement times a constant",
         ),
     ),
     "clamp": (
@@ -202,11 +215,6 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             build=edit(('samples = "Force"', 'samples = "Voltage"')),
         ),
         Tampering(
-            "sampling rate wrong by ten",
-            SIZE | WAVE,
-            build=edit(('rate_column = "Fs"', 'rate = "4 kHz"'), ('"6.9 Hz", "8.2 Hz"', '"69 Hz", "82 Hz"')),
-        ),
-        Tampering(
             LINEAR,
             MISFIT,
             build=edit((" + k2*x*abs(x) + k3*x**3", ""), (" + c3*v**3 + c5*v**5 + c7*v**7", "")),
@@ -236,10 +244,16 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             build=edit(('stop   = "15 s"', 'stop   = "19 s"')),
         ),
         Tampering(
-            "another channel (the drive voltage)", WAVE | MISFIT, build=edit(("samples  = 3", "samples  = 2"))
+            "another channel (the drive voltage)",
+            WAVE | MISFIT,
+            build=edit(("samples  = 3", "samples  = 2")),
+            refusal="decay",
         ),
         Tampering(
-            "milliseconds read as seconds", SIZE, build=edit(("column = 1", 'column = 1\nunit = "ms"'))
+            "milliseconds read as seconds",
+            SIZE,
+            build=edit(("column = 1", 'column = 1\nunit = "ms"')),
+            refusal="it lasts from 0 to 0.029 s",
         ),
     ),
 }

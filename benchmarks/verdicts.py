@@ -27,7 +27,6 @@ import rsgen
 from benchmarks import tampered_measurements as measured
 from rsgen.output import write_atomic
 from rsgen.simulation.noise import add_noise
-from rsgen.verdict import reach_verdict
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.verdict import laboratory
 from tests.verdict.laboratory import Outcome
@@ -117,8 +116,9 @@ def untampered(job: tuple[str, str, float, int]) -> tuple[str, ...]:
         outcome = judge(laboratory.stepped(name, noise, seed).write)
     else:
         surface = add_noise(laboratory.simulated(name), noise, seed)
-        findings = rsgen.identify(surface, laboratory.load(name).model).findings
-        outcome = Outcome(reach_verdict(findings), findings)
+        outcome = Outcome(
+            laboratory.verdict_on(surface, rsgen.identify(surface, laboratory.load(name).model))
+        )
     return outcome.deciding or (("refused",) if outcome.doubted else ())
 
 
@@ -183,7 +183,7 @@ def alternate(place: int) -> str:
         if one.identifiable and other.identifiable
     }
     worst = max(scores, key=lambda name: scores[name], default="")
-    verdict = reach_verdict(whole.findings)
+    verdict = whole.verdict
     doubted = verdict.state in ("doubtful", "rejected")
     good = doubted or scores.get(worst, 0.0) <= SCORE
     codes = ", ".join(dict.fromkeys(finding.code for finding in verdict.decided_by))

@@ -16,10 +16,15 @@ from rsgen.identification.data import Points, Repeats
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.result import Estimate, Resonance
-from rsgen.identification.soundness import aside_findings, misfit_findings, sign_findings
+from rsgen.identification.soundness import (
+    aside_findings,
+    feeds_exciter,
+    misfit_findings,
+    phase_findings,
+    sign_findings,
+)
 from rsgen.identification.tolerances import CONFIDENCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
@@ -197,7 +202,7 @@ class Findings:
         found = [*of_parameters, *(self._small_shift() if of_parameters else ()), *self.surface.findings]
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
-        elif self._feeds():
+        elif feeds_exciter(self.points):
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
@@ -214,6 +219,7 @@ class Findings:
         found += misfit_findings(self.surface, self.points, self.fit, self.resonances)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement)
+        found += phase_findings(self.fit)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         return (*found, *self._runs())
@@ -222,11 +228,6 @@ class Findings:
         mass = None if "m" in not_identifiable else self.fit.mass
         damping = min((r.damping_ratio for r in self.resonances if r.damping_ratio > 0), default=None)
         return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)
-
-    def _feeds(self) -> bool:
-        """Whether the structure works on the exciter, in sum and at most points."""
-        work = cycle_work(self.points.force, self.points.harmonics[:, 1])
-        return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
     def _motion(self) -> list[Finding]:
         points, found = self.points, list[Finding]()

@@ -36,7 +36,7 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.soundness import is_systematic
+from rsgen.identification.soundness import feeds_exciter, is_systematic
 from rsgen.identification.start import is_asymmetric, is_strong, start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
@@ -148,7 +148,9 @@ def _prepare(surface: ResponseSurface, model: Model) -> _Test:
 def _fit(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
     found, sharp = _refine(problem, start)
-    if sharp:
+    observed = problem.observed
+    # a law that feeds energy settles nowhere
+    if sharp and not (observed.phase_known and feeds_exciter(observed.mode(found.background))):
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
         if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:

@@ -16,13 +16,20 @@ from rsgen.identification.fit import Fit, fit_balance
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
-from rsgen.identification.tolerances import CHANCE, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import CHANCE, QUICK, SAMPLES, SAMPLES_SWITCHED, TURNED
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion, project
+from rsgen.motion import Motion, cycle_work, project
 from rsgen.observation import OFFSET
 from rsgen.surface import ResponseSurface
 
-__all__ = ["aside_findings", "is_systematic", "misfit_findings", "sign_findings"]
+__all__ = [
+    "aside_findings",
+    "feeds_exciter",
+    "is_systematic",
+    "misfit_findings",
+    "phase_findings",
+    "sign_findings",
+]
 
 Array = NDArray[np.float64]
 
@@ -83,6 +90,12 @@ _PLACES = 0.05
 
 _MOST = 0.5
 """Share of the points with a wrong sign beyond which the law as a whole has it."""
+
+
+def feeds_exciter(points: Points) -> bool:
+    """Whether the structure works on the exciter, in sum and at most points."""
+    work = cycle_work(points.force, points.harmonics[:, 1])
+    return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
 
 def is_systematic(points: Points, regression: Regression) -> bool:
@@ -265,6 +278,14 @@ def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Findin
     if damping:
         found.append(Finding("damping-negative", _sign_severity(damping), numbers=damping))
     return found
+
+
+def phase_findings(fit: Fit) -> list[Finding]:
+    """Find a phase error that is a sign, a sense or another quantity, taken up by the background."""
+    turned = float(np.angle(np.exp(1j * fit.background[0]))) if len(fit.background) else 0.0
+    if not (fit.problem.observed.phase_known and abs(turned) > TURNED):
+        return []
+    return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
 
 
 def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, Quantity]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = [
     "ANY_LAW", "BLOCK", "CHANCE", "CONFIDENCE", "EXCESS", "FLAT", "MOVE", "NOISY", "NULL_PART", "OUTLIERS",
-    "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT", "STIFFENING",
+    "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT", "STIFFENING", "TURNED",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -59,3 +59,7 @@ standard deviations, a false alarm in two million."""
 
 STIFFENING = 1e-7
 """Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
+
+TURNED = 0.785
+"""A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another
+quantity differs; a reversed sign is off by a half."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
-from rsgen.identification.tolerances import EXCESS, SIGNIFICANT
+from rsgen.identification.tolerances import EXCESS, SIGNIFICANT, TURNED
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
@@ -38,9 +38,6 @@ follows any curve, and a structure at rest has no such dampers."""
 
 _CANCELLED = 0.2
 """Two terms whose sum is smaller than this share of the larger cancel each other."""
-
-_TURNED = np.pi / 2
-"""A phase error beyond a quarter of a turn [rad] is a reversed sign that the background takes up."""
 
 _MANY = 0.05
 """Points set aside are bad readings while they are at most this share; more of them may be the structure."""
@@ -149,7 +146,7 @@ def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
             found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
     found += _cancelling(guess, rows)
     phase = float(np.angle(np.exp(1j * guess.background[0]))) if len(guess.background) else 0.0
-    if abs(phase) > _TURNED:
+    if abs(phase) > TURNED:
         found.append(Finding("phase-turned", "doubt", "psi", {"phase": Quantity(phase, "rad")}))
     return found
 

@@ -17,7 +17,7 @@ import rsgen
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.simulation.noise import add_noise
-from rsgen.verdict import Verdict, reach_verdict
+from rsgen.verdict import Verdict
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -89,9 +89,8 @@ class Laboratory:
 
     def write(self, folder: Path) -> Path:
         """Write table and case; give the path of the case."""
-        table = np.column_stack(
-            [self.level, self.frequency, self.force, self.response.real, self.response.imag]
-        )
+        turned = self.response if "real" in self.test["response"] else np.abs(self.response)
+        table = np.column_stack([self.level, self.frequency, self.force, turned.real, turned.imag])
         np.savetxt(
             folder / "table.csv", table, fmt="%.9g", delimiter=",", header=",".join(self.heads), comments=""
         )
@@ -216,7 +215,12 @@ def judge(path: Path, data: Path | None = None) -> Outcome:
         case = rsgen.load_case(path, data)
         surface = rsgen.read(case)
         found = rsgen.identify(surface, case.model)
-        findings = tuple(found.findings)
+        return Outcome(verdict_on(surface, found), found.findings)
     except RsgenError as refusal:
         return Outcome(None, refusal=" ".join(str(refusal).split()))
-    return Outcome(reach_verdict(findings), findings)
+
+
+def verdict_on(surface: rsgen.ResponseSurface, found: rsgen.Identification) -> Verdict:
+    """The verdict on a result from its findings and on the levels that were held out."""
+    held_out = bool(found.model.observation.hold_out)
+    return rsgen.verdict_of(found, None, rsgen.predict(found, None, surface) if held_out else None)
