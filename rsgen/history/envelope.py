@@ -26,6 +26,7 @@ __all__ = [
     "Windows",
     "demodulate",
     "independent_instants",
+    "mean_square",
     "place_windows",
 ]
 
@@ -117,6 +118,18 @@ def _batches(windows: Windows) -> list[NDArray[np.intp]]:
             batches.append(run[:here])
             run = run[here:]
     return batches
+
+
+def mean_square(signal: NDArray[Any], windows: Windows) -> Array:
+    """Find the mean square of a real signal (n,) in each of the windows, which are in ascending order."""
+    out = np.zeros(len(windows))
+    for batch in _batches(windows):
+        first, length = windows.first[batch], windows.step[batch] * windows.count[batch]
+        begin = int(first[0])
+        samples = np.asarray(signal[begin : int(first[-1] + length[-1])], dtype=np.float64)
+        total = np.concatenate([[0.0], np.cumsum(np.square(samples))])
+        out[batch] = (total[first - begin + length] - total[first - begin]) / length
+    return out
 
 
 def demodulate(

@@ -54,7 +54,8 @@ class SweptPoints:
     ``force`` (n,) [N] and ``motion`` are of the fundamental, ``harmonics`` (n, H+1) the displacement [m],
     ``drive`` (n,) is the frequency of the force [Hz], ``rate`` (n,) how fast it changes [Hz/s], positive.
     ``flattened``, ``smoothed`` and ``unclear`` (n,) are the relative differences of A/X, of X and of the
-    force between two windows, ``distortion`` the harmonics of the force over its fundamental.
+    force between two windows, ``distortion`` the harmonics of the force over its fundamental; ``findings``
+    are those about its force and response.
     """
 
     label: str
@@ -69,6 +70,7 @@ class SweptPoints:
     smoothed: Array
     unclear: Array
     distortion: float
+    findings: tuple[Finding, ...]
 
     def __len__(self) -> int:
         """Count the points."""

@@ -18,8 +18,10 @@ from rsgen.history.envelope import (
     Windows,
     demodulate,
     independent_instants,
+    mean_square,
     place_windows,
 )
+from rsgen.history.excitation import check_force, check_response
 from rsgen.history.quasi_steady import estimate_mass, flank_mass, steady_force
 from rsgen.history.record import FAINT, TimeHistory, as_histories, check_options, name_levels
 from rsgen.history.sensor import HARMONICS, Kinematics, differentiate, displacement_harmonics, highest_order
@@ -197,6 +199,15 @@ def _demodulated(
     envelope = demodulate(history.response, rate, law.phase_at, narrow, tuple(range(reach + 1)))
     motion = kinematics(narrow, envelope[:, 1])
     wider = kinematics(wide, demodulate(history.response, rate, law.phase_at, wide, (1,))[:, 0])
+    fed = mean_square(history.reference, narrow)
+    moved = mean_square(history.response, narrow)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sum(np.abs(force) ** 2, axis=1) / 2 / fed
+    # a constant belongs to neither
+    line = np.sum(np.abs(envelope[:, 1:, 0]) ** 2, axis=1) / 2
+    power = np.maximum(moved - np.abs(envelope[:, 0, 0]) ** 2, line)
+    findings = check_force(history, share[np.isfinite(share)]) if np.isfinite(share).any() else []
+    findings += check_response(history, line, power)
     t = narrow.middle / rate
     omega = 2 * pi * law.frequency_at(t)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
@@ -221,6 +232,7 @@ def _demodulated(
         smoothed=smoothed,
         unclear=unclear,
         distortion=float(np.median(distortion)),
+        findings=tuple(findings),
     )
 
 
@@ -235,7 +247,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
     driven = unclear < _DOUBT
     good = usable & driven & (flattened < _FLATTENED)
-    findings: list[Finding] = []
+    findings = [finding for part in parts for finding in part.findings]
     moving = _Mass(mass, "given", _FREE) if mass is not None else _moving_mass(parts, force, motion, good)
     steady = force
     if moving is not None:

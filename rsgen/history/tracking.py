@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
+from rsgen.history.excitation import describe_force
 from rsgen.history.record import TimeHistory, blocks
 from rsgen.history.sweep_law import LAWS, SweepLaw
 from rsgen.surface.directions import monotone_runs
@@ -76,8 +77,12 @@ def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tu
         sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
     if not sweeps:
         raise MeasurementError(
-            f"{history.label}: no sweep found in the force: its frequency must rise or fall over at least "
-            f"{_FEWEST / _LOOKS:.0%} of the history; set test.excitation for a stepped sine or a free decay"
+            f"{history.label}: no sweep found in the force: "
+            + (
+                describe_force(history.reference)
+                or f"its frequency must rise or fall over {_FEWEST / _LOOKS:.0%} of the history; set "
+                "test.excitation for a stepped sine or a free decay"
+            )
         )
     return tuple(sweeps)
 

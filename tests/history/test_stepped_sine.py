@@ -61,6 +61,19 @@ def test_noise_neither_makes_nor_hides_steps() -> None:
     np.testing.assert_allclose(surface.frequency, frequencies, rtol=1e-5)
 
 
+def test_noise_of_a_finely_sampled_force_is_no_crossing() -> None:
+    # 500 samples a period: 3 % of noise crosses zero a dozen times where the sine does once
+    rate = 5000.0
+    frequency = np.repeat([9.8, 10.0, 10.2], int(10 * rate))
+    clean = np.cos(np.cumsum(2 * np.pi * frequency / rate))
+    noise = 0.03 * np.random.default_rng(3).normal(size=len(clean))
+    surface = from_stepped_sine(TimeHistory(rate, clean + noise, clean))
+    # the periods beside a change may be a step of their own
+    assert len(surface) <= 5
+    np.testing.assert_allclose(np.unique(surface.frequency.round(3)), [9.8, 10.0, 10.2], rtol=1e-5)
+    np.testing.assert_allclose(np.abs(surface.force), 1, rtol=2e-3)
+
+
 def test_steps_too_short_to_settle_are_marked() -> None:
     # the response settles in 1/(zeta omega) = 1.6 s; these steps last 3 s
     force, x = stepped(np.linspace(9, 11, 11), np.full(11, 3.0), 3)

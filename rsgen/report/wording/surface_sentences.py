@@ -52,6 +52,14 @@ say_plainly(
             "{record}: the start that was given, {begin:.4g} s, is believed, but the response is driven "
             "after it"
         ),
+        "force-not-sine": (
+            "{record}: only {share:.0%} of the power of the force is at its line and harmonics; the rest, "
+            "noise or other lines, drives the structure, too"
+        ),
+        "response-not-at-drive": (
+            "{record}: only {share:.0%} of the power of the response is at the lines of the force; the rest "
+            "is noise, another source, or motion that is not periodic"
+        ),
         "force-not-recorded": (
             "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
             "which then looks like damping and stiffness of the structure"
@@ -151,6 +159,10 @@ NEXT_STEPS.update(
     {
         "decay-rises": "Choose a band around one mode, or use stop to end the record before the rise.",
         "drive-after-start": "Leave the start out, so that the end of the drive is found, or move it.",
+        "force-not-sine": "Measure with a stepped or swept sine, and look for what else is in the force.",
+        "response-not-at-drive": (
+            "Look at the spectrum of the response, choose a band, or remove what else moves the structure."
+        ),
         "motion-mainly-free": "Sweep slower, or step the frequency and wait until the response is steady.",
         "force-in-noise": (
             "Measure the force with less noise or a smaller range, or keep it from falling at the resonance."

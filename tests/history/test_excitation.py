@@ -1,0 +1,94 @@
+"""What is no steady sine is refused with the reason, or doubted; noise of an ordinary test is neither."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, cont2discrete, lfilter, sosfilt
+
+from rsgen.errors import MeasurementError
+from rsgen.finding import Finding
+from rsgen.history import TimeHistory, from_stepped_sine, from_swept_sine
+from rsgen.history.envelope import mean_square, place_windows
+
+RATE = 500.0
+TIME = np.arange(0, 120, 1 / RATE)
+RANDOM = np.random.default_rng(7).normal(size=(2, len(TIME)))
+STEPS = np.cos(np.cumsum(2 * np.pi * np.repeat(np.linspace(9.5, 10.5, 10), len(TIME) // 10)) / RATE)
+SWEEP = np.cos(2 * np.pi * (8 + 4 / 240 * TIME) * TIME)
+BAND = butter(4, [5, 50], "band", fs=RATE, output="sos")
+READERS = {"stepped": from_stepped_sine, "swept": from_swept_sine}
+
+
+def response_to(force: np.ndarray) -> np.ndarray:
+    above, below, _ = cont2discrete(([1.0], [1.5, 1.9, 1.5 * (20 * np.pi) ** 2]), 1 / RATE, "foh")
+    return lfilter(above.ravel(), below, force)
+
+
+def codes(findings: tuple[Finding, ...]) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in findings}
+
+
+def blows() -> np.ndarray:
+    return sum(300 * np.exp(-(((TIME - at) / 0.004) ** 2)) for at in (5, 40, 80))
+
+
+def multisine() -> np.ndarray:
+    phases = np.random.default_rng(1).uniform(0, 2 * np.pi, 140)
+    return sum(np.cos(2 * np.pi * k / 12 * TIME + phase) for k, phase in enumerate(phases, start=60))
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    ("force", "reason"),
+    [
+        (RANDOM[0], "the force is random"),
+        (sosfilt(BAND, RANDOM[0]), "the force is random"),
+        (np.tile(RANDOM[0, :1000], len(TIME) // 1000), "periodic with many lines, as a multisine"),
+        (multisine(), "periodic with many lines, as a multisine"),
+        (blows(), "the force is a blow.*ring-down"),
+    ],
+    ids=["white", "band", "periodic noise", "multisine", "blows"],
+)
+def test_what_is_no_sine_is_refused_with_the_reason(reader: str, force: np.ndarray, reason: str) -> None:
+    with pytest.raises(MeasurementError, match=reason):
+        READERS[reader](TimeHistory(RATE, force, response_to(force)))
+
+
+@pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: float) -> None:
+    x = response_to(force)
+    history = TimeHistory(RATE, force + noise * RANDOM[0], x + noise * np.std(x) * RANDOM[1])
+    found = codes(READERS[reader](history).findings)
+    assert not {"force-not-sine", "response-not-at-drive"} & set(found)
+    assert "doubt" not in found.values()
+
+
+@pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
+def test_a_response_that_does_not_answer_the_force_is_a_doubt(reader: str, force: np.ndarray) -> None:
+    found = READERS[reader](TimeHistory(RATE, force, RANDOM[1])).findings
+    assert codes(found)["response-not-at-drive"] == "doubt"
+
+
+def test_a_force_with_much_beside_its_line_is_a_doubt() -> None:
+    force = SWEEP + 0.45 * np.cos(2 * np.pi * 71 * TIME)
+    (found,) = (
+        finding
+        for finding in from_swept_sine(TimeHistory(RATE, force, response_to(force))).findings
+        if finding.code == "force-not-sine"
+    )
+    # cos^2 against 0.45^2 cos^2
+    assert found["share"] == pytest.approx(1 / 1.2025, abs=0.01)
+    assert found.severity == "doubt"
+
+
+def test_the_mean_square_of_windows_is_that_of_their_samples() -> None:
+    signal = RANDOM[0]
+    windows = place_windows(
+        np.arange(500, 50_000, 333.0), np.array([400.0]), np.array([50.0]), 1, len(signal)
+    )
+    for first, step, count, found in zip(
+        windows.first, windows.step, windows.count, mean_square(signal, windows), strict=True
+    ):
+        assert found == pytest.approx(np.mean(signal[first : first + step * count] ** 2), rel=1e-9)
