@@ -15,6 +15,9 @@ __all__ = ["Numeric", "compiled"]
 
 Numeric = Callable[..., tuple[NDArray[np.float64], ...]]
 
+_LARGEST_WHOLE = 2**53
+"""Whole numbers beyond this are printed as floats: numpy has no functions of Python's large integers."""
+
 _WHOLE_POWERS = 8
 """Powers of a name up to this are printed as products, which arrays take ten times quicker."""
 
@@ -44,7 +47,11 @@ def _printer() -> Any:
             return "(" + "*".join([printer._print(power.base)] * int(power.exp)) + ")"
         return str(general(power, **settings))
 
+    def whole(number: sympy.Integer) -> str:
+        return str(int(number)) if abs(int(number)) <= _LARGEST_WHOLE else repr(float(number))
+
     # SymPy finds the way to print a class by these names
+    printer._print_Integer = whole
     printer._print_Max = lambda expr: nested("maximum", expr.args)
     printer._print_Min = lambda expr: nested("minimum", expr.args)
     printer._print_And = lambda expr: nested("logical_and", expr.args)

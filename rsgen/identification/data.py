@@ -44,6 +44,10 @@ _FEWEST = 4
 """Points: a mass, a spring and a damper, and one to disagree with them."""
 
 
+_RANGE = (1e-60, 1e60)
+"""Sizes of force, response and frequency in SI units: their fourth powers are still numbers, and nothing
+measured is near."""
+
 _BATCHED = 6
 """At least this many repeats are split into as many batches as the square root of their number."""
 
@@ -176,6 +180,16 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         low, high = model.observation.band
         good &= (surface.frequency >= low) & (surface.frequency <= high)
     index = np.flatnonzero(good)
+    for name, size in (
+        ("force", surface.force),
+        ("response", surface.amplitude),
+        ("frequency", surface.omega),
+    ):
+        low, high = _RANGE
+        far = index[(np.abs(size[index]) < low) | (np.abs(size[index]) > high)]
+        if len(far):
+            found = f"{np.abs(size[far[0]]):g} in row {far[0]}"
+            raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
     if len(index) < _FEWEST:
         raise RsgenError(
             f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,11 +97,11 @@ def make_estimates(
 
 def units_of(model: Model) -> dict[str, str]:
     """SI unit of every parameter, "" where the law does not say."""
-    try:
-        units = parameter_units(model.force)
-    except RsgenError:
-        # a law whose terms do not agree in units can be fitted all the same
-        units = dict.fromkeys(model.parameters, "")
+    # names that are kept for the time and the force have no unit there
+    units = dict.fromkeys(model.parameters, "")
+    # a law whose terms do not agree in units can be fitted all the same
+    with suppress(RsgenError):
+        units |= parameter_units(model.force)
     return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
 
 

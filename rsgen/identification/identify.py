@@ -106,10 +106,12 @@ def identify(
     require(surface, ResponseSurface, "surface")
     model = _model_of(law, observation, mass)
     test = _prepare(surface, model)
-    problem, start = start_fit(test.problem)
-    test = replace(test, problem=problem)
-    found = _fit(problem, start)
-    return _judge(test, model, found)
+    # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
+    with np.errstate(all="ignore"):
+        problem, start = start_fit(test.problem)
+        test = replace(test, problem=problem)
+        found = _fit(problem, start)
+        return _judge(test, model, found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

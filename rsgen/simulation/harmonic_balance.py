@@ -156,6 +156,16 @@ def _balance(law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats) -
     return residual, jacobian
 
 
+def _solve(matrix: Floats, right: Floats) -> Floats:
+    """Solve a batch; a singular member gets the shortest of its best steps instead of ending all others."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        step = np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ np.nan_to_num(right))
+        step[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
+        return step
+
+
 def _newton(
     law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
@@ -166,10 +176,7 @@ def _newton(
     for _ in range(_ITERATIONS):
         residual, jacobian = _balance(law, basis, q[active], load[active], omega[active])
         here = np.linalg.norm(residual, axis=1)
-        try:
-            step = -np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
-        except np.linalg.LinAlgError:
-            break
+        step = -_solve(jacobian, residual[:, :, None])[:, :, 0]
         size = np.linalg.norm(q[active], axis=1) + smallest[active]
         done[active] = np.linalg.norm(step, axis=1) <= _CONVERGED * size
         factor = np.ones(len(active))

@@ -356,3 +356,6 @@ def _check_numbers(columns: dict[str, NDArray[Any]]) -> None:
     if not np.isfinite(level).all():
         row = int(np.argmin(np.isfinite(level)))
         raise RsgenError(f"surface.level: {level[row]} in row {row}; must be finite everywhere")
+    if (level < 0).any():
+        row = int(np.argmax(level < 0))
+        raise RsgenError(f"surface.level: {level[row]:g} in row {row}; an amplitude must not be negative")

@@ -13,7 +13,7 @@ from rsgen.errors import RsgenError
 from rsgen.law.element import make_element
 from rsgen.oscillator import Oscillator
 from rsgen.simulation import SimulatedTest, simulate
-from rsgen.simulation.harmonic_balance import solve_harmonic_balance
+from rsgen.simulation.harmonic_balance import _solve, solve_harmonic_balance
 
 CASES = Path(__file__).parents[2] / "cases"
 SAME = 1e-3  # two answers closer than this are on one branch; other branches differ by tens of per cent
@@ -156,3 +156,12 @@ def test_progress_ends_at_one() -> None:
 def test_faults_are_named(change: dict[str, object], says: str) -> None:
     with pytest.raises(RsgenError, match=says):
         SimulatedTest(**({"level": [1.0], "frequency": [8.0]} | change))
+
+
+def test_one_singular_point_does_not_end_the_others() -> None:
+    matrix = np.stack([np.eye(3), np.zeros((3, 3)), 2 * np.eye(3), np.full((3, 3), np.nan)])
+    steps = _solve(matrix, np.ones((4, 3, 1)))[..., 0]
+    assert steps[0] == pytest.approx(np.ones(3))
+    assert steps[1] == pytest.approx(np.zeros(3))
+    assert steps[2] == pytest.approx(np.full(3, 0.5))
+    assert np.isnan(steps[3]).all()

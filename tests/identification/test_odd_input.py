@@ -1,0 +1,99 @@
+"""Laws and tables that nobody should bring: a sentence or a result, never a traceback or a warning."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from rsgen.errors import RsgenError
+from rsgen.identification import identify
+from rsgen.law.character import character
+from rsgen.law.element import make_element
+from rsgen.observation import Observation
+from rsgen.surface import ResponseSurface
+from tests.surfaces import surface
+
+CUBIC = "k*x + k3*x**3 + c*v"
+
+
+@pytest.fixture(autouse=True)
+def no_warning() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.fixture(scope="module")
+def table() -> ResponseSurface:
+    return surface("cubic", levels=np.array([2.0, 6.0, 10.0]), frequencies=np.linspace(8.5, 11.5, 31))
+
+
+def tampered(
+    table: ResponseSurface,
+    response: Callable[[np.ndarray], np.ndarray] = lambda x: x,
+    force: Callable[[np.ndarray], np.ndarray] = lambda f: f,
+    frequency: Callable[[np.ndarray], np.ndarray] = lambda f: f,
+) -> ResponseSurface:
+    fundamental = response(np.array(table.harmonics[:, 1]))
+    return ResponseSurface(table.level, frequency(np.array(table.frequency)), force(table.force), fundamental)
+
+
+@pytest.mark.parametrize("name", ["t", "F"])
+def test_a_parameter_may_have_any_name(table, name):
+    found = identify(tampered(table), f"k*x + k3*x**3 + {name}*v")
+    assert found[name].unit in {"", "N*s/m"}
+    assert found[name].value == pytest.approx(3.8, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "law", ["k*x + c*v + 1e300*exp(x)", "k*x + c*v + 1e300*exp(a*x)", "k*x + c*v + exp(1e300*v)"]
+)
+def test_a_law_that_overflows_is_refused(table, law):
+    with pytest.raises(RsgenError, match="law: the fit follows none of the"):
+        identify(tampered(table), law)
+
+
+def test_a_law_with_a_number_that_overflows_has_a_character():
+    for law in ("exp(1e300)*x", "1e300*exp(a*x*1e300)*sign(x)", "tan(1e300)*x"):
+        assert character(make_element("law", law).force).springs
+
+
+@pytest.mark.parametrize("part", ["response", "force", "frequency"])
+@pytest.mark.parametrize("factor", [1e-200, 1e200])
+def test_sizes_that_no_number_can_square_are_refused(table, part, factor):
+    with pytest.raises(RsgenError, match=rf"surface\.{part}: .* must be 1e-60 to 1e\+60"):
+        identify(tampered(table, **{part: lambda values: values * factor}), CUBIC)
+
+
+def test_levels_are_amplitudes(table):
+    with pytest.raises(RsgenError, match=r"surface\.level: -2 in row 0"):
+        ResponseSurface(-table.level, table.frequency, table.force, table.harmonics[:, 1])
+
+
+GENERATOR = np.random.default_rng(0)
+AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "noise": lambda x: GENERATOR.normal(size=len(x)) + 1j * GENERATOR.normal(size=len(x)),
+    "constant": lambda x: 0 * x + 1e-3,
+    "conjugate": np.conj,
+    "real": lambda x: np.abs(x) + 0j,
+    "drop-outs": lambda x: np.where(GENERATOR.random(len(x)) < 0.2, 0, x),
+    "gaps": lambda x: np.where(GENERATOR.random(len(x)) < 0.2, np.nan, x),
+    "shuffled": GENERATOR.permutation,
+}
+
+
+@pytest.mark.parametrize("kind", AWKWARD)
+@pytest.mark.parametrize("law", [CUBIC, "k*x + k2*x**2 + c*v + F*sign(v)"])
+def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
+    found = identify(tampered(table, AWKWARD[kind]), law)
+    assert len(found.refined) == len(found.model.parameters) + 1
+
+
+@pytest.mark.parametrize("background", ["none", "neighbour+offset"])
+def test_one_frequency_gives_a_result_without_a_warning(table, background):
+    one = tampered(table, frequency=lambda f: 0 * f + 10.0)
+    found = identify(one, CUBIC, Observation(background=background))
+    assert any(estimate.finding is not None for estimate in found.refined) or found.findings
