@@ -29,6 +29,8 @@ from rsgen.surface import ResponseSurface
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
 
+_NOTHING = 1e-100
+"""Below this no quantity in SI units is a motion; its reciprocals would overflow."""
 _ROUNDS = 4
 """Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
 _LOOK = 8
@@ -361,7 +363,7 @@ def _strongest(samples: Array, history: TimeHistory, band: tuple[float, float] |
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
     line = np.fft.rfftfreq(len(samples), 1 / history.rate)
     allowed = (line > 0) if band is None else (line >= band[0]) & (line <= band[1])
-    if not allowed.any() or not power[allowed].max() > 0:
+    if not allowed.any() or not power[allowed].max() > _NOTHING:
         raise MeasurementError(
             f"{history.label}: nothing moves in the band; a band around the mode is needed"
         )

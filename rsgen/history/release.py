@@ -168,9 +168,7 @@ def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[flo
     near = (lines > 0.5 * line) & (lines < 1.6 * line)
     if band is not None:
         near &= (lines >= band[0] - rate / length) & (lines <= band[1] + rate / length)
-    starts = (
-        np.arange(0, max(int((len(samples) - length) / (_HOP * rate / line)) + 1, 0)) * _HOP * rate / line
-    )
+    starts = np.arange(0, max(len(samples) - length + 1, 0), _HOP * rate / line)
     sizes = []
     for place in starts.astype(np.int64):
         part = np.asarray(samples[place : place + length], dtype=np.float64)
@@ -192,6 +190,8 @@ def _driven(high: Array) -> int:
     fall = (seen[:-side] - seen[side:]) / side
     # the pace of the last 1/e, which is certainly free
     low = float(np.min(seen))
+    if not seen[0] > low:
+        return 0
     above = int(np.flatnonzero(seen > low + min(1.0, float(seen[0] - low) / 2))[-1])
     below = above + int(np.argmin(seen[above:]))
     last_pace = float(seen[above] - seen[below]) / max(below - above, 1)

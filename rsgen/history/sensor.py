@@ -66,7 +66,8 @@ def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: 
     rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
     """
     y = envelope[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    # unknown where nothing moved
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         growth = envelope[:, 1] / y
         s = growth + 1j * omega
         change = envelope[:, 2] / y - growth**2 + 1j * slope

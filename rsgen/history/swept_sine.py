@@ -306,7 +306,7 @@ def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np
     begin = 0
     for part in parts:
         chosen = np.flatnonzero(good[begin : begin + len(part)])
-        size = np.abs(part.motion.displacement / part.force)[chosen]
+        size = np.abs(part.motion.displacement[chosen] / part.force[chosen])
         if len(chosen):
             top = int(np.argmax(size))
             low = np.flatnonzero(size < _FLANK * size[top])

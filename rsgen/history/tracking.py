@@ -115,7 +115,8 @@ def _typical(history: TimeHistory) -> float:
     # a long history is looked at in parts, for the spectrum of the whole costs time and memory
     total, moment = 0.0, 0.0
     for block in blocks(history.reference):
-        power = np.abs(np.fft.rfft(block)) ** 2
+        # squares of large numbers overflow in single precision
+        power = np.abs(np.fft.rfft(np.asarray(block, dtype=np.float64))) ** 2
         power[0] = 0.0
         total += float(power.sum())
         moment += float(power @ np.linspace(0, history.rate / 2, len(power)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -134,6 +136,47 @@ def test_no_record_ends_in_a_traceback(seed: int) -> None:
             except rs.RsgenError as fault:
                 outcome = str(fault)
             assert outcome.startswith(("time history: ", "<class 'rsgen.surface"))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_record_makes_a_library_warn(seed: int) -> None:
+    """Constant, tiny, huge, offset, single-precision and short records give a surface or a sentence."""
+    random = np.random.default_rng(seed)
+    for _ in range(40):
+        n = int(10 ** random.uniform(1.2, 3.7))
+        i, f = np.arange(n), random.uniform(1e-3, 0.5)
+        sine = np.cos(2 * np.pi * f * i)
+        records = [
+            np.zeros(n),
+            np.ones(n),
+            sine,
+            np.cos(np.pi * f * (1 + i / n) * i),
+            np.where(i < n // 2, sine, 0.0),
+            np.sign(sine),
+            np.exp(-20 * i / n) * sine + 1e-3 * random.normal(size=n),
+            np.round(100 * sine),
+        ]
+        scales = [1.0, 1e-12, 1e-30, 1e-300, 1e12, 1e25]
+        pair = []
+        for k in random.integers(0, len(records), 2):
+            scale = random.choice(scales)
+            record = scale * (records[k] + random.choice([0.0, 1.0, 1e4]))
+            pair.append(record.astype(np.float32) if 1e-12 <= scale <= 1e12 and seed % 2 else record)
+        quantity = random.choice(list(rs.history.record.DERIVATIVES))
+        history = rs.history.TimeHistory(10 ** random.uniform(0, 4), *pair, quantity)
+        for use in (
+            rs.history.from_swept_sine,
+            rs.history.from_stepped_sine,
+            follow,
+            rs.history.record_findings,
+        ):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                try:
+                    outcome = str(type(use(history)))
+                except rs.RsgenError as fault:
+                    outcome = str(fault)
+                assert outcome.startswith(("time history: ", "<class "))
 
 
 def follow(history: rs.history.TimeHistory) -> rs.ResponseSurface:
