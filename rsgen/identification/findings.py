@@ -213,7 +213,7 @@ class Findings:
             found.append(
                 Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
             )
-        found += aside_findings(self.points, self.fit.regression, len(self.surface))
+        found += aside_findings(self.points, self.fit.regression, len(self.surface), self.surface.level_unit)
         if not self.fit.regression.converged:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))

@@ -157,7 +157,8 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
         law = compile_law(added)
         known = dict(zip(problem.law.parameters, values, strict=True))
         start = np.array([known.get(name, 0.0) for name in law.parameters])
-        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd))
+        held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
+        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
         found = fit_balance(
             trial, trial.join(start, mass, background), order=1, reject=False, steps=_STEPS, correct=False
         )
@@ -209,7 +210,7 @@ def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Fin
     return Finding("background-possible", "info", numbers=numbers)
 
 
-def aside_findings(points: Points, regression: Regression, tested: int) -> list[Finding]:
+def aside_findings(points: Points, regression: Regression, tested: int, level_unit: str) -> list[Finding]:
     """Judge points set aside by their share, and by whether they lie together.
 
     Parameters
@@ -218,6 +219,8 @@ def aside_findings(points: Points, regression: Regression, tested: int) -> list[
         That were fitted.
     tested
         Points of the whole test.
+    level_unit
+        Of their levels: "N", or "m" where the response was held.
     """
     aside = ~regression.used
     count = int(np.count_nonzero(aside))
@@ -237,7 +240,9 @@ def aside_findings(points: Points, regression: Regression, tested: int) -> list[
             ends = points.omega[rows[[first, first + longest - 1]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(aside=lost, points=len(rows), together=longest)
-            found.append(Finding("run-set-aside", "doubt", numbers=data | {"level": Quantity(level, "N")}))
+            found.append(
+                Finding("run-set-aside", "doubt", numbers=data | {"level": Quantity(level, level_unit)})
+            )
     return found
 
 
@@ -295,7 +300,7 @@ def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, 
     if not share > _PLACES:
         return {}
     return {
-        "least": Quantity(float(value.min()), unit),
+        "least": Quantity(float(value[wrong].min()), unit),
         "low": Quantity(float(size[wrong].min()), "m"),
         "high": Quantity(float(size[wrong].max()), "m"),
         "share": Quantity(share),

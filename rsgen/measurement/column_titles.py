@@ -7,13 +7,13 @@ import re
 __all__ = ["is_angular", "unit_in"]
 
 _UNIT = re.compile(
-    r"[\[(]\s*([^\])]{1,20}?)\s*[\])]\s*\Z"
+    r"[\[(]\s*([^\])\s][^\])]{0,19}?)\s*[\])]\s*\Z"
     r"|_((?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)(?:_per_N)?)\Z"
     r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
 )
 """A unit in a title: "Kraft [N]", "force_N", "Kraft in N (rms)"."""
 _ANGULAR = re.compile(
-    r"^(?:w|omega|ω|Ω)(?:$|[\s_\d\[(])|angular|omega|kreisfreq|rad\s*(?:/|_|per)?\s*s(?:ec)?(?![a-z])",
+    r"^(?:w|omega|ω|Ω)(?:$|[\s_\d\[(])|angular|omega|kreisfreq|rad\s*(?:(?:/|_|per)\s*)?s(?:ec)?(?![a-z])",
     re.IGNORECASE,
 )
 """Titles of angular frequencies: "Omega", "w", "freq_rad_s"."""

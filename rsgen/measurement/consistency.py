@@ -130,6 +130,9 @@ def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> N
         upper, lower = (first, second) if above.any() else (second, first)
         low, high = f[inside[above | below]].min(), f[inside[above | below]].max()
         both = upper[(f[upper] >= low) & (f[upper] <= high)]
+        if len(np.unique(f[both])) < 2:
+            # a single point of the upper run does not rise or fall
+            continue
         hardens = np.polyfit(f[both], size[both], 1)[0] > 0
         sweep[upper], sweep[lower] = ("up", "down") if hardens else ("down", "up")
     return sweep

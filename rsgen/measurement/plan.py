@@ -405,7 +405,11 @@ class MeasuredTest:
         """The unit that stands behind the number in the form of the files' names, or ""."""
         found = _UNIT_IN_NAME.match((self.level.name or "").partition("{level}")[2])
         # a factor says what the numbers are already
-        return found[1] if found and not given(self.level, "factor") else ""
+        if not found or given(self.level, "factor"):
+            return ""
+        # beside a recorded force a length is that of a gap, or a place, and the number is a label
+        label = self.force is not None and found[1].endswith("m") != (self.level_unit == "m")
+        return "" if label else found[1]
 
     @property
     def unit_said(self) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from rsgen.finding import Finding
 from rsgen.identification import identify
 from rsgen.identification.data import Points
-from rsgen.identification.soundness import aside_findings
+from rsgen.identification.soundness import _negative, aside_findings
 from rsgen.surface import ResponseSurface
 from tests.surfaces import changed, model, noisy, surface
 
@@ -111,7 +111,8 @@ def aside(which: np.ndarray) -> dict[str, str]:
         np.arange(n), level, 2 * np.pi * frequency, np.full(n, "rest"), ones, np.ones((n, 2), complex), (1,),
         np.ones((n, 2)),
     )  # fmt: skip
-    found = aside_findings(points, Used(~which), n)  # type: ignore[arg-type]
+    found = aside_findings(points, Used(~which), n, "m")  # type: ignore[arg-type]
+    assert all(finding.numbers["level"].unit == "m" for finding in found if "level" in finding.numbers)
     return {finding.code: finding.severity for finding in found}
 
 
@@ -132,3 +133,10 @@ def test_points_set_aside_are_judged_by_share_and_pattern() -> None:
     run = np.zeros(n, bool)
     run[41:82:2] = True
     assert aside(run) == {"points-set-aside": "doubt", "run-set-aside": "doubt"}
+
+
+def test_the_least_stiffness_is_one_of_those_that_are_negative() -> None:
+    # a value that is lower, but within its error, or no number, is not what the finding is about
+    value, spread = np.array([-1.0, -1.0, -50.0, np.nan, 1.0]), np.array([0.01, 0.01, 100.0, 0.01, 0.01])
+    found = _negative(np.arange(1.0, 6.0), value, spread[:, None], "N/m")
+    assert (found["least"].value, found["low"].value, found["high"].value) == (-1.0, 1.0, 2.0)

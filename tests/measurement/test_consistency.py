@@ -9,6 +9,7 @@ import pytest
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement import MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.measurement.consistency import tell_branches_apart
 from rsgen.surface import ResponseSurface
 
 FREQUENCY = np.linspace(8, 12, 41)
@@ -91,3 +92,14 @@ def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
     assert set(surface.sweep[:41]) == {upper}
     assert set(surface.sweep[41:]) == {"down" if upper == "up" else "up"}
     assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
+
+
+def test_a_run_that_lies_apart_between_two_points_of_another_keeps_its_direction() -> None:
+    # the upper run has no point there that could say whether the resonance hardens
+    low = np.r_[10.0:18.0, 18.0:18.9:0.2]
+    high = np.r_[10.0:18.0, 19.0]
+    size = np.r_[np.ones(8), np.full(len(low) - 8, 0.3), np.ones(len(high))]
+    frequency = np.r_[low, high]
+    surface = ResponseSurface(np.ones(len(size)), frequency, 1.0, -1j * size, sweep="up")
+    block = np.repeat([0, 1], [len(low), len(high)])
+    assert set(tell_branches_apart(surface, block).tolist()) == {"up"}

@@ -117,6 +117,15 @@ def test_a_unit_behind_the_number_in_a_name_is_the_unit_of_the_level(tmp_path: P
     assert codes(surface) == {}
 
 
+def test_a_length_in_a_name_is_no_force(tmp_path: Path) -> None:
+    """ "gap_3mm.csv" was refused: a length, where N was needed."""
+    forces = {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}
+    rule = LevelRule(name="gap_{level}mm.csv")
+    surface = read_measurement(of_files(tmp_path, forces, level=rule))
+    assert surface.levels.tolist() == [30.0, 50.0]
+    assert codes(surface) == {"levels-are-labels": "info"}
+
+
 def test_swapped_levels_are_doubted(tmp_path: Path) -> None:
     forces = {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1.0, 1.5, 2.0))))

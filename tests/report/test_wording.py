@@ -201,6 +201,23 @@ def test_every_finding_that_may_decide_a_verdict_has_a_next_step() -> None:
     assert sorted(set(NEXT_STEPS) - set(CODES)) == []
 
 
+def test_a_code_has_one_next_step() -> None:
+    # a second one would replace the first without a word
+    trees = (ast.parse(path.read_text()) for path in sorted((PACKAGE / "report/wording").rglob("*.py")))
+    codes = [
+        str(key.value)
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call | ast.AugAssign) and ast.unparse(node).startswith("NEXT_STEPS")
+        for entries in ast.walk(node)
+        if isinstance(entries, ast.Dict)
+        for key in entries.keys
+        if isinstance(key, ast.Constant)
+    ]
+    assert len(codes) > len(NEXT_STEPS) // 2
+    assert sorted(codes) == sorted(set(codes))
+
+
 def test_no_severity_is_changed_after_a_finding_is_made() -> None:
     # the scan above would not see it
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -119,20 +119,6 @@ say_plainly(
     }
 )
 
-NEXT_STEPS.update(
-    {
-        "law-does-not-fit": (
-            "Look where the points leave the curves in the figures of stiffness and damping, and rank other "
-            "laws with `rsgen rank`; of a measured test also try a background."
-        ),
-        "structure-feeds-exciter": (
-            "Reverse the sense of the phase (test.response.phase_sense) or give the sensor the other sign "
-            "(test.response.factor), and run again."
-        ),
-    }
-)
-
-
 _OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
 _SIGN = "Check signs and units of force and response in the case; then take out terms that are not needed."
 
@@ -157,7 +143,6 @@ NEXT_STEPS.update(
         "not-converged": (
             "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
         ),
-        "mass-negative": _SIGN,
         "structure-feeds-exciter": (
             "Read the phase in the other sense (test.response.phase_sense), or give test.response.factor the "
             "other sign."

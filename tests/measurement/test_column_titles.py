@@ -1,0 +1,43 @@
+"""What titles of columns say, and how long a title of a stranger may take."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from rsgen.measurement.column_titles import is_angular, unit_in
+
+
+@pytest.mark.parametrize(
+    ("title", "unit"),
+    [
+        ("Kraft [N]", "N"),
+        ("Kraft [ N ] ", "N"),
+        ("Beschleunigung (m/s^2)", "m/s^2"),
+        ("Kraft in N (rms)", "N"),
+        ("Kraft [ ]", ""),
+        ("force_mN", "mN"),
+        ("force", ""),
+    ],
+)
+def test_a_unit_in_a_title(title: str, unit: str) -> None:
+    assert unit_in(title) == unit
+
+
+@pytest.mark.parametrize(
+    ("title", "angular"),
+    [("freq [rad/s]", True), ("rad per sec", True), ("rads", True), ("rad / s", True), ("radius", False)],
+)
+def test_an_angular_frequency(title: str, angular: bool) -> None:
+    assert is_angular(title) == angular
+
+
+@pytest.mark.parametrize(
+    "title", ["(" + " " * 30_000 + "x", "( x" + " " * 30_000 + "y", "(" * 30_000, "rad" + " " * 30_000 + "x"]
+)
+def test_a_long_title_takes_no_time(title: str) -> None:
+    started = time.process_time()
+    assert (unit_in(title), is_angular(title)) == ("", False)
+    # a pattern that tries all ways takes minutes
+    assert time.process_time() - started < 2.0
