@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -37,8 +38,17 @@ _MOST_FAULTS = 500
 
 
 def plain(text: str) -> str:
-    """Show control characters of a file's texts as escapes: a terminal obeys them otherwise."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+    """Show control characters of a file's texts as escapes: a terminal obeys them otherwise.
+
+    Spaces of all widths, such as the thin one between thousands, are blanks.
+    """
+    return "".join(_plain(sign) for sign in text)
+
+
+def _plain(sign: str) -> str:
+    if unicodedata.category(sign) == "Zs":
+        return " "
+    return sign if sign.isprintable() else ascii(sign)[1:-1]
 
 
 def print_line(text: str = "") -> None:
