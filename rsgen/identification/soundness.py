@@ -79,8 +79,8 @@ _STRETCH = 5
 _PIECE = 0.1
 """Share of a run from which on it is a piece of it."""
 
-_WHOLE = 0.5
-"""Share of a run set aside from which on the run as a whole disagrees."""
+_WHOLE = 0.25
+"""Share of a run set aside, wherever its points lie, from which on the run disagrees with the law."""
 
 _SIGNS = 60
 """Points, evenly over the amplitude, at which the signs of k(X) and c(X) are looked at."""
@@ -237,7 +237,8 @@ def aside_findings(points: Points, regression: Regression, tested: int, level_un
         lost = int(np.count_nonzero(aside[rows]))
         together = longest >= max(_STRETCH, _PIECE * len(rows))
         if together or (lost > _SINGLE and lost > _WHOLE * len(rows)):
-            ends = points.omega[rows[[first, first + longest - 1]]] / (2 * np.pi)
+            piece = np.arange(first, first + longest) if together else np.flatnonzero(aside[rows])
+            ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(aside=lost, points=len(rows), together=longest)
             found.append(

@@ -77,8 +77,8 @@ say_plainly(
             "{after:.2g} widened ones, and by {size:.1%} of force and response: one law does not hold for all"
         ),
         "run-set-aside": (
-            "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, {together:.0f} of "
-            "them neighbours from {low:.4q} to {high:.4q}: a piece of this run disagrees with the law"
+            "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, up to "
+            "{together:.0f} of them neighbours, from {low:.4q} to {high:.4q}: this run disagrees with the law"
         ),
         "stiffness-negative": (
             "k(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
