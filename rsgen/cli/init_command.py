@@ -69,7 +69,7 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     Raises
     ------
     RsgenError
-        Name, law or path are not legal.
+        Name, law or path are not legal, or a law to be simulated has no damper.
     """
     fault = name_fault(name)
     if fault:
@@ -78,6 +78,8 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     if fault:
         raise RsgenError(f"--measured: {fault}")
     elements, units = _elements(law)
+    if measured is None and all(element != "damper" for element, _ in elements):
+        raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
     names = sorted({symbol.name for _, part in elements for symbol in part.free_symbols} - {"x", "v"})
     width = max(map(len, names), default=0)
     environment = jinja2.Environment(
