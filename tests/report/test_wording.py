@@ -247,6 +247,22 @@ def test_numbers_are_printed_as_in_a_book() -> None:
     assert full_sentence(found).endswith("not noise.")
 
 
+def test_what_leaves_a_result_usable_is_not_said_as_if_it_did_not() -> None:
+    numbers = {name: Quantity(0.02) for name in ("misfit", "z", "after", "size")}
+    names = {"parts": "alternate levels"}
+    warned, doubted = (
+        [
+            sentence(Finding(code, severity, "", numbers, names))
+            for code in ("law-does-not-fit", "parts-disagree")
+        ]
+        for severity in ("warning", "doubt")
+    )
+    assert warned[0].startswith("the law does not fit exactly: ")
+    assert warned[1].endswith(": the widened intervals cover this")
+    assert doubted[0].startswith("the law does not fit: ")
+    assert doubted[1].endswith(": one law does not hold for all")
+
+
 def test_names_keep_their_spelling_at_the_beginning() -> None:
     assert full_sentence(Finding("not-determined", "warning", "kn")).startswith("kn: not")
     named = Finding("force-of-decay", "info", names={"record": "run 7.csv"})

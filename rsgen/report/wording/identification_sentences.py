@@ -72,10 +72,6 @@ say_plainly(
             "the misfit is not noise, so intervals are widened by what {groups:.0f} {by} of the test say "
             "when each is left out: typically {wider:.2g} times"
         ),
-        "parts-disagree": (
-            "{parts} identified apart differ by up to {z:.2g} standard errors of independent points, by "
-            "{after:.2g} widened ones, and by {size:.1%} of force and response: one law does not hold for all"
-        ),
         "run-set-aside": (
             "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, up to "
             "{together:.0f} of them neighbours, from {low:.4q} to {high:.4q}: this run disagrees with the law"
@@ -161,7 +157,21 @@ NEXT_STEPS.update(
 def _(found: Finding) -> str:
     term = found.names.get("term")
     missing = f"; a term {term} would leave {number_text(100 * found['left'], 2)} %" if term else ""
-    return f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{missing}"
+    exactly = " exactly" if found.severity == "warning" else ""
+    misfit = f"the misfit of {found['misfit']:.1%} is systematic, not noise"
+    return f"the law does not fit{exactly}: {misfit}{missing}"
+
+
+@says("parts-disagree")
+def _(found: Finding) -> str:
+    meaning = (
+        "the widened intervals cover this" if found.severity == "warning" else "one law does not hold for all"
+    )
+    return (
+        f"{found.names['parts']} identified apart differ by up to {found['z']:.2g} standard errors of "
+        f"independent points, by {found['after']:.2g} widened ones, and by {found['size']:.1%} of force and "
+        f"response: {meaning}"
+    )
 
 
 @says("identified")
