@@ -106,7 +106,7 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
 
 
 def _at_resolution(small: Fit, without: Fit, moved: NDArray[np.intp], count: int) -> Array:
-    """Give even values the size at which their standard error from so many points is as large."""
+    """Give even values the size at which their standard error from ``count`` points is as large."""
     noise = without.regression.noise / max(small.regression.noise, 1e-300)
     variance = np.diag(small.regression.covariance) * noise**2 * len(small.force) / count
     found = np.array(without.regression.parameters)

@@ -164,7 +164,7 @@ class RestoringForce:
     Parameters
     ----------
     displacement
-        (a,) x [m], ascending from 0, or over both sides where the motion is uneven.
+        (a,) x [m], ascending from 0, or over both sides where its mean is not zero.
     stiffness_force
         (a,) stiffness force at x [N], its odd part where x starts from 0.
     stiffness_band

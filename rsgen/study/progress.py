@@ -60,7 +60,7 @@ class Expectation:
     megabytes
         The largest memory [MB].
     crowding
-        Programs that share a processor, at least 1: so many times longer it takes.
+        Programs that share a processor, at least 1: the factor by which it takes longer.
     """
 
     seconds: dict[str, float]
