@@ -284,7 +284,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
 def _moving_mass(
     parts: list[SweptPoints], force: ComplexArray, motion: Kinematics, good: NDArray[np.bool_]
 ) -> _Mass | None:
-    """Find the moving mass from the points at resonances, else from the flanks; None where neither determines it."""
+    """Find the moving mass from the points at resonances, else from the flanks; None where it is unknown."""
     flank = flank_mass(force[good], motion.select(good))
     if flank is not None and (flank.misfit > _ONE_MODE or not flank.mass > 0):
         flank = None
