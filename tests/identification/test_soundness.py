@@ -54,6 +54,32 @@ def test_a_small_systematic_misfit_is_a_warning() -> None:
     assert severity(findings(table), "law-does-not-fit") == "warning"
 
 
+def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface:
+    """Give one level of quadratic damping at one harmonic."""
+    mass, stiffness, damping, quadratic = 1.0, 4000.0, 1.0, 20.0
+    frequency = np.linspace(8.5, 11.5, count)
+    omega = 2 * np.pi * frequency
+    size = np.full(count, 1e-3)
+    for _ in range(300):
+        rate = damping + 8 * quadratic * omega * size / (3 * np.pi)
+        response = 1 / (stiffness - mass * omega**2 + 1j * omega * rate)
+        size = (size + np.abs(response)) / 2
+    rng = np.random.default_rng(seed)
+    scatter = rng.normal(size=count) + 1j * rng.normal(size=count)
+    return ResponseSurface(
+        np.ones(count), frequency, np.ones(count) + 0j, response * (1 + noise / np.sqrt(2) * scatter)
+    )
+
+
+@pytest.mark.parametrize("count", [9, 12, 16, 20, 40])
+def test_few_points_hide_no_wrong_damper(count: int) -> None:
+    found = findings(_one_level(count), "k*x + c*v")
+    assert "doubt" in (severity(found, "law-does-not-fit"), severity(found, "misfit-large"))
+    for seed in range(4):
+        sound = findings(_one_level(count, 0.03, seed), "k*x + c*v + cq*v*abs(v)")
+        assert {finding.severity for finding in sound.values()} <= {"info", "warning"}
+
+
 def test_a_reversed_phase_feeds_the_exciter(table: ResponseSurface) -> None:
     mirrored = changed(table, harmonics=np.conj(table.harmonics))
     found = findings(mirrored)
