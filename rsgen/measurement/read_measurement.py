@@ -329,7 +329,11 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     consistent = run_findings(surface, block, names, test.per_force)
     surface = replace(surface, findings=(*surface.findings, *consistent))
     if test.sweep.direction == "recognise" and test.sweep.column is None:
-        surface = replace(surface, sweep=tell_branches_apart(surface, block))
+        sweep = tell_branches_apart(surface, block)
+        turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
+        if turned["points"].value:
+            finding = Finding("direction-from-branch", "info", numbers=turned)
+            surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
     if test.level.spread is not None or (run is None and not known):
         return surface
     return settle_levels(surface, test, known, any(part.unit_said for part in parts))

@@ -91,6 +91,8 @@ def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
     surface = read(*paths)
     assert set(surface.sweep[:41]) == {upper}
     assert set(surface.sweep[41:]) == {"down" if upper == "up" else "up"}
+    (said,) = [finding for finding in surface.findings if finding.code == "direction-from-branch"]
+    assert said["points"] == 41
     assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
 
 

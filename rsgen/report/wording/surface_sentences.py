@@ -11,6 +11,11 @@ say_plainly(
             "{points:g} of {all:g} points have no measured force or response and are left out"
         ),
         "note": "{text}",
+        "direction-from-branch": (
+            "runs of one level lie on two branches in one order of frequency: {points:.0f} points are taken "
+            "as swept the other way; where that is wrong, say in the case how they were swept (sweep.direction, "
+            "or sweep.column)"
+        ),
         "record-clipped": (
             "{record}: the {signal} is cut off at the end of its range in {samples:.0f} samples; amplitudes "
             "are too small there: measure with a wider range, or use start and stop"
