@@ -13,8 +13,8 @@ say_plainly(
         "note": "{text}",
         "direction-from-branch": (
             "runs of one level lie on two branches in one order of frequency: {points:.0f} points are taken "
-            "as swept the other way; where that is wrong, say in the case how they were swept (sweep.direction, "
-            "or sweep.column)"
+            "as swept the other way; where that is wrong, say in the case how they were swept "
+            "(sweep.direction, or sweep.column)"
         ),
         "record-clipped": (
             "{record}: the {signal} is cut off at the end of its range in {samples:.0f} samples; amplitudes "
