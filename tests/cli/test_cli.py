@@ -230,7 +230,7 @@ def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool, job
     text = seen.decode("utf-8")
     assert "Traceback" not in text
     # a bar is drawn a few times a second: the quick stages of a small case may pass between two pictures
-    for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "left", "accepted"):
+    for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "left", "Accepted"):
         assert words in text
     assert bool(re.search(r"\x1b\[(?:3[0-9]|38;)", text)) is colours
     # and nothing of it gets into the output of a cell
