@@ -213,7 +213,13 @@ class Findings:
             found.append(
                 Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
             )
-        found += aside_findings(self.points, self.fit.regression, len(self.surface), self.surface.level_unit)
+        found += aside_findings(
+            self.points,
+            self.fit.regression,
+            len(self.surface),
+            self.surface.level_unit,
+            decays=self._decays(),
+        )
         if not self.fit.regression.converged:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
@@ -256,11 +262,15 @@ class Findings:
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 
+    def _decays(self) -> bool:
+        """Whether the points are those of a free decay."""
+        return any(finding.code == "force-of-decay" for finding in self.surface.findings)
+
     def _runs(self) -> list[Finding]:
         found, runs = [], len(self.resonances)
         jumps = sum(resonance.jump for resonance in self.resonances)
         # the points of a decay lie along the resonance, on neither side of it
-        if jumps and not any(finding.code == "force-of-decay" for finding in self.surface.findings):
+        if jumps and not self._decays():
             found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
         if few:

@@ -224,7 +224,9 @@ def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Fin
     return Finding("background-possible", "info", numbers=numbers)
 
 
-def aside_findings(points: Points, regression: Regression, tested: int, level_unit: str) -> list[Finding]:
+def aside_findings(
+    points: Points, regression: Regression, tested: int, level_unit: str, *, decays: bool = False
+) -> list[Finding]:
     """Judge points set aside by their share, and by whether they lie together.
 
     Parameters
@@ -235,14 +237,20 @@ def aside_findings(points: Points, regression: Regression, tested: int, level_un
         Points of the whole test.
     level_unit
         Of their levels: "N", or "m" where the response was held.
+    decays
+        True for a free decay. Noise does not fall with the motion, so that the small half of its points may
+        be set aside for that alone; the large half is judged.
     """
     aside = ~regression.used
-    count = int(np.count_nonzero(aside))
-    if not count:
+    if not aside.any():
         return []
+    all_aside = int(np.count_nonzero(aside))
+    if decays:
+        aside = aside & (points.amplitude > np.median(points.amplitude))
+    count = int(np.count_nonzero(aside))
     share = count / len(points)
     severity = _severity(share, _FEW_ASIDE, _MANY_ASIDE) if count > _SINGLE else "warning"
-    numbers = quantities(aside=count, points=len(points), all=tested)
+    numbers = quantities(aside=all_aside, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
     for level, sweep in sorted({*zip(points.level.tolist(), points.sweep.tolist(), strict=True)}):
         rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))

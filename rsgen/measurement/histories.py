@@ -18,7 +18,8 @@ from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
 from rsgen.measurement.file_units import scaled
 from rsgen.measurement.nominal_levels import level_of_file
-from rsgen.measurement.plan import HistoryRule, MeasuredTest
+from rsgen.measurement.plan import QUANTITIES, HistoryRule, MeasuredTest
+from rsgen.measurement.title_units import unit_doubts
 
 __all__ = ["read_histories"]
 
@@ -26,7 +27,7 @@ __all__ = ["read_histories"]
 def _rows(
     path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
 ) -> dict[int | str, NDArray[Any]]:
-    """Read rows of samples, as they are in the file."""
+    """Read rows of samples, as they are in the file; a title that contradicts the case is doubted."""
     label = file_label(path)
     groups, found, _ = read_channels(test, path, wanted, sha256)
     findings += found
@@ -43,6 +44,10 @@ def _rows(
         if values.dtype.kind == "c":
             raise MeasurementError(f"{label}: {show(name)} is complex; samples are real numbers")
         rows[name] = values
+    titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
+    for signal, target in ((test.force, "N"), (test.response, QUANTITIES[test.quantity])):
+        if signal is not None and signal.samples in rows:
+            findings += unit_doubts(test, label, titles, signal, target)
     return rows
 
 

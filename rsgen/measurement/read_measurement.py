@@ -24,6 +24,7 @@ from rsgen.measurement.nominal_levels import (
 )
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HERTZ, QUANTITIES, HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.title_units import contradiction, unit_doubts
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["read_measurement"]
 
-_SAME_UNIT = 1e-3
-"""Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 _DERIVATIVES = ("displacement", "velocity", "acceleration")
 
 
@@ -149,36 +148,6 @@ def _whole_rows(table: Table, other: Table) -> tuple[Table, Table]:
     return kept, kept if other is table else other.keep(keep)
 
 
-def _contradiction(table: Table, column: int | str, unit: str, title: str) -> Finding:
-    """Say that the case reads a column in another unit than its title names."""
-    about = {
-        "file": table.label,
-        "column": table.names.get(column, str(column)),
-        "unit": unit,
-        "title": title,
-    }
-    return Finding("unit-contradicts-title", "doubt", names=about)
-
-
-def _unit_doubts(test: MeasuredTest, table: Table, signal: Signal | None, target: str) -> list[Finding]:
-    """Find columns of a text whose title names another unit of the same quantity than the case."""
-    if signal is None or signal.unit is None or signal.factor != 1 or not test.calibrated:
-        return []
-    found = []
-    for column in signal.columns:
-        title = unit_in(table.names.get(column, ""))
-        try:
-            said, read = (
-                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, signal.unit)
-            )
-        except RsgenError:
-            # a title may end like a unit of something else
-            continue
-        if title and abs(said - read) > _SAME_UNIT * abs(read):
-            found.append(_contradiction(table, column, signal.unit, title))
-    return found
-
-
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
     column = cast("int | str", test.frequency)
@@ -186,7 +155,7 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     if test.frequency_unit is not None:
         other = unit in HERTZ and HERTZ[unit] != test.frequency_factor
         return test.frequency_factor, [
-            _contradiction(table, column, test.frequency_unit, unit)
+            contradiction(table.label, table.names.get(column, str(column)), test.frequency_unit, unit)
         ] if other else []
     unit, title = table.units.get(column, ""), table.names.get(column, "")
     if table.unit_of_place == "row":
@@ -223,8 +192,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     per = "/N" if test.per_force else ""
     doubts = [
         *doubts,
-        *_unit_doubts(test, table, test.force, "N"),
-        *_unit_doubts(test, other, test.response, QUANTITIES[test.quantity] + per),
+        *unit_doubts(test, table.label, table.names, test.force, "N"),
+        *unit_doubts(test, other.label, other.names, test.response, QUANTITIES[test.quantity] + per),
     ]
     if test.per_force:
         response = response * force

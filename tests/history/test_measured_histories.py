@@ -55,7 +55,7 @@ def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data: Callable
     x = driven(oscillator, np.asarray(history.force), history.rate)
     mode = uncorrected(replace(history, response=x, quantity="displacement"))
     background = found.background
-    shape = background.shape(mode.omega)
+    shape = background.shape(mode.omega, mode.force)
     seen = mode.harmonics[:, 1] + shape.receptance(background.values) * mode.force
     harmonics = np.stack([np.zeros(len(mode)), seen], axis=1)
     predicted = peak(replace(mode, harmonics=harmonics))

@@ -71,6 +71,15 @@ def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface
     )
 
 
+def test_a_result_without_parameters_is_doubted() -> None:
+    table = surface("cubic")
+    one = table.select(np.flatnonzero(table.level == table.levels[0])[::8])
+    found = identify(one, "k*x + k2*x + c*v + c2*v", mass=None)
+    assert not any(estimate.identifiable for estimate in found.refined if estimate.name != "m")
+    unknown = identify(one, "k*x + k2*x + c*v + c2*v", mass=1.5)
+    assert severity({f.code: f for f in unknown.findings}, "nothing-identifiable") == "doubt"
+
+
 @pytest.mark.parametrize("count", [9, 12, 16, 20, 40])
 def test_few_points_hide_no_wrong_damper(count: int) -> None:
     found = findings(_one_level(count), "k*x + c*v")
@@ -140,6 +149,22 @@ def aside(which: np.ndarray) -> dict[str, str]:
     found = aside_findings(points, Used(~which), n, "m")  # type: ignore[arg-type]
     assert all(finding.numbers["level"].unit == "m" for finding in found if "level" in finding.numbers)
     return {finding.code: finding.severity for finding in found}
+
+
+@pytest.mark.parametrize(("large", "expected"), [(False, "warning"), (True, "error")])
+def test_noise_at_the_end_of_a_decay_is_not_the_law(large: bool, expected: str) -> None:
+    """A fifth of the points, all small or all large; noise does not fall with the motion."""
+    n = 40
+    size = np.geomspace(1e-2, 1e-4, n)
+    points = Points(
+        np.arange(n), np.ones(n), np.full(n, 50.0), np.full(n, "rest"), np.ones(n, complex),
+        np.stack([np.zeros(n), size], axis=1).astype(complex), (1,), np.ones((n, 2)),
+    )  # fmt: skip
+    which = np.zeros(n, bool)
+    which[slice(0, 16, 2) if large else slice(24, 40, 2)] = True
+    found = aside_findings(points, Used(~which), n, "m", decays=True)  # type: ignore[arg-type]
+    assert [finding.severity for finding in found] == [expected]
+    assert found[0]["aside"] == 8
 
 
 def test_points_set_aside_are_judged_by_share_and_pattern() -> None:

@@ -40,6 +40,23 @@ def history(path: Path, **keys: Any) -> MeasuredTest:
     return MeasuredTest((path,), **known | keys)
 
 
+@pytest.mark.parametrize(("unit", "codes"), [("m/s^2", ["unit-contradicts-title"]), ("g", [])])
+def test_a_case_that_contradicts_the_title_of_a_channel_is_doubted(
+    tmp_path: Path, unit: str, codes: list[str]
+) -> None:
+    rows = "\n".join(f"{i / 100},{i % 7},{i % 5}" for i in range(50))
+    (tmp_path / "a.csv").write_text(f"Time [s],Force [N],Acc [g]\n{rows}\n")
+    (read,) = read_histories(
+        history(
+            tmp_path / "a.csv",
+            force=Signal(samples="Force [N]", unit="N"),
+            response=Signal(samples="Acc [g]", unit=unit),
+            history=HistoryRule("swept-sine", time="Time [s]"),
+        )
+    )
+    assert [finding.code for finding in read.findings] == codes
+
+
 N = 64
 T = np.arange(N) / 50.0
 FORCE = np.sin(T)

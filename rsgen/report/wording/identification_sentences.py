@@ -84,6 +84,7 @@ say_plainly(
             "c(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
             "points): the structure would work on the exciter there"
         ),
+        "nothing-identifiable": "the test determines none of the parameters of the law",
         "not-a-steady-sine": (
             "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
             "that to a steady sine"
@@ -121,6 +122,10 @@ _SIGN = "Check signs and units of force and response in the case; then take out 
 NEXT_STEPS.update(
     {
         "law-does-not-fit": _OTHER_LAW,
+        "nothing-identifiable": (
+            "Give the mass if it is known, take a law with fewer parameters, or test more frequencies around "
+            "the resonance at more levels."
+        ),
         "misfit-large": (
             "Look at the points in the response figure: average more readings, wait longer before each, or "
             "check that force and response belong together."
