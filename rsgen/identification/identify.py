@@ -240,7 +240,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
-    if not any(estimate.identifiable for estimate in estimates):
+    if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     general = Findings(surface, points, refined, resonances, agreement)
     return Identification(

@@ -296,7 +296,9 @@ def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Findin
     size = motion.harmonics[:, 1]
     sample = problem.law.along(motion, fit.values, SAMPLES_SWITCHED if problem.law.switched else SAMPLES)
     ratio = project(sample.force, 1) / size
-    slopes = np.stack([project(by, 1) / size for by in sample.by_parameter], axis=1)
+    slopes = np.zeros((len(size), len(sample.by_parameter)), dtype=complex)
+    for column, by in enumerate(sample.by_parameter):
+        slopes[:, column] = project(by, 1) / size
     rows = basis[: slopes.shape[1]]
     stiffness = _negative(np.abs(size), ratio.real, slopes.real @ rows, "N/m")
     if stiffness:
