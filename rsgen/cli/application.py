@@ -84,16 +84,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _say_cache_fault() -> None:
-    """Say once why nothing compiled is stored, before a command that compiles."""
-    from rsgen.cli.terminal import print_faults
-    from rsgen.kernel import cache_fault
-
-    fault = cache_fault()
-    if fault is not None:
-        print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
-
-
 @application.callback()
 def _options(
     version: Annotated[
@@ -135,7 +125,6 @@ def run(
     """
     from rsgen.cli.run_command import run_command
 
-    _say_cache_fault()
     raise typer.Exit(run_command(cases, out, force, data, jobs, figures, json, cluster))
 
 
@@ -199,7 +188,6 @@ def simulate(
     """
     from rsgen.cli.simulate_command import simulate_command
 
-    _say_cache_fault()
     raise typer.Exit(simulate_command(case, out, json))
 
 
@@ -214,7 +202,6 @@ def identify(case: OneCase, surface: Surface = None, data: Data = None, json: Js
     """
     from rsgen.cli.identify_command import identify_command
 
-    _say_cache_fault()
     raise typer.Exit(identify_command(case, surface, data, json))
 
 
@@ -238,7 +225,6 @@ def rank(
     """
     from rsgen.cli.rank_command import rank_command
 
-    _say_cache_fault()
     raise typer.Exit(rank_command(case, data, json))
 
 

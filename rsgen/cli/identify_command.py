@@ -7,7 +7,15 @@ from typing import Any
 
 from rsgen.case import Case, load_case
 from rsgen.cli.progress_bar import stage_progress
-from rsgen.cli.terminal import number, print_json, print_line, print_table, print_verdict, verdict_code
+from rsgen.cli.terminal import (
+    number,
+    print_cache_fault,
+    print_json,
+    print_line,
+    print_table,
+    print_verdict,
+    verdict_code,
+)
 from rsgen.comparison import compare, verdict_of
 from rsgen.identification import Estimate, Identification, identify
 from rsgen.prediction import predict
@@ -44,6 +52,7 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
 
 def identify_command(path: Path, surface: Path | None, data: Path | None, json: bool) -> int:
     """Identify a case from its test or from a saved surface, and print the estimates."""
+    print_cache_fault()
     case = load_case(path, data)
     with stage_progress(case, "surface", "identification") as note:
         note("surface", 0.0)

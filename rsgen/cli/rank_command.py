@@ -5,7 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from rsgen.case import load_case
-from rsgen.cli.terminal import number, print_block, print_json, print_line, print_verdict, verdict_code
+from rsgen.cli.terminal import (
+    number,
+    print_block,
+    print_cache_fault,
+    print_json,
+    print_line,
+    print_verdict,
+    verdict_code,
+)
 from rsgen.errors import RsgenError
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
@@ -30,6 +38,7 @@ def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
 
 def rank_command(path: Path, data: Path | None, json: bool) -> int:
     """Rank the laws of the library on a case's test or on a saved surface."""
+    print_cache_fault()
     name, surface, model = _read(path, data)
     ranking = rank(surface, model)
     if json:

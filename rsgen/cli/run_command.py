@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rsgen.case import find_cases
 from rsgen.cli.progress_bar import case_progress
-from rsgen.cli.terminal import ACCEPTED, FAULTY, print_json, print_line, verdict_code
+from rsgen.cli.terminal import ACCEPTED, FAULTY, print_cache_fault, print_json, print_line, verdict_code
 from rsgen.errors import RsgenError
 from rsgen.study import CaseRun, run_cases
 
@@ -40,6 +40,7 @@ def run_command(
     cluster: str | None = None,
 ) -> int:
     """Run cases; the code is that of ``exit_code``."""
+    print_cache_fault()
     check_figures(figures)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
     if figures:

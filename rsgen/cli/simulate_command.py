@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rsgen.case import load_case
 from rsgen.cli.progress_bar import stage_progress
-from rsgen.cli.terminal import ACCEPTED, print_json, print_line
+from rsgen.cli.terminal import ACCEPTED, print_cache_fault, print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.simulation import SimulatedTest
 from rsgen.study import obtain_surface
@@ -17,6 +17,7 @@ __all__ = ["simulate_command"]
 
 def simulate_command(path: Path, out: Path | None, json: bool) -> int:
     """Write the response surface of a simulated case as HDF5."""
+    print_cache_fault()
     case = load_case(path)
     if not isinstance(case.test, SimulatedTest):
         raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")

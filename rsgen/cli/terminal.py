@@ -22,6 +22,7 @@ __all__ = [
     "number",
     "plain",
     "print_block",
+    "print_cache_fault",
     "print_faults",
     "print_json",
     "print_line",
@@ -71,6 +72,15 @@ def print_faults(faults: Iterable[str]) -> None:
         print(plain(line), file=sys.stderr)
     if len(lines) > _MOST_FAULTS:
         print(f"... and {len(lines) - _MOST_FAULTS} more", file=sys.stderr)
+
+
+def print_cache_fault() -> None:
+    """Say once why nothing compiled is stored, before a command that compiles."""
+    from rsgen.kernel import cache_fault
+
+    fault = cache_fault()
+    if fault is not None:
+        print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
 
 
 def print_verdict(verdict: Verdict, name: str = "") -> int:
