@@ -152,11 +152,11 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
     "nlbeam": (
         *_numbers(WITH_PHASE),
         Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), ("cn*v*abs(v)**q", "c*v"))),
-        Tampering("the phase error left out", MISFIT | SENSE, build=edit(('"phase"', '"none"'))),
         Tampering(
             "the drive's channel taken for the response",
             MISFIT | SENSE,
             build=edit(("X1__V_", "X_exc__V_"), ("Y1__V_", "Y_exc__V_")),
+            refusal="response is zero",
         ),
         Tampering(
             "velocity read as displacement",
@@ -170,10 +170,12 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             "labels 1, 2, 3, ... for the forces", LEVELS, build=edit(('"1.5 N", "2 N"', '"2 N", "3 N"'))
         ),
         Tampering(
-            "one file twice, once for another level", LEVELS, build=edit(("clamp_meas_1.5", "clamp_meas_1.0"))
+            "one file twice, once for another level",
+            LEVELS,
+            build=edit(("clamp_meas_1.5", "clamp_meas_1.0")),
+            refusal="stands twice",
         ),
         Tampering(LINEAR, MISFIT, build=edit((" + k2*x*abs(x) + k3*x**3", ""), (' + c2*v*abs(v)"', '"'))),
-        Tampering("the background left out", MISFIT, build=edit(('"constant"', '"none"'))),
     ),
     "f16": (
         Tampering(
@@ -186,7 +188,7 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             SENSE,
             build=edit(('"acceleration"', '"displacement"'), ('"m/s^2"', '"m"')),
         ),
-        Tampering("two modes in the band", MISFIT, build=edit(('"6.9 Hz", "8.2 Hz"', '"4 Hz", "8.2 Hz"'))),
+        Tampering("two modes in the band", MISFIT, build=edit(('"6.9 Hz", "8.5 Hz"', '"4 Hz", "8.5 Hz"'))),
         Tampering(
             "response in mm/s^2, read as m/s^2",
             SIZE,

@@ -66,6 +66,9 @@ _RESOLVED = 100.0
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
 
+_HOPELESS = 0.2
+"""A misfit of the balance beyond a fifth: truncated waveforms of a law that is right leave a few per cent."""
+
 _FOLLOWED = 0.9
 """Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
 
@@ -151,8 +154,9 @@ def _fit(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
     found, sharp = _refine(problem, start)
     observed = problem.observed
-    # a law that feeds energy settles nowhere
-    if sharp and not (observed.phase_known and feeds_exciter(observed.mode(found.background))):
+    # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
+    feeds = observed.phase_known and feeds_exciter(observed.mode(found.background))
+    if sharp and not feeds and found.regression.noise * np.sqrt(2) < _HOPELESS:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
         if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:

@@ -49,6 +49,13 @@ _POOR = 0.05
 """A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
 law that is right."""
 
+_APART = 3.0
+"""A level misfits so many times as much as half of the levels do: something of this level is wrong, or begins
+there. Sound structures have misfits that differ by less than two."""
+
+_SEVERAL = 4
+"""Levels below which most of them cannot speak against one."""
+
 _SCATTERS = 0.1
 """Any misfit beyond this share: noise as large hides what a law does wrong."""
 
@@ -104,10 +111,14 @@ def feeds_exciter(points: Points) -> bool:
     return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
 
-def is_systematic(points: Points, regression: Regression) -> bool:
-    """Tell whether misfits of any quantity go together between neighbours in frequency of one run."""
+def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
+    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
+
+    Of all levels, or of one.
+    """
     pairs = points.neighbours
-    pairs = pairs[regression.used[pairs].all(axis=1)]
+    counted = regression.used if level is None else regression.used & (points.level == level)
+    pairs = pairs[counted[pairs].all(axis=1)]
     if len(pairs) < _PAIRS:
         return False
     first, second = (regression.residual[side] for side in pairs.T)
@@ -151,7 +162,23 @@ def misfit_findings(
     observed = fit.problem.observed
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
         found.append(_background_proposal(points, resonances))
-    return [*found, *_offset_proposal(fit)]
+    return [*found, *_level_apart(points, fit.regression, surface.level_unit), *_offset_proposal(fit)]
+
+
+def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
+    """Find the level that disagrees with the law while most others obey it; none or one."""
+    used = points.select(regression.used)
+    levels = np.unique(used.level)
+    if len(levels) < _SEVERAL:
+        return []
+    square = regression.misfit[regression.used] ** 2
+    sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
+    worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
+    level, size = float(levels[worst]), float(sizes[worst])
+    if not (size > max(_POOR, _APART * typical) and is_systematic(points, regression, level)):
+        return []
+    numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
+    return [Finding("level-apart", "doubt", numbers=numbers)]
 
 
 def _severity(size: float, doubt: float, error: float) -> Severity:

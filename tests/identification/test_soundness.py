@@ -54,6 +54,14 @@ def test_a_small_systematic_misfit_is_a_warning() -> None:
     assert severity(findings(table), "law-does-not-fit") == "warning"
 
 
+def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> None:
+    here = table.level == 8.0
+    shifted = changed(table, frequency=np.where(here, 1.02 * table.frequency, table.frequency))
+    found = findings(shifted)["level-apart"]
+    assert (found.severity, found["level"]) == ("doubt", 8.0)
+    assert found["misfit"] > 3 * found["typical"]
+
+
 def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface:
     """Give one level of quadratic damping at one harmonic."""
     mass, stiffness, damping, quadratic = 1.0, 4000.0, 1.0, 20.0

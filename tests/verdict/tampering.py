@@ -23,14 +23,25 @@ SENSE = frozenset(
 """Force and response cannot belong together in this sense: power, mass or phase are wrong."""
 
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
-POINTS = MISFIT | {"points-set-aside", "run-set-aside", "parts-disagree"}
+POINTS = MISFIT | {"points-set-aside", "run-set-aside", "parts-disagree", "level-apart"}
 NOMINAL = frozenset(
     {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
 )
 LEVELS = POINTS | NOMINAL
 SIZE = frozenset({"size-impossible"})
 UNIT = SIZE | {"frequency-angular", "unit-contradicts-title"}
-WAVE = frozenset({"not-a-steady-sine"})
+WAVE = frozenset(
+    {
+        "not-a-steady-sine",
+        "force-not-sine",
+        "response-not-at-drive",
+        "motion-mainly-free",
+        "force-in-noise",
+        "decay-rises",
+        "drive-after-start",
+    }
+)
+"""The record is no steady sine, no sweep or no decay."""
 
 MATTERING = {
     "bilinear": ("k6*x", "c5*v"),
@@ -337,7 +348,7 @@ TAMPERINGS = (
     Tampering("Hz read as rad/s, column called f_Hz", UNIT, hertz_as_radians),
     Tampering("Hz read as kHz", UNIT, kilohertz),
     Tampering("acceleration read as displacement", SENSE, as_displacement),
-    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity),
+    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity, refusal="fit follows none"),
     Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
     Tampering("two levels swapped", LEVELS, swapped_levels),
     Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels),
@@ -347,7 +358,7 @@ TAMPERINGS = (
     Tampering("half of a level's points noise", POINTS, half_noise),
     Tampering("10 % outliers in one block", POINTS, outlying_block),
     Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
-    Tampering("sensor overloaded at half of the largest response", MISFIT, clipped),
+    Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
     Tampering("a second mode in the band", MISFIT, second_mode),
     Tampering("a constant background left out", MISFIT, constant_background),
     Tampering("a phase error of 0.2 rad left out", MISFIT, phase_error),

@@ -72,6 +72,9 @@ say_plainly(
             "the misfit is not noise, so intervals are widened by what {groups:.0f} {by} of the test say "
             "when each is left out: typically {wider:.2g} times"
         ),
+        "level-apart": (
+            "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
+        ),
         "run-set-aside": (
             "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, up to "
             "{together:.0f} of them neighbours, from {low:.4q} to {high:.4q}: this run disagrees with the law"
@@ -137,6 +140,10 @@ NEXT_STEPS.update(
         "points-set-aside": (
             "Look at the points that were not used in the figure of responses; if they are sound, the law is "
             "wrong."
+        ),
+        "level-apart": (
+            "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
+            "it out and compare."
         ),
         "run-set-aside": (
             "Look at this run in the response figure, and repeat it, or leave it out by the case and say so."
