@@ -198,7 +198,7 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             "swept sine taken as a stepped sine",
             WAVE | MISFIT,
             build=edit(('"swept-sine"', '"stepped-sine"')),
-            refusal="step",
+            refusal="points can be used (settled",
         ),
         Tampering(
             "sweep taken as a free decay",
@@ -215,6 +215,7 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             "samples of the generator taken for the force",
             MISFIT | SENSE,
             build=edit(('samples = "Force"', 'samples = "Voltage"')),
+            refusal="no level 67 N in the surface",
         ),
         Tampering(
             LINEAR,
