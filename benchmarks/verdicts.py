@@ -207,6 +207,7 @@ def tampered_section(rows: Sequence[Row]) -> list[str]:
     found, accepted = sum(row.found for row in rows), sum(row.outcome.state == "accepted" for row in rows)
     other = sum(row.outcome.doubted and not row.found for row in rows)
     mended = sum(row.corrected and not (row.outcome.doubted and row.right) for row in rows)
+    calm = sum(not (row.outcome.doubted or row.corrected) for row in rows)
     unseen = [row for row in rows if row.tampering.unseen and not row.found]
     reasons = dict.fromkeys(f"- {row.test}, {row.tampering.name}: {row.tampering.unseen}." for row in unseen)
     return [
@@ -215,10 +216,8 @@ def tampered_section(rows: Sequence[Row]) -> list[str]:
         f"Found: **{found} of {len(rows)}** ({found / len(rows):.1%}; asked {FOUND:.0%}): doubtful, rejected "
         "or refused, for the right reason: a finding that did not decide before the tampering. "
         f"Accepted: {accepted}. Mended, and said: {mended}. Doubted for another reason: {other}.",
-        f"Not doubted at all: {sum(not r.outcome.doubted for r in rows)}, of these {len(unseen)} that cannot "
-        "be seen from the data:"
-        if unseen
-        else "",
+        f"Neither doubted nor mended: {calm}"
+        + (f", of these {len(unseen)} that cannot be seen:" if unseen else "."),
         "",
         *reasons,
         "",
