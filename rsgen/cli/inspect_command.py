@@ -63,8 +63,9 @@ def _row(entry: Entry) -> tuple[str, ...]:
         return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
     values = ", ".join(entry.first) + more
-    if entry.remark:
-        values += f"  ({entry.remark[:_UNITS_OF_DOUBT]})"
+    about = entry.remark or (entry.title if entry.path != entry.title else "")
+    if about:
+        values += f"  ({about[:_UNITS_OF_DOUBT]})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 

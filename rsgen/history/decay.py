@@ -28,7 +28,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
-
 _NOTHING = 1e-100
 """Below this no quantity in SI units is a motion; its reciprocals would overflow."""
 _ROUNDS = 4
@@ -175,11 +174,7 @@ def from_free_decay(
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
     if mass is None:
         raise MeasurementError(_NO_MASS.format(several[0].label))
-    decays = [
-        decay
-        for history in several
-        for decay in _follow_all(history, mass=mass, band=band, harmonics=harmonics, start=start)
-    ]
+    decays = [decay for history in several for decay in _follow_all(history, mass, band, harmonics, start)]
     force = [decay.force for decay in decays]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
     return ResponseSurface(
@@ -226,19 +221,15 @@ def follow_decay(
         No decay is found: the force never ends, or fewer than some 25 periods stand out of the noise.
     """
     check_options(history.label, band=band, mass=mass, harmonics=harmonics)
-    return max(
-        _follow_all(history, mass=mass, band=band, harmonics=harmonics, start=start),
-        key=lambda decay: float(decay.amplitude[0]),
-    )
+    decays = _follow_all(history, mass, band, harmonics, start)
+    return max(decays, key=lambda decay: float(decay.amplitude[0]))
+
+
+_Band = tuple[float, float] | None
 
 
 def _follow_all(
-    history: TimeHistory,
-    *,
-    mass: float | None,
-    band: tuple[float, float] | None,
-    harmonics: int,
-    start: float | None,
+    history: TimeHistory, mass: float | None, band: _Band, harmonics: int, start: float | None
 ) -> list[FreeDecay]:
     """Follow every decay of a record; one that is too short is left out beside others."""
     ended = force_ends(history, len(history))
@@ -264,11 +255,7 @@ def _follow_all(
 
 
 def _follow_one(
-    history: TimeHistory,
-    stretch: Stretch,
-    mass: float | None,
-    band: tuple[float, float] | None,
-    harmonics: int,
+    history: TimeHistory, stretch: Stretch, mass: float | None, band: _Band, harmonics: int
 ) -> FreeDecay:
     begin = stretch.begin
     samples = history.response[begin : stretch.end]
@@ -357,7 +344,7 @@ def _demodulated(
     return windows.middle / rate, envelope
 
 
-def _strongest(samples: Array, history: TimeHistory, band: tuple[float, float] | None) -> float:
+def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
     """Find the strongest line of the decay in the band [Hz]."""
     taper = np.hanning(2 * len(samples) + 1)[len(samples) + 1 :]
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import pi
 
 from rsgen.errors import RsgenError
-from rsgen.measurement.column_titles import is_angular, unit_in
+from rsgen.measurement.column_titles import is_angular, split_title, unit_in
 from rsgen.measurement.tree import Entry
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
-    "ANGULAR", "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "IMAGINARY", "LEVEL",
-    "LOAD",
+    "ANGULAR", "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "LEVEL", "LOAD",
     "LONG", "NAMES", "NOMINAL", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL",
-    "REAL_PART", "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue",
+    "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue", "complex_parts",
     "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in", "with_unit",
 ]  # fmt: skip
 
@@ -58,10 +57,12 @@ class Clue:
 
 
 def last_name(entry: Entry) -> str:
-    """Give the last part of a path with a meaning: "x/X1__V_/data" is about X1__V_."""
-    if entry.path.isdigit() and entry.remark:
-        # a column that goes by its number, but has a title
-        return entry.remark
+    """Give the title of a column without its unit, else the last part of a path with a meaning.
+
+    "x/X1__V_/data" is about X1__V_.
+    """
+    if entry.title:
+        return split_title(entry.title)[0] or entry.title
     parts = [part for part in entry.path.split("/") if part.casefold() not in _VALUES]
     return parts[-1] if parts else entry.path
 
@@ -71,7 +72,7 @@ def _named(pattern: str) -> Clue:
     return Clue(lambda entry: bool(search(last_name(entry))))
 
 
-ANGULAR = Clue(lambda entry: is_angular(last_name(entry)))
+ANGULAR = Clue(lambda entry: is_angular(entry.title or last_name(entry)))
 FREQUENCY = _named(r"freq|hertz|omega|^f(_|$|\d)|(^|_)hz(_|$)|rpm")
 TIME = _named(r"^t(_|$)|time|zeit|instant|^x_value$")
 """The last is LabVIEW's."""
@@ -82,11 +83,27 @@ LOAD = _named(r"forc|kraft|load|^f(_|$|\d)")
 LEVEL = _named(r"level|drive|^amplitude")
 NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
 RATE = _named(r"^f_?s$|rate|sampling|fsamp")
-REAL_PART = _named(r"(^|_)re(al)?(_|$)|in_?phase|cos|(^|_)x\d*(_|$)")
-IMAGINARY = _named(r"(^|_)im(ag)?|quad|sin|(^|_)y\d*(_|$)")
-PHASE = _named(r"phase|phi|(^|_)lag|arg|angle|deg")
+_PARTS = [
+    tuple(map(re.compile, pair))
+    for pair in (
+        (
+            r"(?i)(?<![^\W\d_])re(?:al)?(?:_?part|teil)?(?![^\W\d_])",
+            r"(?i)(?<![^\W\d_])im(?:ag(?:in(?:ary|aer|är))?)?(?:_?part|teil)?(?![^\W\d_])",
+        ),
+        (r"\ARe(?=[A-Z])|(?<=[A-Za-z\d])Re\Z", r"\AIm(?=[A-Z])|(?<=[A-Za-z\d])Im\Z"),
+        (r"(?i)(?<=[_ .])r\Z", r"(?i)(?<=[_ .])i\Z"),
+        (r"(?i)in[ _-]?phase|\b(?:i|in)\Z", r"(?i)quad(?:rature)?|\bq\Z"),
+        (r"(?i)cos(?:ine)?", r"(?i)sin(?:e)?"),
+        (r"(?i)(?<![^\W_])x(?=\d*(?:_|\Z))", r"(?i)(?<![^\W_])y(?=\d*(?:_|\Z))"),
+    )
+]
+"""How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
+and "Y"."""
+_PHASE_NAMED = _named(r"phase|phi|φ|(^|_)lag|arg|angle|deg")
+_DEGREES = ("deg", "°", "rad", "degree", "degrees")
+PHASE = Clue(lambda entry: _PHASE_NAMED(entry) or entry.unit in _DEGREES)
 SPREAD = _named(r"std|sigma|var|error|coherence|temperature|number")
-QUOTIENT = _named(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)")
+QUOTIENT = _named(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)|/\s?f\Z")
 _LEAD = _named(r"lead")
 _LAG = _named(r"lag")
 RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
@@ -124,6 +141,24 @@ def with_unit(*targets: str) -> Clue:
 def of_size(size: int) -> Clue:
     """Ask for arrays with a side of ``size`` numbers."""
     return Clue(lambda entry: entry.size == size or size in entry.shape)
+
+
+def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entry]]:
+    """Find real and imaginary parts that belong together, by their names.
+
+    Returns
+    -------
+    Each with the real part under the name that both have in common: "H" for "Re(H)" and "Im(H)".
+    """
+    for real, imaginary in _PARTS:
+        for first in entries:
+            name = last_name(first)
+            found = real.search(name)
+            others = (e for e in entries if e is not first and (e.size, e.unit) == (first.size, first.unit))
+            for second in others if found else ():
+                if real.sub("*", name) == imaginary.sub("*", last_name(second)):
+                    common = real.sub("", name).strip(" _-.:()[]{}")
+                    yield replace(first, title=common or name), first, second
 
 
 def remarked(word: str) -> Clue:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,19 +124,12 @@ def _is_foreign(lines: Iterable[bytes]) -> bool:
     return False
 
 
-def _whole(file: IO[bytes], path: Path) -> str | None:
-    """Give the SHA-256 where the last line has no end: by it a case may say that nothing is cut off."""
-    file.seek(-1, os.SEEK_END)
-    return None if file.read(1) == b"\n" else hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def _list_text(path: Path) -> Contents:
     label = file_label(path)
     with open_text(path, hashlib.sha256()) as file:
-        begin = list(islice(text_lines(file, label, hashlib.sha256(), True), LOOKED_AT))
+        begin = list(islice(text_lines(file, label, hashlib.sha256()), LOOKED_AT))
         file.seek(0)
         foreign = _is_foreign(islice(file, LOOKED_AT))
-        whole = _whole(file, path) if begin else None
     comments = Layout().comments
     lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
     if not lines:
@@ -157,18 +148,18 @@ def _list_text(path: Path) -> Contents:
         layout = replace(layout, delimiter="auto")
     if not head:
         head = _remarked(begin, lines[first][0], len(kinds))
-    entries, passed = _entries(path, layout, [] if units else head, kinds, whole)
+    entries, passed = _entries(path, layout, [] if units else head, kinds)
     if units:
         titles += [""] * (len(entries) - len(titles))
         entries = tuple(
-            replace(entry, remark=title, unit=unit)
+            replace(entry, title=title, unit=unit)
             for entry, title, unit in zip(entries, titles, head, strict=True)
         )
     elif named := _units_of_header(begin, lines[first][0], layout, len(entries)):
         entries = tuple(
             replace(entry, unit=entry.unit or unit) for entry, unit in zip(entries, named, strict=True)
         )
-    return Contents(path, "csv", entries, layout, whole, passed)
+    return Contents(path, "csv", entries, layout, passed)
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
@@ -207,11 +198,11 @@ def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[
 
 
 def _numbers(
-    path: Path, layout: Layout, wanted: list[int], sha256: str | None
+    path: Path, layout: Layout, wanted: list[int]
 ) -> tuple[dict[int, NDArray[np.float64]], dict[int, str], str]:
     """Read columns, together or, where one is at fault, each alone: numbers, faults by column, a remark."""
     try:
-        found = read_columns(path, layout, wanted, sha256)
+        found = read_columns(path, layout, wanted)
     except MeasurementError as error:
         if len(wanted) < 2 or path.stat().st_size > _ALONE_BYTES:
             return {}, dict.fromkeys(wanted, str(error)), ""
@@ -226,7 +217,7 @@ def _numbers(
     faults: dict[int, str] = {}
     remark = ""
     for number in wanted:
-        alone, fault, said = _numbers(path, layout, [number], sha256)
+        alone, fault, said = _numbers(path, layout, [number])
         numbers |= alone
         faults |= fault
         remark = remark or said
@@ -243,10 +234,10 @@ def _passed(found: Columns) -> str:
 
 
 def _entries(
-    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...], sha256: str | None
+    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]
 ) -> tuple[tuple[Entry, ...], str]:
     wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
-    numbers, faults, remark = _numbers(path, layout, wanted, sha256)
+    numbers, faults, remark = _numbers(path, layout, wanted)
     entries = []
     for number, kind in enumerate(kinds, start=1):
         name = names[number - 1] if names else ""
@@ -257,6 +248,7 @@ def _entries(
             shape=() if values is None else (values.size,),
             dtype="float64" if kind else "",
             unit=unit_in(name),
+            title=name,
             fault=faults.get(number, "") if kind else "is no column of numbers",
         )
         entries.append(entry if values is None else replace(entry, **facts(values)))

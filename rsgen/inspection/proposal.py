@@ -17,7 +17,6 @@ from rsgen.inspection.clues import (
     FEW,
     FORCE,
     FREQUENCY,
-    IMAGINARY,
     LEVEL,
     LOAD,
     LONG,
@@ -30,7 +29,6 @@ from rsgen.inspection.clues import (
     RADIAN,
     RATE,
     REAL,
-    REAL_PART,
     RESPONSE,
     RESPONSE_UNITS,
     RMS,
@@ -39,6 +37,7 @@ from rsgen.inspection.clues import (
     USABLE,
     VARIES,
     Clue,
+    complex_parts,
     last_name,
     of_size,
     phase_sense,
@@ -104,6 +103,16 @@ class _Guess:
         if entry is not None:
             self.free.remove(entry)
         return entry
+
+    def take_parts(self, fits: Clue, *clues: Clue) -> tuple[Entry, Entry] | None:
+        """Take a real part, called by what it is a part of, and the imaginary one; clues as for ``take``."""
+        pairs = list(complex_parts([entry for entry in self.free if fits(entry) and REAL(entry)]))
+        for clue in clues:
+            for common, real, imaginary in pairs:
+                if clue(common):
+                    self.free = [entry for entry in self.free if entry not in (real, imaginary)]
+                    return common, imaginary
+        return None
 
     def address(self, entry: Entry) -> int | str:
         if self.run:
@@ -216,7 +225,7 @@ def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
 
 def _scale(entry: Entry) -> dict[str, str]:
     """Say that amplitudes are effective values where their name does."""
-    return {"scale": "rms"} if RMS.search(f"{last_name(entry)} {entry.remark}") else {}
+    return {"scale": "rms"} if RMS.search(f"{entry.title or last_name(entry)} {entry.remark}") else {}
 
 
 def _unit_of_force(guess: _Guess, entry: Entry) -> str:
@@ -238,15 +247,13 @@ def _response(guess: _Guess, fits: Clue) -> dict[str, Any]:
     if whole is not None:
         _quantity_of(guess, whole, table)
         return table | {"complex": guess.address(whole), "phase_sense": "lead"}
-    by_values = fits & BOTH_SIGNS & guess.unnamed
-    real = guess.take(fits & REAL_PART, by_values)
-    imaginary = None if real is None else guess.take(fits & IMAGINARY, by_values)
-    if real is not None and imaginary is not None:
-        _quantity_of(guess, real, table)
-        table |= {"real": guess.address(real), "imaginary": guess.address(imaginary)}
-        return table | {"phase_sense": "lead"}
-    if real is not None:
-        guess.free.insert(0, real)
+    parts = guess.take_parts(fits, _IS_RESPONSE, RESPONSE, QUOTIENT, ~LOAD & ~_IS_FORCE)
+    if parts is None and guess.nameless:
+        signed = [entry for entry in guess.free if fits(entry) and BOTH_SIGNS(entry)]
+        parts = (signed[0], signed[1]) if len(signed) > 1 else None
+    if parts is not None:
+        _quantity_of(guess, parts[0], table)
+        return table | _in_parts(guess, parts)
     phase = guess.take(fits & PHASE)
     amplitude = guess.take(fits & _IS_RESPONSE, fits & RESPONSE, fits)
     if amplitude is not None:
@@ -258,6 +265,11 @@ def _response(guess: _Guess, fits: Clue) -> dict[str, Any]:
     if RADIAN(phase):
         table["phase_unit"] = "rad"
     return table | {"phase_sense": phase_sense(phase, table.get("quantity", "displacement"))}
+
+
+def _in_parts(guess: _Guess, parts: tuple[Entry, Entry]) -> dict[str, Any]:
+    real, imaginary = map(guess.address, parts)
+    return {"real": real, "imaginary": imaginary, "phase_sense": "lead"}
 
 
 def _level(guess: _Guess, level: Entry | None, force: Entry | None, runs: int) -> dict[str, Any]:
@@ -293,12 +305,17 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
         alike & REAL & POSITIVE & NOMINAL & FEW,
     )
     fits = alike & VARIES
-    force = guess.take(
-        alike & REAL & _IS_FORCE,
-        alike & REAL & POSITIVE & FORCE,
-        alike & REAL & POSITIVE & DRIVE,
-        fits & REAL & POSITIVE & FEW & guess.unnamed,
-        fits & ~REAL & LOAD,
+    complex_force = guess.take_parts(alike, _IS_FORCE, FORCE, LOAD)
+    force = (
+        complex_force[0]
+        if complex_force
+        else guess.take(
+            alike & REAL & _IS_FORCE,
+            alike & REAL & POSITIVE & FORCE,
+            alike & REAL & POSITIVE & DRIVE,
+            fits & REAL & POSITIVE & FEW & guess.unnamed,
+            fits & ~REAL & LOAD,
+        )
     )
     response = _response(guess, fits)
     if response.get("phase_sense"):
@@ -309,7 +326,9 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
         guess.doubts["test.force.nominal"] = "no force was found, so the level stands for it"
     else:
         table = {"amplitude": guess.address(force), "unit": _unit_of_force(guess, force)} | _scale(force)
-        if FEW(force):
+        if complex_force:
+            table = {"unit": table["unit"], **_in_parts(guess, complex_force)}
+        elif FEW(force):
             level = level or {"column": table["amplitude"], "unit": table["unit"]}
         if not REAL(force):
             table = {"complex": table["amplitude"], "unit": table["unit"], "phase_sense": "lead"}
@@ -360,9 +379,7 @@ def propose(contents: Contents) -> Proposal | None:
         return None
     if not guess.tables["test.response"].keys() & {"samples", "amplitude", "complex", "real"}:
         return None
-    fixed = {"sha256": contents.sha256} if contents.sha256 else {}
-    guess.doubts["test.sha256"] = "the last line has no end: see that nothing is cut off"
-    guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **fixed, **guess.tables["test"]}
+    guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **guess.tables["test"]}
     if contents.layout is not None:
         keys = ("delimiter", "decimal", "skip", "encoding")
         found = {key: getattr(contents.layout, key) for key in keys}

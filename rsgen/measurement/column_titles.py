@@ -1,24 +1,72 @@
-"""What the title of a column says about its numbers: a unit, an angular frequency."""
+"""What the title of a column says about its numbers: a name, a unit, an angular frequency."""
 
 from __future__ import annotations
 
 import re
 
-__all__ = ["is_angular", "unit_in"]
+__all__ = ["is_angular", "split_title", "unit_in"]
 
+_NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"
+"""Units that a title may end with without brackets: "force_N"."""
 _UNIT = re.compile(
-    r"[\[(]\s*([^\])\s][^\])]{0,19}?)\s*[\])]\s*\Z"
-    r"|_((?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)(?:_per_N)?)\Z"
+    rf"_({_NAMED}(?:_per_N)?)\Z"
     r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
+    r"|\A[^\s/()\[\]]{1,20}\s?/\s?"
+    rf"({_NAMED}|°|[µnmk]?m/s(?:\^?2|²)?|rad/s|1/min|mHz|[munk]?N|µN|A|mA|%)\Z"
 )
-"""A unit in a title: "Kraft [N]", "force_N", "Kraft in N (rms)"."""
+"""A unit in a title: "force_N", "Kraft in N (rms)", "F/N" (quantity over unit, as DIN 1313 has it)."""
+_QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
+"""A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
+_BRACKETS = {")": "(", "]": "["}
+_LONGEST = 30
+"""Characters of a unit in brackets, at most."""
+_MANNER = re.compile(r"rms|eff\.?|peak|pk|amplitude|0-?p", re.IGNORECASE)
+"""In brackets these are no units: "Kraft in N (rms)"."""
+_FUNCTION = re.compile(r"(?<![a-z])(?:re|im|real|imag|abs|mag|arg|phase|angle)\Z", re.IGNORECASE)
+"""Before a bracket: "Re(H)" is the real part of H, not one in henry."""
 _ANGULAR = re.compile(
-    r"^(?:w|omega|ω|Ω)(?:$|[\s_\d\[(])|angular|omega|kreisfreq|rad\s*(?:(?:/|_|per)\s*)?s(?:ec)?(?![a-z])",
+    r"^(?:w|omega|ω|Ω)(?:$|[\s_\d\[(/])|angular|omega|kreisfreq|rad\s*(?:(?:/|_|per)\s*)?s(?:ec)?(?![a-z])",
     re.IGNORECASE,
 )
 """Titles of angular frequencies: "Omega", "w", "freq_rad_s"."""
 _CYCLIC = re.compile(r"Hz|rpm", re.IGNORECASE)
 """In such a title this says that it is no angular frequency all the same: "omega_Hz"."""
+
+
+def split_title(title: str) -> tuple[str, str]:
+    """Split a title into the name and the unit, "" where it has none; "force_N" is a name as a whole, too.
+
+    Examples
+    --------
+    >>> split_title("H [(m/s^2)/N]"), split_title("F/kN"), split_title("accelerance_g_per_N")
+    (('H', '(m/s^2)/N'), ('F', 'kN'), ('accelerance_g_per_N', 'g/N'))
+    """
+    text = title.rstrip()
+    if quotient := _QUOTIENT.search(text):
+        return text[: quotient.start()].rstrip(), quotient[1]
+    if begin := _opening(text):
+        name, unit = text[: begin - 1].rstrip(), text[begin:-1].strip()
+        if _MANNER.fullmatch(unit):
+            return split_title(name)
+        argument = _FUNCTION.search(name) and not re.fullmatch(_NAMED, unit.partition("/")[0].strip("( "))
+        return (text, "") if argument else (name, unit)
+    found = _UNIT.search(text)
+    if found is None:
+        return text, ""
+    unit = next(filter(None, found.groups()))
+    return text[: text.index("/")].rstrip() if found[3] else text, unit.replace("_per_", "/")
+
+
+def _opening(text: str) -> int:
+    """Find where what stands in brackets at the end begins, 0 where nothing does."""
+    if text[-1:] not in _BRACKETS:
+        return 0
+    sign, depth = text[-1], 0
+    for place in range(len(text) - 1, max(len(text) - _LONGEST - 3, -1), -1):
+        depth += (text[place] == sign) - (text[place] == _BRACKETS[sign])
+        if not depth:
+            return place + 1 if text[place + 1 : -1].strip() else 0
+    return 0
 
 
 def unit_in(title: str) -> str:
@@ -29,8 +77,7 @@ def unit_in(title: str) -> str:
     >>> unit_in("accelerance_g_per_N")
     'g/N'
     """
-    found = _UNIT.search(title)
-    return next(filter(None, found.groups())).replace("_per_", "/") if found else ""
+    return split_title(title)[1]
 
 
 def is_angular(title: str) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.finding import Finding
 from rsgen.measurement.address import show
-from rsgen.measurement.plan import QUANTITIES, MeasuredTest, Signal
+from rsgen.measurement.plan import MeasuredTest
 from rsgen.measurement.tree import Channel
 from rsgen.units import quantity, sensor_unit
 
@@ -20,11 +20,9 @@ __all__ = ["scaled", "to_si"]
 
 def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
     """Give the columns whose unit the case leaves to the file, each with its SI unit."""
-    response = QUANTITIES[test.quantity] + ("/N" if test.per_force else "")
-    signals: tuple[tuple[Signal | None, str], ...] = ((test.force, "N"), (test.response, response))
     return {
         column: target
-        for signal, target in signals
+        for signal, target in test.signals
         if signal is not None and signal.unit is None and test.calibrated
         for column in signal.columns
         if column != signal.phase

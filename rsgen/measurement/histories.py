@@ -18,7 +18,7 @@ from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
 from rsgen.measurement.file_units import scaled
 from rsgen.measurement.nominal_levels import level_of_file
-from rsgen.measurement.plan import QUANTITIES, HistoryRule, MeasuredTest
+from rsgen.measurement.plan import HistoryRule, MeasuredTest
 from rsgen.measurement.title_units import unit_doubts
 
 __all__ = ["read_histories"]
@@ -45,7 +45,7 @@ def _rows(
             raise MeasurementError(f"{label}: {show(name)} is complex; samples are real numbers")
         rows[name] = values
     titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
-    for signal, target in ((test.force, "N"), (test.response, QUANTITIES[test.quantity])):
+    for signal, target in test.signals:
         if signal is not None and signal.samples in rows:
             findings += unit_doubts(test, label, titles, signal, target)
     return rows
@@ -98,8 +98,8 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
     part = slice(begin, end)
     return TimeHistory(
         rate=rate,
-        force=None if force is None else scaled(rows[force][part], test.force_factor),
-        response=scaled(other[response][part], test.response_factor),
+        force=None if force is None else scaled(rows[force][part], test.factor("force")),
+        response=scaled(other[response][part], test.factor("response")),
         quantity=test.quantity,
         level=level_of_file(test, number),
         start=start + begin / rate,

@@ -123,7 +123,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
         )
-    level = float(match[1].replace(",", ".")) * test.level_factor
+    level = float(match[1].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):
         raise MeasurementError(
             f"{file_label(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "

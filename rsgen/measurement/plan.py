@@ -14,26 +14,19 @@ from typing import Annotated, Literal
 
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import MeasurementError, RsgenError
-from rsgen.units import quantity, sensor_unit
+from rsgen.units import quantity, sensor_factor, sensor_unit
 
 __all__ = [
-    "HERTZ",
-    "LABEL",
-    "QUANTITIES",
-    "Excitation",
-    "HistoryRule",
-    "Layout",
-    "LevelRule",
-    "MeasuredTest",
-    "Signal",
-    "SweepRule",
-]
+    "HERTZ", "LABEL", "QUANTITIES", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
+    "Signal", "SweepRule",
+]  # fmt: skip
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
 _AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
+_PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"
@@ -62,22 +55,15 @@ Unit = Annotated[str, Rule(most=40)]
 Scale = Annotated[
     Literal["peak", "rms"], Rule("Whether the numbers are peak amplitudes or root mean squares.")
 ]
-Factor = Annotated[float | str, Rule("Every number is multiplied by it, its unit included.", unit="")]
+Factor = Annotated[
+    float | str,
+    Rule(
+        "Every number is multiplied by it, its unit included: '10 g/V'. A sensitivity divides: '100 mV/g'.",
+        unit="",
+    ),
+]
 Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
 _SHA256 = Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")
-
-
-def _to_si(unit: str, factor: float | str, scale: str, target: str, calibrated: bool) -> float:
-    """Find what 1 ``unit`` times ``factor`` is in ``target``; the factor may be a text with a unit.
-
-    Where the test is not calibrated, any unit stands for the target's: 1 V of a drive for 1 N.
-    """
-    name = sensor_unit(unit, target)
-    peak = sqrt(2) if scale == "rms" else 1.0
-    if isinstance(factor, str):
-        # column x unit x factor must come out as the target, so this is the unit the factor must have
-        return quantity(f"1 {name}", None) * quantity(factor, f"({target})/({name})") * peak
-    return quantity(f"1 {name}", target if calibrated else None) * factor * peak
 
 
 class _Checked:
@@ -133,8 +119,8 @@ class Signal(_Checked):
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
-        columns = ("amplitude", "complex", "samples", "real", "imaginary")
-        if given(self, *columns) not in (["amplitude"], ["complex"], ["samples"], ["real", "imaginary"]):
+        main = [name for name in given(self, *_PLACES) if name != "phase"]
+        if main not in (["amplitude"], ["complex"], ["samples"], ["real", "imaginary"]):
             yield "", f"give {_AMPLITUDES}, or samples of a time history; one is needed"
         elif self.phase is not None and self.amplitude is None:
             yield "phase", "goes with amplitude only; leave one out"
@@ -146,8 +132,7 @@ class Signal(_Checked):
     @property
     def columns(self) -> tuple[int | str, ...]:
         """The columns that are needed."""
-        places = (self.amplitude, self.phase, self.real, self.imaginary, self.complex, self.samples)
-        return tuple(place for place in places if place is not None)
+        return tuple(getattr(self, name) for name in given(self, *_PLACES))
 
     @property
     def lags(self) -> bool:
@@ -326,9 +311,8 @@ class MeasuredTest:
             if count not in (0, files):
                 yield name, f"{count} for {files} files; one for each is needed"
         pairs = list(zip(self.files, self.response_files or self.files, strict=False))
-        if len(set(pairs)) < len(pairs):
-            twice = next(pair[0] for number, pair in enumerate(pairs) if pair in pairs[:number])
-            yield "files", f"{twice.name!r:.80} stands twice; each file once"
+        for file, _ in [pair for number, pair in enumerate(pairs) if pair in pairs[:number]][:1]:
+            yield "files", f"{file.name!r:.80} stands twice; each file once"
         one = files == 1 and self.history is None
         if len(self.level.values) not in (0, files) and not one:
             yield "level.values", f"{len(self.level.values)} for {files} files; one for each is needed"
@@ -341,22 +325,20 @@ class MeasuredTest:
                 yield "level", "is missing; without a force value, values, column or name is needed"
             if self.force is None and (self.level.labels or self.control == "response"):
                 yield "level", "stands for the force, which was not recorded; it must be a force"
+            needed = f"give {_AMPLITUDES}; 'samples' is for time histories"
         else:
             if self.frequency is not None:
                 yield "frequency", "is found from the time histories; leave it out"
             if self.per_force:
                 yield "per_force", "is for frequency responses, not for time histories"
-        for name in ("force", "response"):
-            signal = getattr(self, name)
-            if signal is None or not signal.columns or (signal.samples is None) == (self.history is None):
-                continue
-            if self.history is None:
-                yield name, f"give {_AMPLITUDES}; 'samples' is for time histories"
-            else:
-                yield name, "a time history needs 'samples', its column, and nothing else"
+            needed = "a time history needs 'samples', its column, and nothing else"
         for name in ("force", "response", "level"):
+            signal = getattr(self, name)
+            places = signal.columns if isinstance(signal, Signal) else ()
+            if places and (signal.samples is None) != (self.history is None):
+                yield name, needed
             try:
-                getattr(self, f"{name}_factor")
+                self.factor(name)
             except RsgenError as fault:
                 yield name, " ".join(str(fault).split())
 
@@ -371,34 +353,32 @@ class MeasuredTest:
         return HERTZ[self.frequency_unit or "Hz"]
 
     @property
-    def force_factor(self) -> float:
-        """The numbers of the force times this are peak values [N]."""
-        signal = self.force
-        if signal is None:
-            return 1.0
-        return _to_si(signal.unit or "N", signal.factor, signal.scale, "N", self.calibrated)
-
-    @property
-    def response_factor(self) -> float:
-        """The numbers of the response times this are SI peak values."""
-        target = QUANTITIES[self.quantity] + ("/N" if self.per_force else "")
-        signal = self.response
-        return _to_si(signal.unit or target, signal.factor, signal.scale, target, self.calibrated)
-
-    @property
-    def level_factor(self) -> float:
-        """The numbers of the level's column or of the file's name times this are peak values in its unit."""
-        rule, target = self.level, self.level_unit
-        if rule.labels:
-            return 1.0
-        return _to_si(
-            rule.unit or self._unit_in_name or target, rule.factor, rule.scale, target, self.calibrated
-        )
+    def signals(self) -> tuple[tuple[Signal | None, str], ...]:
+        """Force and response, each with its SI unit: per newton where it is response over force."""
+        response = QUANTITIES[self.quantity] + ("/N" if self.per_force else "")
+        return (self.force, "N"), (self.response, response)
 
     @property
     def level_unit(self) -> str:
         """SI unit of the levels: "N", or "m" where the response was held."""
         return "m" if self.control == "response" else "N"
+
+    def factor(self, name: str) -> float:
+        """The numbers of the "force", the "response" or the "level" times this are SI peak values.
+
+        Where the test is not calibrated, any unit stands for the SI unit: 1 V of a drive for 1 N.
+        """
+        force, response = self.signals
+        parts = {"force": force, "response": response, "level": (self.level, self.level_unit)}
+        said, target = parts[name]
+        if said is None or (name == "level" and self.level.labels):
+            return 1.0
+        unit = said.unit or (name == "level" and self._unit_in_name) or target
+        peak = sqrt(2) if said.scale == "rms" else 1.0
+        if isinstance(said.factor, str):
+            return sensor_factor(said.factor, unit, target) * peak
+        size = quantity(f"1 {sensor_unit(unit, target)}", target if self.calibrated else None)
+        return size * said.factor * peak
 
     @property
     def _unit_in_name(self) -> str:

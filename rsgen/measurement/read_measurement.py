@@ -23,7 +23,7 @@ from rsgen.measurement.nominal_levels import (
     settle_levels,
 )
 from rsgen.measurement.passivity import passivity_findings
-from rsgen.measurement.plan import HERTZ, QUANTITIES, HistoryRule, MeasuredTest, Signal, SweepRule
+from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.title_units import contradiction, unit_doubts
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.plausibility import quantity_findings
@@ -117,11 +117,11 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
     """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
     if test.level.unit is None and unit and test.calibrated:
         try:
-            return test.level_factor * quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
+            return test.factor("level") * quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
         except RsgenError:
             # a unit of something else, such as the volts of a drive: the measured forces will tell
-            return test.level_factor
-    return test.level_factor
+            return test.factor("level")
+    return test.factor("level")
 
 
 def _whole_rows(table: Table, other: Table) -> tuple[Table, Table]:
@@ -184,16 +184,15 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     frequency = raw[keep] * factor
     level = _level(test, number, table)
     if test.force is not None:
-        force = _signal(table, test.force, test.force_factor, "force")
+        force = _signal(table, test.force, test.factor("force"), "force")
     else:
         # without a force the plan asks for a level
         force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
-    response = _signal(other, test.response, test.response_factor, "response")
-    per = "/N" if test.per_force else ""
+    response = _signal(other, test.response, test.factor("response"), "response")
     doubts = [
         *doubts,
-        *unit_doubts(test, table.label, table.names, test.force, "N"),
-        *unit_doubts(test, other.label, other.names, test.response, QUANTITIES[test.quantity] + per),
+        *unit_doubts(test, table.label, table.names, *test.signals[0]),
+        *unit_doubts(test, other.label, other.names, *test.signals[1]),
     ]
     if test.per_force:
         response = response * force

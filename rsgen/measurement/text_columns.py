@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -69,6 +70,8 @@ class Columns:
         What the header calls the columns asked for; "" where it does not say.
     words
         Lines among the numbers that hold words only, as a header that repeats; they are passed over.
+    ended
+        False where the last row has no line end, as that of a file that was cut off.
     """
 
     values: NDArray[np.float64]
@@ -76,6 +79,7 @@ class Columns:
     block: NDArray[np.int64]
     names: tuple[str, ...] = ()
     words: tuple[int, ...] = ()
+    ended: bool = True
 
 
 def split_cells(text: str, delimiter: str | None) -> list[str]:
@@ -293,7 +297,7 @@ def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
 
 
 def text_lines(
-    file: IO[bytes], name: str, digest: hashlib._Hash, complete: bool, encoding: str = "auto"
+    file: IO[bytes], name: str, digest: hashlib._Hash, encoding: str = "auto"
 ) -> Iterator[tuple[int, str]]:
     """Give number and text of each line, the bytes checked and hashed."""
     rewritten = isinstance(file, _Rewritten)
@@ -322,12 +326,13 @@ def text_lines(
             raise MeasurementError(
                 f"{name}: line {number}: a carriage return inside the line; end lines with \\n"
             )
-        if not raw.endswith(b"\n") and text.strip() and not complete:
-            raise MeasurementError(
-                f"{name}: line {number}: has no line end, so the file may be cut off; end the last line, "
-                "or fix the file by its sha256 in the case"
-            )
         yield number, text.rstrip("\r\n")
+
+
+def _ends_with_line(file: IO[bytes]) -> bool:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - 1, 0))
+    return file.read(1) in (b"", b"\n")
 
 
 def read_columns(
@@ -354,18 +359,21 @@ def read_columns(
     Raises
     ------
     MeasurementError
-        File missing, no regular file, too large, not text, cut off; a row with fewer or more cells than
+        File missing, no regular file, too large, not text; a row with fewer or more cells than
         the first; a wanted cell that is neither a number nor a word; a column that is not there; the hash
         differs.
     """
     name = file_label(path)
     digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
+    last = 0
     with open_text(path, digest) as file:
         try:
-            for line, text in text_lines(file, name, digest, sha256 is not None, layout.encoding):
+            for line, text in text_lines(file, name, digest, layout.encoding):
+                last = line
                 if line > layout.skip:
                     table.take(line, text)
+            ended = _ends_with_line(file)
         except OSError as fault:
             raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
     found = digest.hexdigest()
@@ -382,4 +390,5 @@ def read_columns(
         block=np.array(table.blocks, dtype=np.int64),
         names=table.names,
         words=tuple(table.words),
+        ended=ended or table.lines[-1] < last,
     )

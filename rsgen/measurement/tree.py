@@ -109,6 +109,8 @@ class Entry(_Array):
         Distance of the values where it is even, else None.
     distinct
         How many different values there are; 0 where unknown.
+    title
+        What the header of a text calls the column; "" elsewhere.
     """
 
     first: tuple[str, ...] = ()
@@ -117,6 +119,7 @@ class Entry(_Array):
     order: str = ""
     step: float | None = None
     distinct: int = 0
+    title: str = ""
 
     @property
     def size(self) -> int:
@@ -136,8 +139,6 @@ class Contents:
         Its arrays, in their order.
     layout
         How a text is laid out; None for other formats.
-    sha256
-        Of a text whose last line has no end, which is read only where its hash is given; else None.
     remark
         What a reader of the file passes over; "" where nothing is.
     """
@@ -146,7 +147,6 @@ class Contents:
     format: str
     entries: tuple[Entry, ...]
     layout: Layout | None = None
-    sha256: str | None = None
     remark: str = ""
 
 

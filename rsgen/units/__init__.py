@@ -9,13 +9,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rsgen.units.dimension import Dimension
-from rsgen.units.quantities import quantity, sensor_unit, unit_of
+from rsgen.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
 from rsgen.units.unit_text import read_unit
 
 if TYPE_CHECKING:
     from rsgen.units.deduction import parameter_units, unit_faults
 
-__all__ = ["Dimension", "parameter_units", "quantity", "read_unit", "sensor_unit", "unit_faults", "unit_of"]
+__all__ = [
+    "Dimension", "parameter_units", "quantity", "read_unit", "sensor_factor", "sensor_unit", "unit_faults",
+    "unit_of",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

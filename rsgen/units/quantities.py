@@ -10,7 +10,7 @@ from rsgen.errors import RsgenError
 from rsgen.units.dimension import NUMBER, Dimension
 from rsgen.units.unit_text import read_unit
 
-__all__ = ["quantity", "sensor_unit", "unit_of"]
+__all__ = ["quantity", "sensor_factor", "sensor_unit", "unit_of"]
 
 _LONGEST = 120
 _SMALLEST, _LARGEST = 1e-300, 1e300
@@ -20,8 +20,12 @@ _NUMBER = re.compile(
 _USAGE = 'write a number with its unit, such as "5.92 kN/m", or a bare number in SI units'
 _HERTZ = Dimension({"Hz": Fraction(1)})
 _RATE = Dimension({"s": Fraction(-1)})
-_GRAVITY = re.compile(r"\s*(g|g_n|gn)(?=/|\s*\Z)")
-_MIL = re.compile(r"\s*mils?(?=/|\s*\Z)")
+_ACCELERATION = "m/s^2"
+_GRAVITY = re.compile(r"(?<![A-Za-z_\u00b5\u03bc])([mu\u00b5\u03bc]?)(?:g|g_n|gn)(?![A-Za-z_])")
+"""The name of the standard gravity, alone or with a prefix: mg is a thousandth of it, kg is none."""
+_MIL = re.compile(r"(?<![A-Za-z_])mils?(?![A-Za-z_])")
+_SQUARE = re.compile(r"(?<![A-Za-z_])(s|sec)2(?![0-9.])")
+"""m/s2, as loggers without a raised two write it."""
 
 
 def _shown(value: object) -> str:
@@ -57,15 +61,55 @@ def unit_of(value: object) -> str | None:
 def sensor_unit(name: str, target: str) -> str:
     """Spell a unit of measured data so that it means what a vibration engineer means.
 
-    Among accelerations g is the standard gravity, never the gram; a mil is a length, never an angle.
+    Among accelerations g is the standard gravity, never the gram; a mil is a length, never an angle; s2 is
+    s^2.
 
     Examples
     --------
     >>> sensor_unit("g/N", "m/s^2/N"), sensor_unit("g", "kg"), sensor_unit("mil", "m")
     ('standard_gravity/N', 'g', 'thou')
+    >>> sensor_unit("100 mV/g", "V/(m/s^2)"), sensor_unit("(m/s2)/N", "m/s^2/N")
+    ('100 mV/standard_gravity', '(m/s^2)/N')
     """
-    spelled = _GRAVITY.sub("standard_gravity", name, count=1) if "s^2" in target else name
-    return _MIL.sub("thou", spelled, count=1)
+    spelled = _GRAVITY.sub(r"\1standard_gravity", name) if "s^2" in target else name
+    return _SQUARE.sub(r"\1^2", _MIL.sub("thou", spelled))
+
+
+def sensor_factor(text: str, unit: str, target: str) -> float:
+    """Give the factor from numbers in ``unit`` to SI that the sheet of a sensor or amplifier says.
+
+    Parameters
+    ----------
+    text
+        What the numbers are multiplied by, "10 g/V", or a sensitivity, "100 mV/g", by which they are divided:
+        the dimension tells them apart.
+    unit, target
+        Of the numbers, and the SI unit to come out.
+
+    Raises
+    ------
+    RsgenError
+        It leads from one to the other neither way.
+
+    Examples
+    --------
+    >>> sensor_factor("10 g/V", "V", "m/s^2"), sensor_factor("100 mV/g", "mV", "m/s^2")
+    (98.0665, 0.0980665)
+    """
+    faults = []
+    # elsewhere g is the gram where that fits, else the gravity: "2 kg" for a force from a base in g
+    for meaning in dict.fromkeys((target, _ACCELERATION)):
+        name, spelled = sensor_unit(unit, meaning), sensor_unit(text, meaning)
+        size = quantity(f"1 {name}")
+        try:
+            return size * quantity(spelled, f"({target})/({name})")
+        except RsgenError as fault:
+            faults.append(fault)
+        try:
+            return size / quantity(spelled, f"({name})/({target})")
+        except (RsgenError, ZeroDivisionError):
+            continue
+    raise RsgenError(str(faults[0]).replace("standard_gravity", "g"))
 
 
 def quantity(value: object, unit: str | None = None) -> float:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from rsgen import __version__
 from rsgen.cli import main
 from rsgen.expression import parse
 from rsgen.study import read_manifest
@@ -76,6 +77,16 @@ def test_the_shell_completes_commands_and_options() -> None:
     for words, number, expected in (("rsgen de", 1, "derive"), ("rsgen run --clu", 2, "--cluster")):
         completed = shell(_RSGEN_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(number))
         assert completed.stdout.split() == [expected]
+
+
+@pytest.mark.parametrize("module", ["rsgen", "rsgen.cli"])
+def test_python_runs_it_as_a_module(module: str) -> None:
+    words = [sys.executable, "-m", module]
+    run = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (0, f"rsgen {__version__}\n", "")
+    refused = subprocess.run([*words, "run", "absent.toml"], capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("'absent.toml': ")
 
 
 def test_no_words_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:

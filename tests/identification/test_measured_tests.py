@@ -66,7 +66,7 @@ def measured(tmp_path: Path, **keys: str) -> MeasuredTest:
 )
 def test_units_of_a_response(tmp_path: Path, quantity: str, response: str, factor: float) -> None:
     test = measured(tmp_path, quantity=quantity, response=response)
-    assert test.response_factor == pytest.approx(factor, rel=1e-14)
+    assert test.factor("response") == pytest.approx(factor, rel=1e-14)
 
 
 def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
     case = load_case(path)
     assert isinstance(case.test, MeasuredTest)
     assert case.test.force is not None
-    assert case.test.force_factor == 1.0
+    assert case.test.factor("force") == 1.0
     assert not case.model.observation.calibrated
 
 

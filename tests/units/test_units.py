@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from rsgen.errors import RsgenError
 from rsgen.expression import parse
-from rsgen.units import Dimension, parameter_units, quantity, read_unit, unit_faults, unit_of
+from rsgen.units import (
+    Dimension,
+    parameter_units,
+    quantity,
+    read_unit,
+    sensor_factor,
+    sensor_unit,
+    unit_faults,
+    unit_of,
+)
 
 LAST_DIGITS = 4e-16  # of a double: two roundings
 
@@ -269,3 +278,42 @@ def test_pint_is_loaded_only_where_a_unit_is_read() -> None:
     script = "import sys, rsgen.units as u; u.quantity(5.0, None); print('pint' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "target", "value"),
+    [
+        ("20 g/V", "V", "m/s^2", 20 * 9.80665),
+        ("20 g/V", "mV", "m/s^2", 0.02 * 9.80665),
+        ("50 mm/s/V", "V", "m/s", 0.05),
+        ("3 N/V", "V", "N", 3.0),
+        # what the sheet of a sensor says: volts a unit
+        ("100 mV/g", "V", "m/s^2", 98.0665),
+        ("-100 mV/g", "V", "m/s^2", -98.0665),
+        ("8 mV/um", "V", "m", 125e-6),
+        ("22.4 mV/N", "mV", "N", 1 / 22.4),
+        # among masses g is the gram, among accelerations the gravity
+        ("500 g", "m/s^2", "N", 0.5),
+        ("-2 kg", "g", "N", -2 * 9.80665),
+        ("2", "g", "m/s^2", None),
+        ("20 g/A", "V", "m/s^2", None),
+    ],
+)
+def test_the_factor_of_a_sensor(text: str, unit: str, target: str, value: float | None) -> None:
+    if value is None:
+        with pytest.raises(RsgenError, match=r"^(?!.*standard_gravity)"):
+            sensor_factor(text, unit, target)
+    else:
+        assert sensor_factor(text, unit, target) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["g", "gn", "1000 mg", "9.80665 m/s2", "9.80665 m/s²", "9.80665 m/sec^2"])
+def test_units_of_accelerations(unit: str) -> None:
+    number, _, name = unit.rpartition(" ")
+    value = float(number or 1) * quantity(f"1 {sensor_unit(name, 'm/s^2')}", "m/s^2")
+    assert value == pytest.approx(9.80665, rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["(m/s^2)/N", "(m/s2)/N", "(m/s²)/(N)", "m/(s^2*N)", "N/kg/N"])
+def test_units_of_accelerances(unit: str) -> None:
+    assert quantity(f"1 {sensor_unit(unit, 'm/s^2/N')}", "m/s^2/N") == 1.0

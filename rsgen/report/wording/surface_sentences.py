@@ -80,6 +80,9 @@ say_plainly(
             "{file}: {column} was read in {assumed}; the file says {unit}, which is another dimension: name "
             "the unit and the factor in the case"
         ),
+        "last-line-open": (
+            "{file}: the last line has no line end, as where a file was cut off; see that nothing is missing"
+        ),
         "frequency-angular": (
             "{file}: {column} was read in Hz, but its name says an angular frequency in rad/s; masses would "
             "be off by a factor of 39"
