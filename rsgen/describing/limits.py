@@ -42,20 +42,32 @@ def limit_at_infinity(formula: sympy.Expr) -> sympy.Expr | None:
     formula = _branch(formula, first=False)
     if formula is None:
         return None
-    t = sympy.Symbol("t")
-    angle = sympy.series(sympy.asin(t), t, 0, 2 * ORDER).removeO()
-    root = sympy.series(sympy.sqrt(1 - t), t, 0, ORDER).removeO()
-    formula = formula.replace(sympy.asin, lambda z: angle.subs(t, z))
+    formula = formula.replace(sympy.asin, _asin_series)
     for power in formula.atoms(sympy.Pow):
         rate = power.base.coeff(X, 2) if power.exp == sympy.Rational(1, 2) else sympy.S.Zero
         if not rate.is_zero:
             inner = 1 - power.base / (rate * X**2)
-            formula = formula.xreplace({power: sympy.sqrt(rate) * X * root.subs(t, sympy.expand(inner))})
+            formula = formula.xreplace({power: sympy.sqrt(rate) * X * _root_series(sympy.expand(inner))})
     # J_n(a X) falls off as X**(-1/2): its place is taken by a power, its factor does not matter
     swing = sympy.Dummy("swing", positive=True)
     formula = formula.replace(sympy.besselj, lambda n, z: swing * X ** sympy.Rational(-1, 2))
     limit = _leading(formula, smallest=False)
     return None if limit is None or limit.has(swing) else limit
+
+
+def _asin_series(z: sympy.Expr) -> sympy.Expr:
+    """Taylor polynomial of asin(z) at 0."""
+    return sympy.Add(
+        *(
+            sympy.binomial(2 * n, n) / sympy.Integer(4) ** n / (2 * n + 1) * z ** (2 * n + 1)
+            for n in range(ORDER)
+        )
+    )
+
+
+def _root_series(z: sympy.Expr) -> sympy.Expr:
+    """Taylor polynomial of sqrt(1 - z) at 0."""
+    return sympy.Add(*(sympy.binomial(sympy.Rational(1, 2), n) * (-z) ** n for n in range(ORDER)))
 
 
 def _finite(value: sympy.Expr) -> sympy.Expr | None:

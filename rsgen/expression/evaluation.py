@@ -70,9 +70,8 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     """
     names = {argument: sympy.Symbol(f"p{place}", real=True) for place, argument in enumerate(arguments)}
     own = [expression.xreplace(names) for expression in expressions]
-    function: Any = sympy.lambdify(
-        list(names.values()), own, modules=["scipy", "numpy"], printer=_printer(), cse=True
-    )
+    # the printer names the functions it uses; a module here would be imported whole
+    function: Any = sympy.lambdify(list(names.values()), own, modules=[{}], printer=_printer(), cse=True)
 
     def evaluate(*values: Any) -> tuple[NDArray[np.float64], ...]:
         with np.errstate(all="ignore"):

@@ -136,10 +136,13 @@ class Drawing:
     def __post_init__(self) -> None:
         if not self.whole:
             return
-        # the layout is made once: made anew at each saving it would creep by fractions of a point
+        # the layout is made once: made anew at each saving it would creep by fractions of a point, and a
+        # figure that has an engine, even one that does nothing, is drawn twice each time
         with _style():
-            self.figure.draw_without_rendering()
-        self.figure.set_layout_engine("none")
+            engine = self.figure.get_layout_engine()
+            if engine is not None:
+                engine.execute(self.figure)
+            self.figure.set_layout_engine(None)
 
     def render(self, kind: str = "svg") -> bytes:
         """Give the file content, the same bytes for the same figure.

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
@@ -138,6 +137,8 @@ def find_decays(
 def _tops(high: Array) -> list[int]:
     """Find the spectra at which decays begin: where the amplitude (logarithm, n) is up after it was down."""
     quiet = float(np.min(high)) - 2 * _AGAIN
+    from scipy.signal import find_peaks  # half a second, and needed for decays only
+
     tops = find_peaks(np.concatenate([[quiet], high, [quiet]]), prominence=_AGAIN)[0] - 1
     largest = int(np.argmax(high))
     clear = [int(top) for top in tops if high[top] - np.quantile(high, 0.1) > _ABOVE_QUIET]

@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import quad
-from scipy.optimize import brentq
 
 __all__ = ["free_frequency"]
 
@@ -42,6 +40,10 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float, co
     >>> round(bilinear * 2 * np.pi, 9), round(2 * 2.0 * 3.0 / 5.0, 9)
     (2.4, 2.4)
     """
+
+    # a third of a second, and needed only for laws with a formula in print
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
 
     def work(x: float) -> float:
         return float(quad(force, corner, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from types import CodeType, ModuleType, SimpleNamespace
+from types import CodeType, ModuleType
 from typing import Any
 
 import nbformat
@@ -43,14 +43,18 @@ class KnownResults:
         """Add the result of a function of ``rsgen`` or ``rsgen.figures``, named without its module."""
         self._known.setdefault(function, []).append((inputs, result))
 
-    def offered(self, module: ModuleType) -> SimpleNamespace:
-        """Give the public names of a module, with functions that look here first."""
-        names = {name: getattr(module, name) for name in module.__all__}
-        for name in self._known.keys() & names.keys():
-            names[name] = self._looked_up(name, names[name])
-        if module is rsgen:
-            names |= {"load_case": self._load_case, "figures": self.offered(figures)}
-        return SimpleNamespace(**names)
+    def offered(self, module: ModuleType) -> _Offered:
+        """Give a module as cells see it, with functions that look here first."""
+        return _Offered(self, module)
+
+    def named(self, module: ModuleType, name: str) -> Any:
+        """Give a public name of a module; a function looks here first."""
+        if module is rsgen and name == "load_case":
+            return self._load_case
+        if module is rsgen and name == "figures":
+            return self.offered(figures)
+        value = getattr(module, name)
+        return self._looked_up(name, value) if name in self._known else value
 
     def _looked_up(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
@@ -66,6 +70,20 @@ class KnownResults:
         """Give the case of the run for a file with its text."""
         text = Path(path).read_text(encoding="utf-8")
         return self.case if text.splitlines() == self.case.text.splitlines() else rsgen.load_case(path)
+
+
+class _Offered:
+    """A module as cells see it: its names are loaded when a cell asks for them."""
+
+    def __init__(self, results: KnownResults, module: ModuleType) -> None:
+        self.__all__ = list(module.__all__)
+        self._source = results, module
+
+    def __getattr__(self, name: str) -> Any:
+        results, module = self._source
+        if name not in self.__all__:
+            raise AttributeError(f"module {module.__name__!r} has no public name {name!r}")
+        return results.named(module, name)
 
 
 def _same(one: object, other: object) -> bool:

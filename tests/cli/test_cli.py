@@ -495,3 +495,20 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
         first, second = (times.subn("", (out / name).read_text(encoding="utf-8")) for out in outs)
         assert first == second, name
         assert first[1] == count
+
+
+def test_short_commands_load_neither_figures_nor_compiler(tmp_path: Path) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text(
+        "frequency [Hz],F [N],x [m],phase [deg]\n" + "9,1,2e-3,10\n10,1,4e-3,90\n11,1,1e-3,170\n"
+    )
+    code = (
+        "import sys\nfrom rsgen.cli import main\n"
+        "for words in (['derive', 'k*x'], ['laws'], ['check', sys.argv[1]], ['inspect', sys.argv[2]]):\n"
+        "    try:\n        main(words)\n    except SystemExit as end:\n        assert end.code == 0, words\n"
+        "heavy = ('matplotlib', 'numba', 'scipy.optimize', 'scipy.signal', 'IPython', 'pint')\n"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    words = [sys.executable, "-c", code, str(ROOT / "cases" / "cubic.toml"), str(table)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"

@@ -90,6 +90,14 @@ def test_same_data_same_bytes(name: str) -> None:
     assert len(svg) < 250_000  # eleven of them must fit into a page of 2 MB
 
 
+def test_a_saved_figure_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawing, drawn, draw = DRAWINGS["map"](), [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: drawn.append(draw(figure, renderer)))
+    drawing.render("svg")
+    drawing.render("png")
+    assert len(drawn) == 2
+
+
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_settings_of_the_caller_do_not_matter(name: str) -> None:
     plain = DRAWINGS[name]().render("svg")

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from fractions import Fraction
 
+import pint
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -274,8 +275,8 @@ def test_a_power_law_has_the_unit_that_makes_it_a_force(i: int, j: int, q: Fract
     assert dimension * read_unit("m/s").dimension ** j == read_unit("N").dimension
 
 
-def test_pint_is_loaded_only_where_a_unit_is_read() -> None:
-    script = "import sys, rsgen.units as u; u.quantity(5.0, None); print('pint' in sys.modules)"
+def test_pint_is_loaded_only_where_a_rare_unit_is_read() -> None:
+    script = "import sys, rsgen.units as u; u.quantity('5 kN/mm^3', None); print('pint' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
@@ -317,3 +318,14 @@ def test_units_of_accelerations(unit: str) -> None:
 @pytest.mark.parametrize("unit", ["(m/s^2)/N", "(m/s2)/N", "(m/s²)/(N)", "m/(s^2*N)", "N/kg/N"])
 def test_units_of_accelerances(unit: str) -> None:
     assert quantity(f"1 {sensor_unit(unit, 'm/s^2/N')}", "m/s^2/N") == 1.0
+
+
+@pytest.mark.parametrize("prefix", ["", "k", "m"])
+@pytest.mark.parametrize("name", ["N", "m", "s", "g", "Hz", "rad"])
+def test_names_that_need_no_registry_are_those_of_the_registry(prefix: str, name: str) -> None:
+    own, theirs = read_unit(prefix + name), pint.get_application_registry()(prefix + name).to_base_units()
+    assert float(own.factor) == pytest.approx(theirs.magnitude, rel=1e-15)
+    short = {"kg": "kilogram", "m": "meter", "s": "second"}
+    powers = {short[base]: power for base, power in own.dimension.powers.items() if base != "Hz"}
+    spelled = {"Hz": {"second": -1}, "rad": {"radian": 1}}.get(name, powers)
+    assert dict(theirs.unit_items()) == spelled
