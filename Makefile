@@ -10,10 +10,10 @@ endif
 export RSGEN_DATA
 
 .DEFAULT_GOAL := help
-.PHONY: help reports test fast bench clean
+.PHONY: help reports test test-wheel fast constraints bench clean
 
 help: ## print this list
-	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "rsgen needs Python 3.11 or newer; set PYTHON=python3.x")'
@@ -30,12 +30,23 @@ test: $(READY) ## run every check: format, lint, types, imports, tests, doctests
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	$(BIN)/pytest -n 2 --dist worksteal
 
 fast: $(READY) ## the checks that take less than a minute
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" -q
+
+test-wheel: $(READY) ## build wheel and sdist, use the wheel in empty environments of every Python found here
+	$(BIN)/python tests/try_wheel.py
+
+constraints: $(READY) ## renew constraints.txt: the versions of reproducible runs
+	$(BIN)/uv pip compile pyproject.toml --extra show --extra cluster --universal --upgrade --quiet \
+		--custom-compile-command "make constraints" --no-annotate --output-file constraints.txt
 
 bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

@@ -50,7 +50,11 @@ if TYPE_CHECKING:
     from rsgen.surface import ResponseSurface, load_surface, save_surface
     from rsgen.verdict import Verdict
 
-__version__ = "0.1.0"
+__version__: str
+"""Of the installed package; it comes from the tag of the commit that was built."""
+
+_NOT_INSTALLED = "0+unknown"
+"""The version where the folder of the sources is used without being installed."""
 
 # name -> the package or module that has it
 _PLACES = {
@@ -141,7 +145,19 @@ __all__ = [
 ]
 
 
+def _version() -> str:
+    # imported here, for most uses of rsgen never ask
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("rsgen")
+    except PackageNotFoundError:
+        return _NOT_INSTALLED
+
+
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return globals().setdefault(name, _version())
     if name in _PACKAGES:
         return import_module(f"rsgen.{name}")
     if name not in _PLACES:

@@ -12,9 +12,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
-from functools import cache
+from functools import cache, reduce
 from inspect import cleandoc
 from math import isfinite
+from operator import or_
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -146,8 +147,12 @@ def read_hint(hint: Any) -> tuple[Any, Rule, bool]:
         return base, rule, optional
     if get_origin(hint) in (Union, UnionType) and NoneType in get_args(hint):
         parts = tuple(part for part in get_args(hint) if part is not NoneType)
-        base, rule, _ = read_hint(Union.__getitem__(parts))
+        base, rule, _ = read_hint(reduce(or_, parts))
         return base, rule, True
+    # NDArray[float64] is an alias with a name since NumPy 2.5
+    named = getattr(get_origin(hint), "__value__", None)
+    if named is not None:
+        return read_hint(named[get_args(hint)])
     return hint, Rule(), False
 
 

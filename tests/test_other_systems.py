@@ -1,0 +1,128 @@
+"""rsgen without what only POSIX systems have: what of Windows can be shown here."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+ELSEWHERE = '''
+"""Take away what Windows lacks, once the libraries that know Windows themselves are loaded."""
+import importlib, importlib.abc, os, pathlib, shutil, signal, subprocess, sys, tempfile
+for library in LIBRARIES:
+    importlib.import_module(library)
+
+MODULES = {"crypt", "fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
+OF_OS = (
+    "O_CLOEXEC", "O_DIRECTORY", "O_NOFOLLOW", "O_NONBLOCK", "chown", "fchmod", "fork", "geteuid", "getgid",
+    "getuid", "killpg", "lchown", "mkfifo", "openpty", "posix_spawn", "sched_getaffinity", "setsid",
+    "statvfs", "uname",
+)
+OF_SIGNAL = (
+    "SIGALRM", "SIGCHLD", "SIGHUP", "SIGKILL", "SIGPIPE", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGXCPU",
+    "alarm", "pthread_sigmask", "setitimer", "sigwait",
+)
+
+class Absent(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name in MODULES:
+            raise ModuleNotFoundError(f"No module named {name!r}, as on Windows", name=name)
+
+for name in MODULES:
+    sys.modules.pop(name, None)
+sys.meta_path.insert(0, Absent())
+for place, names in ((os, OF_OS), (signal, OF_SIGNAL)):
+    for name in names:
+        if hasattr(place, name):
+            delattr(place, name)
+# Windows opens no folders, and paths cannot be turned into those of Windows here
+def no_folders(path, *rest, _open=os.open, **more):
+    if "dir_fd" in more or os.path.isdir(path):
+        raise PermissionError(13, "Permission denied", path)
+    return _open(path, *rest, **more)
+os.open = no_folders
+shutil._use_fd_functions = False
+os.name = "nt-like"
+'''
+
+LIBRARIES = (
+    "h5py",
+    "IPython",
+    "matplotlib.pyplot",
+    "numba",
+    "platformdirs.unix",
+    "scipy.io",
+    "scipy.optimize",
+)
+
+CASE = """schema = 1
+name = "small"
+title = "small"
+[system]
+mass = "1.5 kg"
+[[element]]
+name = "spring"
+force = "k1*x + kn1*x**3"
+[[element]]
+name = "damper"
+force = "c1*v"
+[truth]
+k1 = "6 kN/m"
+kn1 = "4e5 N/m^3"
+c1 = "4 N*s/m"
+[test]
+kind = "simulated"
+level = { start = 2, stop = 5, count = 2 }
+frequency = { start = 8, stop = 12, count = 17 }
+[accept]
+m = 1e-4
+k1 = 1e-4
+"""
+
+
+def run_elsewhere(
+    program: str, folder: Path, libraries: tuple[str, ...] = LIBRARIES, **options: object
+) -> subprocess.CompletedProcess[bytes]:
+    head = f"import sys; sys.path.insert(0, {str(ROOT)!r})\nLIBRARIES = {libraries!r}"
+    script = f"{head}\n{ELSEWHERE}\n{program}"
+    (folder / "elsewhere.py").write_text(script, encoding="utf-8")
+    # otherwise the cache folder is one of this system
+    environment = {**os.environ, "RSGEN_CACHE": str(folder / "cache")}
+    words = [sys.executable, "elsewhere.py"]
+    return subprocess.run(
+        words, cwd=folder, env=environment, capture_output=True, timeout=120, check=False, **options
+    )
+
+
+@pytest.mark.slow
+def test_a_case_goes_to_its_report_without_posix(tmp_path):
+    (tmp_path / "small.toml").write_text(CASE, encoding="utf-8")
+    program = """
+import importlib, pkgutil, rsgen
+for module in pkgutil.walk_packages(rsgen.__path__, "rsgen."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+from rsgen.cli import main
+main(['run', 'small.toml', '--out', 'out', '--jobs', '1'])
+"""
+    done = run_elsewhere(program, tmp_path)
+    assert done.returncode == 0, done.stderr.decode()
+    result = json.loads((tmp_path / "out" / "small" / "result.json").read_text(encoding="utf-8"))
+    assert result["verdict"]["state"] == "accepted"
+    assert b"does not say who else can write there" in done.stderr, "the cache that is not used is said"
+
+
+def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
+    order = json.dumps({"format": "mat", "wanted": None})
+    program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.measurement.sandbox_worker import main; main()"
+    with (ROOT / "cases" / "formats" / "table.mat").open("rb") as file:
+        done = run_elsewhere(program, tmp_path, ("scipy.io",), stdin=file)
+    ready, header, *_ = done.stdout.split(b"\n")
+    assert ready == b"ready", done.stderr.decode()
+    assert json.loads(header)["entries"]

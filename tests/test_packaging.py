@@ -1,0 +1,68 @@
+"""What is declared about the package at several places is the same everywhere."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+import rsgen
+from tests.try_wheel import declared_versions
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+OF_A_RUN = [*PROJECT["dependencies"], *EXTRAS["show"], *EXTRAS["cluster"]]
+
+
+def test_the_version_is_that_of_the_installed_package(run_cli):
+    assert rsgen.__version__ == importlib.metadata.version("rsgen")
+    assert run_cli("--version").out == f"rsgen {rsgen.__version__}\n"
+
+
+def test_a_folder_that_is_not_installed_has_a_version_too(monkeypatch):
+    def absent(name: str) -> str:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", absent)
+    monkeypatch.delitem(vars(rsgen), "__version__", raising=False)
+    assert rsgen.__version__ == "0+unknown"
+    monkeypatch.delitem(vars(rsgen), "__version__")
+
+
+def test_the_workflow_tries_every_declared_python_on_every_system():
+    workflow = (ROOT / ".github" / "workflows" / "check.yml").read_text(encoding="utf-8")
+    matrices = re.findall(r"^ +python: \[(.*)\]$", workflow, re.MULTILINE)
+    assert len(matrices) == 2
+    for matrix in matrices:
+        assert re.findall(r'"([\d.]+)"', matrix) == declared_versions()
+    assert "system: [ubuntu-latest, macos-latest, windows-latest]" in workflow
+    assert PROJECT["requires-python"] == f">={declared_versions()[0]}"
+
+
+@pytest.mark.parametrize("version", declared_versions())
+@pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
+def test_the_constraints_name_a_version_of_each_dependency_that_is_allowed(version, system):
+    surroundings = {"python_version": version, "python_full_version": f"{version}.0", "sys_platform": system}
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    entries = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    pinned: dict[str, str] = {}
+    for entry in entries:
+        (pin,) = entry.specifier
+        assert pin.operator == "=="
+        if entry.marker is None or entry.marker.evaluate(surroundings):
+            assert entry.name not in pinned
+            pinned[entry.name] = pin.version
+    for wanted in map(Requirement, OF_A_RUN):
+        assert wanted.specifier.contains(pinned[wanted.name]), "renew it: make constraints"
+
+
+def test_every_dependency_has_a_lowest_version_and_no_highest():
+    for text in (*OF_A_RUN, *EXTRAS["test"]):
+        wanted = Requirement(text)
+        operators = [clause.operator for clause in wanted.specifier]
+        assert operators == [">="] or wanted.name == "rsgen"

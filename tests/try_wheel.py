@@ -1,0 +1,260 @@
+"""Build the sdist and the wheel and use the wheel as a stranger would: ``make test-wheel``.
+
+Each Python that pyproject.toml names and that is found here gets an empty environment outside the repository,
+with the wheel and what it depends on; there every module is imported and the commands are run. One more
+environment has the lowest declared versions of the dependencies, another those of constraints.txt.
+
+``python tests/try_wheel.py --this`` tries only the Python that runs it, with neither git, make nor a shell:
+that is how the workflow uses it on Windows and macOS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import tomllib
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+SECONDS = 600
+"""A step that takes longer hangs: the slowest, installing over a slow line, takes a minute or two."""
+
+_CLASSIFIER = "Programming Language :: Python :: "
+
+MODULES = """
+import importlib, pkgutil, sys, pathlib, rsgen
+place = pathlib.Path(rsgen.__file__).resolve()
+assert place.is_relative_to(pathlib.Path(sys.prefix).resolve()), f"{place}: not the installed package"
+names = [m.name for m in pkgutil.walk_packages(rsgen.__path__, "rsgen.") if not m.name.endswith("__main__")]
+for name in names:
+    importlib.import_module(name)
+missing = [name for name in rsgen.__all__ if not hasattr(rsgen, name)]
+assert not missing, missing
+print(len(names))
+"""
+"""Imports every module: a dependency that pyproject.toml does not declare is missed here."""
+
+EXAMPLE = "mat-struct"
+"""A measured case: its binary file is read in the confined process, which must find the installed package."""
+
+
+class WheelError(Exception):
+    """The package does not work outside its repository."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """An empty environment to be: its name, the Python it is made with, and how the packages are chosen."""
+
+    name: str
+    python: str
+    options: tuple[str, ...] = ()
+
+
+def declared_versions() -> list[str]:
+    """Give the versions of Python that pyproject.toml promises, lowest first."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [
+        text.removeprefix(_CLASSIFIER) for text in project["classifiers"] if text.startswith(_CLASSIFIER)
+    ]
+    return sorted(named, key=lambda version: tuple(map(int, version.split("."))))
+
+
+def _candidates(version: str) -> Iterator[str]:
+    if version == f"{sys.version_info.major}.{sys.version_info.minor}":
+        yield sys.executable
+    for folder in os.environ.get("PATH", "").split(os.pathsep):
+        found = shutil.which(f"python{version}", path=folder) if folder else None
+        if found:
+            yield found
+    versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"), "versions")
+    yield from (str(path) for path in sorted(versions.glob(f"{version}.*/bin/python{version}"), reverse=True))
+
+
+def find_python(version: str) -> str | None:
+    """Find an interpreter of a version that can make environments: this one, on the PATH, or of pyenv."""
+    probe = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
+    for path in _candidates(version):
+        try:
+            answer = subprocess.run(
+                [path, "-c", probe], capture_output=True, text=True, timeout=60, check=False
+            )
+        except OSError:
+            continue
+        # a shim of pyenv answers with an error where its version is not switched on
+        if answer.stdout.strip() == version:
+            return path
+    return None
+
+
+def clean_environment(home: Path) -> dict[str, str]:
+    """Give the variables of this process without what would lead back to the repository or its settings."""
+    leads = ("PYTHON", "VIRTUAL_ENV", "RSGEN_", "NUMBA_", "MPL", "COVERAGE", "PYTEST")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(leads)}
+    return kept | {"RSGEN_CACHE": str(home / "cache"), "PYTHONUTF8": "1", "PYTHONWARNINGS": "error"}
+
+
+def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str) -> str:
+    """Run a program in a folder and give what it printed.
+
+    Raises
+    ------
+    WheelError
+        It ends with another exit code, or not at all.
+    """
+    texts = [str(word) for word in words]
+    shown = " ".join([Path(texts[0]).name, *texts[1:]])[:200]
+    try:
+        done = subprocess.run(
+            texts,
+            cwd=folder,
+            env=clean_environment(folder) | added,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise WheelError(f"{shown}: not finished after {SECONDS} s") from None
+    if done.returncode != code:
+        raise WheelError(f"{shown}: ends with {done.returncode}, not {code}\n{done.stdout}\n{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def build(out: Path) -> tuple[Path, Path]:
+    """Build the sdist, and the wheel from the sdist; give both."""
+    call([sys.executable, "-m", "build", "--outdir", out, ROOT], out.parent, PYTHONWARNINGS="default")
+    (sdist,), (wheel,) = out.glob("*.tar.gz"), out.glob("*.whl")
+    return sdist, wheel
+
+
+def check_contents(sdist: Path, wheel: Path) -> None:
+    """Hold what is packed against the repository: every file of the package, nothing else."""
+    mine = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "rsgen").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    if packed != mine:
+        raise WheelError(f"{wheel.name}: differs from the folder rsgen: {sorted(packed ^ mine)}")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    wanted = mine | {
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "CITATION.cff",
+        "CHANGELOG.md",
+        "constraints.txt",
+    }
+    wanted |= {"cases/cubic.toml", "tests/conftest.py", "Makefile"}
+    if wanted - names:
+        raise WheelError(f"{sdist.name}: lacks {sorted(wanted - names)}")
+
+
+def install(environment: Environment, wheel: Path, folder: Path) -> Path:
+    """Make an empty environment with the wheel in it; give its Python."""
+    place = folder / "venv"
+    call([environment.python, "-m", "venv", "--without-pip", place], folder)
+    python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    uv = [sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", python]
+    call([*uv, *environment.options, wheel], folder)
+    return python
+
+
+def use(python: Path, version: str, folder: Path) -> None:
+    """Use the installed package: modules, commands, a simulated case and a measured one."""
+    rsgen = python.with_name("rsgen.exe" if os.name == "nt" else "rsgen")
+    call([python, "-I", "-c", MODULES], folder, PYTHONWARNINGS="default")
+    for words in ([rsgen], [python, "-m", "rsgen"]):
+        told = call([*words, "--version"], folder).strip()
+        if told != f"rsgen {version}":
+            raise WheelError(f"{words[-1]} --version: {told!r}, and the wheel is of {version}")
+    _expect(call([rsgen, "laws"], folder), "cubic-spring")
+    _expect(call([rsgen, "derive", "k*x + kn*x**3 + c*v"], folder), "closed form")
+    call([rsgen, "init", "small.toml"], folder)
+    call([rsgen, "run", "small.toml", "--out", "out", "--jobs", "1"], folder)
+    _expect_state(folder / "out" / "small", "accepted")
+    shutil.copytree(ROOT / "cases" / "formats", folder / "formats")
+    call([rsgen, "run", f"formats/{EXAMPLE}.toml", "--out", "out", "--jobs", "1"], folder)
+    _expect_state(folder / "out" / EXAMPLE, "identified")
+    # without the extra, the command says how to get it
+    _expect(call([rsgen, "show", "out/small"], folder, code=2), "rsgen[show]")
+
+
+def _expect(text: str, part: str) -> None:
+    if part not in text:
+        raise WheelError(f"{part!r} is not in:\n{text}")
+
+
+def _expect_state(folder: Path, state: str) -> None:
+    found = json.loads((folder / "result.json").read_text(encoding="utf-8"))["verdict"]
+    if found["state"] != state or not (folder / "report.html").is_file():
+        raise WheelError(f"{folder.name}: {found['headline']}; {state} is expected, and a report")
+
+
+def environments(only_this: bool) -> tuple[list[Environment], list[str]]:
+    """Give the environments to try and the versions of Python that are not found here."""
+    versions = declared_versions()
+    if only_this:
+        return [Environment("this Python", sys.executable)], []
+    found = {version: path for version in versions if (path := find_python(version))}
+    made = [Environment(f"Python {version}", path) for version, path in found.items()]
+    lowest = found.get(versions[0])
+    if lowest:
+        # newer versions of Python have no binary packages of the oldest versions of the dependencies
+        made.append(Environment("lowest versions", lowest, ("--resolution", "lowest-direct")))
+    pinned = ("--constraints", str(ROOT / "constraints.txt"))
+    made.append(Environment("constraints.txt", sys.executable, pinned))
+    return made, [version for version in versions if version not in found]
+
+
+def main() -> int:
+    """Try everything; say what was tried and what was not; 1 where something does not work."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--this", action="store_true", help="try only the Python that runs this")
+    chosen, absent = environments(parser.parse_args().this)
+    failed = 0
+    with tempfile.TemporaryDirectory(prefix="rsgen-wheel-", ignore_cleanup_errors=True) as made:
+        place = Path(made)
+        (place / "dist").mkdir()
+        try:
+            sdist, wheel = build(place / "dist")
+            check_contents(sdist, wheel)
+        except WheelError as fault:
+            print(fault)
+            return 1
+        print(f"built {sdist.name} and {wheel.name}", flush=True)
+        for number, environment in enumerate(chosen):
+            folder = place / str(number)
+            folder.mkdir()
+            begin = time.monotonic()
+            try:
+                use(install(environment, wheel, folder), wheel.name.split("-")[1], folder)
+                result = "works"
+            except WheelError as fault:
+                failed += 1
+                result = f"DOES NOT WORK: {fault}"
+            print(f"{environment.name}: {result} ({time.monotonic() - begin:.0f} s)", flush=True)
+            shutil.rmtree(folder, ignore_errors=True)
+    if absent:
+        print(f"NOT TRIED, not found here: Python {', '.join(absent)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
