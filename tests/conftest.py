@@ -10,9 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.cli import main
-from rsgen.surface import ResponseSurface
-from tests import surfaces
+from rsgen.threads import single_thread
+
+# before numpy is loaded, as the program does
+single_thread()
+
+from rsgen.cli import main  # noqa: E402
+from rsgen.surface import ResponseSurface  # noqa: E402
+from tests import surfaces  # noqa: E402
 
 
 @pytest.fixture(scope="session")

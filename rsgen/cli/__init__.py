@@ -19,6 +19,7 @@ from types import FrameType
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
 from rsgen.diagnostics import keep_from_terminal, program_fault
 from rsgen.errors import CaseError, RsgenError
+from rsgen.threads import single_thread
 
 __all__ = ["main"]
 
@@ -68,6 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             signal.signal(number, _interrupt)
         sys.unraisablehook = _repeat
         keep_from_terminal()
+        single_thread()
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)

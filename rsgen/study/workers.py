@@ -30,6 +30,7 @@ from rsgen.diagnostics import keep_from_terminal
 from rsgen.errors import RsgenError
 from rsgen.study.progress import Step
 from rsgen.study.run_case import CaseRun, run_case
+from rsgen.threads import ALGEBRA
 
 __all__ = ["cluster_workers", "local_workers", "work"]
 
@@ -39,8 +40,6 @@ _CLEARING_SECONDS = 1.0
 
 _TRIES = 2
 """A case may have been the victim of another program's want of memory once, hardly twice."""
-
-_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 _one_at_a_time = threading.Lock()
 """Figures are drawn, and output is captured, under settings that all threads of a process share."""
@@ -101,11 +100,11 @@ def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None
 def _beginning(share: int) -> Iterator[None]:
     """Give each process begun meanwhile a number of processors, and no ear for Ctrl-C.
 
-    The libraries read these names when they are loaded; with a thread for each processor in each process,
-    the cases would fight for all of them.
+    With a thread for each processor in each process, the cases would fight for all of them.
     """
-    added = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, str(share)))
+    threads = dict.fromkeys(ALGEBRA, "1") | {"RSGEN_THREADS": str(share)}
+    added = [name for name in threads if name not in os.environ]
+    os.environ.update({name: threads[name] for name in added})
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else None
     try:
         yield

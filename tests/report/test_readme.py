@@ -8,16 +8,18 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import Answer
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```(?P<kind>sh|python)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 # `make test` would run this test again, and `make reports` makes a new environment from the network first
 NOT_HERE = ("make ",)
 PROGRAM = ".venv/bin/rsgen"
-QUICK = ("derive", "laws", "inspect", "init", "check")
 SECONDS = 300
 MOST_BYTES = 150_000  # of a picture: the repository keeps every version
 
@@ -46,15 +48,6 @@ def run(words: list[str], folder: Path) -> None:
     assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout}\n{done.stderr}"
 
 
-def run_commands(folder: Path, *, quick: bool) -> None:
-    """Run the commands in their order, for later ones read what earlier ones wrote."""
-    shutil.copytree(ROOT / "cases", folder / "cases")
-    for words in commands():
-        assert words[0] == PROGRAM, f"{shlex.join(words)}: only commands of rsgen can be tried here"
-        if words[1] in QUICK or not quick:
-            run([sys.executable, "-c", "from rsgen.cli import main; main()", *words[1:]], folder)
-
-
 def test_what_the_readme_links_to_is_there_and_small() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     links = [link for link in re.findall(r"\]\(([^)]*)\)", text) if "://" not in link]
@@ -70,13 +63,16 @@ def test_there_are_commands_and_a_program() -> None:
 
 
 @pytest.mark.slow
-def test_quick_commands_run(tmp_path: Path) -> None:
-    run_commands(tmp_path, quick=True)
-
-
-@pytest.mark.slow
-def test_all_commands_run(tmp_path: Path) -> None:
-    run_commands(tmp_path, quick=False)
+def test_all_commands_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Callable[..., Answer]
+) -> None:
+    """Run the commands in their order, for later ones read what earlier ones wrote."""
+    shutil.copytree(ROOT / "cases", tmp_path / "cases")
+    monkeypatch.chdir(tmp_path)
+    for words in commands():
+        assert words[0] == PROGRAM, f"{shlex.join(words)}: only commands of rsgen can be tried here"
+        done = run_cli(*words[1:])
+        assert done.code == 0, f"{shlex.join(words)}\n{done.out}\n{done.err}"
     results = list(tmp_path.glob("reports/*/result.json"))
     assert results
     for result in results:
