@@ -221,8 +221,7 @@ class _Descent:
         problem, lag = self.problem, np.angle(response.harmonics[:, 1])
         values = problem.split(regression.parameters)[2]
         if self.scale is None:
-            nuisance = regression.nuisance
-            influence = problem.observed.relative_influence(regression.influence, values, nuisance)
+            influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
             regression = replace(regression, influence=influence)
         motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
         # without a phase the points get the one in which the fundamental of the mode is real
@@ -316,7 +315,6 @@ def fit_simulator(
     observed, before = problem.observed, start.regression
     noisy = before.noise > NOISY
     drive, motion, amplitude = _near_motion(start, noisy)
-    count = problem.count
     forward = Simulator(
         problem.elements,
         problem.law,
@@ -324,8 +322,8 @@ def fit_simulator(
         amplitude,
         drive,
         [h for h in observed.points.measured if h != 1] if observed.phase_known else [],
-        before.parameters[:count],
-        before.strength[:count],
+        before.parameters[: problem.count],
+        before.strength[: problem.count],
         before.noise,
         accuracy=accuracy,
     )

@@ -19,6 +19,7 @@ from rsgen.identification.tolerances import NULL_PART, OUTLIERS, ROUND_OFF
 __all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
@@ -28,6 +29,9 @@ _GAIN = 1e-4
 
 _UNCHANGED = 1e-3
 """A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
+
+_SMALL = 1e-12
+"""Relative step of every parameter at which the fit has converged."""
 
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
@@ -101,7 +105,7 @@ class Regression:
     null: Array
     noise: float
     misfit: Array
-    used: NDArray[np.bool_]
+    used: Mask
     freedom: int
     converged: bool
     strength: Array
@@ -129,10 +133,9 @@ def fit(
     nuisance: Array,
     *,
     steps: int = 25,
-    small: float = 1e-12,
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
-    used: NDArray[np.bool_] | None = None,
+    used: Mask | None = None,
     attainable: float = 0.0,
     natural: Array | None = None,
     held: Sequence[int] = (),
@@ -147,8 +150,6 @@ def fit(
         Where to start.
     steps
         Most Gauss-Newton steps in a round; there is a round for each setting aside of outliers.
-    small
-        Relative step of every parameter at which the fit has converged.
     reject
         Whether outliers are set aside.
     neighbours
@@ -169,13 +170,12 @@ def fit(
     converged = False
     for _ in range(rounds):
         parameters, nuisance, line, converged = _descend(
-            linearise, parameters, nuisance, used, steps, small, attainable, natural, held
+            linearise, parameters, nuisance, used, steps, attainable, natural, held
         )
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
-        same = np.array_equal(kept, used)
-        used = kept
-        if same:
+        used, before = kept, used
+        if np.array_equal(used, before):
             break
     return _summary(line, parameters, nuisance, used, converged, natural)
 
@@ -193,6 +193,12 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
         residual = residual - unit * np.sum(unit * residual, axis=1, keepdims=True)
         matrix = matrix - unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
     return residual, matrix
+
+
+def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array]:
+    """Equations (r, q) of the chosen points, and their right sides (r,)."""
+    right = residual[chosen].reshape(-1)
+    return matrix[chosen].reshape(len(right), matrix.shape[2]), right
 
 
 def solve_scaled(matrix: Array, right: Array, *sizes: Array) -> tuple[Array, Array, Array]:
@@ -238,9 +244,8 @@ def _descend(
     linearise: Callable[[Array, Array], Linearisation],
     parameters: Array,
     nuisance: Array,
-    used: NDArray[np.bool_],
+    used: Mask,
     steps: int,
-    small: float,
     attainable: float,
     natural: Array,
     held: Sequence[int],
@@ -252,41 +257,35 @@ def _descend(
         if not good.any():
             return parameters, nuisance, line, False
         residual, matrix = eliminate(line)
-        flat = matrix[good].reshape(residual[good].size, matrix.shape[2])
+        flat, right = _stacked(matrix, residual, good)
         flat[:, list(held)] = 0.0
-        change, _, _ = solve_scaled(flat, residual[good].reshape(-1), parameters, natural)
+        change, _, _ = solve_scaled(flat, right, parameters, natural)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
-        nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted])
+        nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted]).clip(-1, 1)
         with np.errstate(over="ignore"):
             relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
         cost = float(np.sum(line.residual[good] ** 2))
-        expected = float(
-            np.sum((rest - np.einsum("nmk,nk->nm", line.by_nuisance, nuisance_change))[good] ** 2)
-        )
-        gain = (cost - expected) * residual[good].size / max(expected, 1e-300)
+        expected = float(np.sum((residual - matrix @ change)[good] ** 2))
+        gain = (cost - expected) * right.size / max(expected, 1e-300)
         if gain < _GAIN:
             return parameters, nuisance, line, True
-        nuisance_change = np.clip(nuisance_change, -1, 1)
         realised = -1.0
         reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
         for part in 0.5 ** np.arange(1 if reached else halvings):
-            trial = linearise(parameters + part * change, nuisance + part * nuisance_change)
+            moved = parameters + part * change, nuisance + part * nuisance_change
+            trial = linearise(*moved)
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
                 continue
             before, after = (float(np.sum(each.residual[both] ** 2)) for each in (line, trial))
             if after <= before:
-                parameters, nuisance, line = (
-                    parameters + part * change,
-                    nuisance + part * nuisance_change,
-                    trial,
-                )
+                (parameters, nuisance), line = moved, trial
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
         least = max(_GAIN, _UNCHANGED * residual[good].size) if reached else _GAIN
-        if realised < least or relative < small:
+        if realised < least or relative < _SMALL:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
     return parameters, nuisance, line, False
@@ -306,9 +305,7 @@ def _least_squares(matrix: Array, right: Array) -> Array:
     return np.stack([one, two], axis=1)
 
 
-def _agreeing(
-    line: Linearisation, used: NDArray[np.bool_], neighbours: NDArray[np.intp] | None
-) -> NDArray[np.bool_]:
+def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
     """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
     residual, _ = eliminate(line)
     distance = np.sum(residual**2, axis=1)
@@ -330,18 +327,12 @@ def _agreeing(
 
 
 def _summary(
-    line: Linearisation,
-    parameters: Array,
-    nuisance: Array,
-    used: NDArray[np.bool_],
-    converged: bool,
-    natural: Array,
+    line: Linearisation, parameters: Array, nuisance: Array, used: Mask, converged: bool, natural: Array
 ) -> Regression:
     residual, matrix = eliminate(line)
     each = residual.shape[1] - line.by_nuisance.shape[2]
     count = len(parameters)
-    flat = matrix[used].reshape(residual[used].size, count)
-    _, inverse, null = solve_scaled(flat, residual[used].reshape(-1), parameters, natural)
+    _, inverse, null = solve_scaled(*_stacked(matrix, residual, used), parameters, natural)
     freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
     variance = float(np.sum(residual[used] ** 2)) / freedom
     fisher = inverse @ inverse.T * variance
@@ -399,12 +390,7 @@ def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], 
     shift = 0.5 * np.einsum("nmk,nk->nm", curvature(), variance)
     regular &= np.isfinite(shift).all(axis=1)
     residual, matrix = eliminate(replace(line, residual=shift))
-    count = matrix.shape[2]
-    change, _, _ = solve_scaled(
-        matrix[regular].reshape(residual[regular].size, count),
-        residual[regular].reshape(-1),
-        found.parameters,
-    )
+    change, _, _ = solve_scaled(*_stacked(matrix, residual, regular), found.parameters)
     # what the points say of the corrected parameters
     moved = found.residual - np.nan_to_num(matrix) @ change
     moved[regular] += residual[regular]
