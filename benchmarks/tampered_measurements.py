@@ -12,6 +12,7 @@ import numpy as np
 import rsgen
 from tests.verdict.laboratory import Laboratory
 from tests.verdict.tampering import (
+    BACKGROUND,
     LEVELS,
     MISFIT,
     SENSE,
@@ -49,18 +50,18 @@ class Edited:
         return path
 
 
-def edit(*changes: tuple[str, str]) -> Callable[[str], Edited]:
-    """Replace parts of the case's text; each must be there."""
+def edited(name: str, right: frozenset[str], *changes: tuple[str, str], refusal: str = "") -> Tampering:
+    """Replace parts of a case's text; each must be there."""
 
-    def make(name: str) -> Edited:
-        text = (CASES / f"{name}.toml").read_text(encoding="utf-8")
+    def make(case: str) -> Edited:
+        text = (CASES / f"{case}.toml").read_text(encoding="utf-8")
         for old, new in changes:
             if old not in text:
-                raise ValueError(f"{name}.toml has no {old!r}")
+                raise ValueError(f"{case}.toml has no {old!r}")
             text = text.replace(old, new)
         return Edited(text)
 
-    return make
+    return Tampering(name, right, build=make, refusal=refusal)
 
 
 def _first_readings(surface: rsgen.ResponseSurface) -> np.ndarray:
@@ -127,135 +128,119 @@ _SOFT = ' + kn*x*abs(x)"'
 OF_CASE: dict[str, tuple[Tampering, ...]] = {
     "wire": (
         *_numbers((*WITH_PHASE, "sign of the response reversed", "one level in g, read as m/s^2")),
-        Tampering(
+        edited(
             "velocity read as displacement",
             SENSE | MISFIT,
-            build=edit(
-                ('"velocity"', '"displacement"'),
-                ('unit        = "V"', 'unit        = "V"'),
-                ("-5411.2554 m/s/V", "-5411.2554 m/V"),
-            ),
+            ('"velocity"', '"displacement"'),
+            ("-5411.2554 m/s/V", "-5411.2554 m/V"),
         ),
-        Tampering(
+        edited(
             "velocity read as acceleration",
             SENSE | MISFIT,
-            build=edit(('"velocity"', '"acceleration"'), ("-5411.2554 m/s/V", "-5411.2554 m/s^2/V")),
+            ('"velocity"', '"acceleration"'),
+            ("-5411.2554 m/s/V", "-5411.2554 m/s^2/V"),
         ),
-        Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), (' + cn*v*abs(v)"', '"'))),
-        Tampering("the background left out", MISFIT, build=edit(('"constant"', '"none"'))),
-        Tampering(
+        edited(LINEAR, MISFIT, (_SOFT, '"'), (' + cn*v*abs(v)"', '"')),
+        edited("the background left out", BACKGROUND, ('"constant"', '"none"')),
+        edited(
             "in-phase and quadrature exchanged",
             SENSE,
-            build=edit(("real        = 3", "real        = 4"), ("imaginary   = 4", "imaginary   = 3")),
+            ("real        = 3", "real        = 4"),
+            ("imaginary   = 4", "imaginary   = 3"),
         ),
     ),
     "nlbeam": (
         *_numbers(WITH_PHASE),
-        Tampering(LINEAR, MISFIT, build=edit((_SOFT, '"'), ("cn*v*abs(v)**q", "c*v"))),
-        Tampering(
+        edited(LINEAR, MISFIT, (_SOFT, '"'), ("cn*v*abs(v)**q", "c*v")),
+        edited(
             "the drive's channel taken for the response",
             MISFIT | SENSE,
-            build=edit(("X1__V_", "X_exc__V_"), ("Y1__V_", "Y_exc__V_")),
+            ("X1__V_", "X_exc__V_"),
+            ("Y1__V_", "Y_exc__V_"),
             refusal="response is zero",
         ),
-        Tampering(
+        edited(
             "velocity read as displacement",
             SENSE | MISFIT,
-            build=edit(('"velocity"', '"displacement"'), ("1 m/s/V", "1 m/V")),
+            ('"velocity"', '"displacement"'),
+            ("1 m/s/V", "1 m/V"),
         ),
     ),
     "clamp": (
         *_numbers(WITHOUT_PHASE),
-        Tampering(
-            "labels 1, 2, 3, ... for the forces", LEVELS, build=edit(('"1.5 N", "2 N"', '"2 N", "3 N"'))
-        ),
-        Tampering(
+        edited("labels 1, 2, 3, ... for the forces", LEVELS, ('"1.5 N", "2 N"', '"2 N", "3 N"')),
+        edited(
             "one file twice, once for another level",
             LEVELS,
-            build=edit(("clamp_meas_1.5", "clamp_meas_1.0")),
+            ("clamp_meas_1.5", "clamp_meas_1.0"),
             refusal="stands twice",
         ),
-        Tampering(LINEAR, MISFIT, build=edit((" + k2*x*abs(x) + k3*x**3", ""), (' + c2*v*abs(v)"', '"'))),
+        edited(LINEAR, MISFIT, (" + k2*x*abs(x) + k3*x**3", ""), (' + c2*v*abs(v)"', '"')),
     ),
     "f16": (
-        Tampering(
-            "sign of the response reversed",
-            SENSE,
-            build=edit(('Acceleration[3]"', 'Acceleration[3]"\nfactor = -1')),
-        ),
-        Tampering(
+        edited("sign of the response reversed", SENSE, ('Acceleration[3]"', 'Acceleration[3]"\nfactor = -1')),
+        edited(
             "acceleration read as displacement",
             SENSE,
-            build=edit(('"acceleration"', '"displacement"'), ('"m/s^2"', '"m"')),
+            ('"acceleration"', '"displacement"'),
+            ('"m/s^2"', '"m"'),
         ),
-        Tampering("two modes in the band", MISFIT, build=edit(('"6.9 Hz", "8.5 Hz"', '"4 Hz", "8.5 Hz"'))),
-        Tampering(
-            "response in mm/s^2, read as m/s^2",
-            SIZE,
-            build=edit(('Acceleration[3]"', 'Acceleration[3]"\nfactor = 1000')),
+        edited("two modes in the band", MISFIT, ('"6.9 Hz", "8.5 Hz"', '"4 Hz", "8.5 Hz"')),
+        edited(
+            "response in mm/s^2, read as m/s^2", SIZE, ('Acceleration[3]"', 'Acceleration[3]"\nfactor = 1000')
         ),
-        Tampering(
+        edited(
             "swept sine taken as a stepped sine",
             WAVE | MISFIT,
-            build=edit(('"swept-sine"', '"stepped-sine"')),
+            ('"swept-sine"', '"stepped-sine"'),
             refusal="points can be used (settled",
         ),
-        Tampering(
+        edited(
             "sweep taken as a free decay",
             WAVE | MISFIT,
-            build=edit(
-                ('"swept-sine"', '"ring-down"'),
-                ('[[element]]\nname  = "spring"', 'system = { mass = 1 }\n[[element]]\nname  = "spring"'),
-                ('[test.force]\nsamples = "Force"\nunit    = "N"\n', ""),
-                ('hold_out   = ["67.0 N"]', ""),
-            ),
+            ('"swept-sine"', '"ring-down"'),
+            ('[[element]]\nname  = "spring"', 'system = { mass = 1 }\n[[element]]\nname  = "spring"'),
+            ('[test.force]\nsamples = "Force"\nunit    = "N"\n', ""),
+            ('hold_out   = ["67.0 N"]', ""),
             refusal="decay",
         ),
-        Tampering(
+        edited(
             "samples of the generator taken for the force",
             MISFIT | SENSE,
-            build=edit(('samples = "Force"', 'samples = "Voltage"')),
+            ('samples = "Force"', 'samples = "Voltage"'),
             refusal="no level 67 N in the surface",
         ),
-        Tampering(
-            LINEAR,
-            MISFIT,
-            build=edit((" + k2*x*abs(x) + k3*x**3", ""), (" + c3*v**3 + c5*v**5 + c7*v**7", "")),
-        ),
+        edited(LINEAR, MISFIT, (" + k2*x*abs(x) + k3*x**3", ""), (" + c3*v**3 + c5*v**5 + c7*v**7", "")),
     ),
     "decay": (
-        Tampering(
-            "the drive before the decay not cut off",
-            WAVE | MISFIT,
-            build=edit(('start  = "13 s"', 'start  = "2 s"')),
+        edited(
+            "the drive before the decay not cut off", WAVE | MISFIT, ('start  = "13 s"', 'start  = "2 s"')
         ),
-        Tampering(
+        edited(
             "driven throughout",
             WAVE | MISFIT,
-            build=edit(('start  = "13 s"', 'start  = "2 s"'), ('stop   = "15 s"', 'stop   = "10 s"')),
+            ('start  = "13 s"', 'start  = "2 s"'),
+            ('stop   = "15 s"', 'stop   = "10 s"'),
             refusal="decay",
         ),
-        Tampering(
+        edited(
             "noise after the decay",
             WAVE | MISFIT,
-            build=edit(('start  = "13 s"', 'start  = "23 s"'), ('stop   = "15 s"', 'stop   = "28 s"')),
+            ('start  = "13 s"', 'start  = "23 s"'),
+            ('stop   = "15 s"', 'stop   = "28 s"'),
             refusal="decay",
         ),
-        Tampering(
-            "a second mode as large as the first",
-            MISFIT | WAVE,
-            build=edit(('stop   = "15 s"', 'stop   = "19 s"')),
-        ),
-        Tampering(
+        edited("a second mode as large as the first", MISFIT | WAVE, ('stop   = "15 s"', 'stop   = "19 s"')),
+        edited(
             "another channel (the drive voltage)",
             WAVE | MISFIT,
-            build=edit(("samples  = 3", "samples  = 2")),
+            ("samples  = 3", "samples  = 2"),
             refusal="decay",
         ),
-        Tampering(
+        edited(
             "milliseconds read as seconds",
             SIZE,
-            build=edit(("column = 1", 'column = 1\nunit = "ms"')),
+            ("column = 1", 'column = 1\nunit = "ms"'),
             refusal="it lasts from 0 to 0.029 s",
         ),
     ),

@@ -23,7 +23,8 @@ SENSE = frozenset(
 """Force and response cannot belong together in this sense: power, mass or phase are wrong."""
 
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
-POINTS = MISFIT | {"points-set-aside", "run-set-aside", "parts-disagree", "level-apart"}
+BACKGROUND = MISFIT | {"background-missing"}
+POINTS = MISFIT | {"points-set-aside", "run-set-aside", "parts-disagree", "level-apart", "response-at-limit"}
 NOMINAL = frozenset(
     {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
 )
@@ -348,7 +349,7 @@ TAMPERINGS = (
     Tampering("Hz read as rad/s, column called f_Hz", UNIT, hertz_as_radians),
     Tampering("Hz read as kHz", UNIT, kilohertz),
     Tampering("acceleration read as displacement", SENSE, as_displacement),
-    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity, refusal="fit follows none"),
+    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity, refusal="follows none of"),
     Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
     Tampering("two levels swapped", LEVELS, swapped_levels),
     Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels),
@@ -359,9 +360,9 @@ TAMPERINGS = (
     Tampering("10 % outliers in one block", POINTS, outlying_block),
     Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
     Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
-    Tampering("a second mode in the band", MISFIT, second_mode),
-    Tampering("a constant background left out", MISFIT, constant_background),
-    Tampering("a phase error of 0.2 rad left out", MISFIT, phase_error),
+    Tampering("a second mode in the band", BACKGROUND, second_mode),
+    Tampering("a constant background left out", BACKGROUND, constant_background),
+    Tampering("a phase error of 0.2 rad left out", BACKGROUND, phase_error),
     Tampering("law without the decisive term", MISFIT, without_term),
     Tampering("a law guessed wrongly", MISFIT, another_law),
     Tampering(
