@@ -22,6 +22,8 @@ _STILL = 32
 """A live response does not repeat a value 32 times while the force moves ..."""
 _MOVES = 0.2
 """... by this fraction of its largest."""
+_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+"""Of a response."""
 
 
 def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -64,10 +66,16 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
     """Find where samples are cut off or missing, which a fit to amplitudes alone does not show."""
     findings = []
     for name, values in (("force", history.force), ("response", history.response)):
-        cut = 0 if values is None else cut_off(values, 1) + cut_off(values, -1)
-        if cut:
+        if values is None:
+            continue
+        tops = [(float(values.max()), cut_off(values, 1)), (-float(values.min()), cut_off(values, -1))]
+        samples = sum(count for _, count in tops)
+        if samples:
             names = {"record": history.label, "signal": name}
-            findings.append(Finding("record-clipped", "warning", "", {"samples": Quantity(cut)}, names))
+            unit = "N" if name == "force" else _UNITS[history.quantity]
+            limit = min(top for top, count in tops if count)
+            numbers = {"samples": Quantity(samples), "limit": Quantity(limit, unit)}
+            findings.append(Finding("record-clipped", "warning", "", numbers, names))
     stands = [] if history.force is None else _stands(history)
     if stands:
         begin, length = max(stands, key=lambda stand: stand[1])

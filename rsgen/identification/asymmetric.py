@@ -13,17 +13,18 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, fit_balance
-from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.result import Estimate
-from rsgen.identification.tolerances import NOISY, NULL_PART, SAMPLES
+from rsgen.identification.tolerances import CONFIDENCE, NOISY, NULL_PART, SAMPLES
 from rsgen.motion import Motion
 
-__all__ = ["ORDER", "explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric"]
+__all__ = ["ORDER", "explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric", "widen_squares"]
 
 _SHARES = (0.05, 0.2, 0.5)
 """Largest force of a direction that is tried, relative to the spring's: x^2 of the last moves the mean by a
@@ -101,6 +102,8 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
         return problem, least
     small = fits[chosen.index(tuple(each[1] for each in sizes)) - 1]
     resolved = _at_resolution(small, without, moved, count)
+    # errors there are smaller than where the trial misses the points
+    resolved = _at_resolution(_fit(held, resolved, _STEPS), without, moved, count)
     # in exact data what is left is what a few harmonics leave out: the fits that follow go on from here
     return (replace(problem, held=tuple(moved)) if without.regression.noise > NOISY else problem), resolved
 
@@ -145,6 +148,24 @@ def mirror_findings(problem: Problem, estimates: Sequence[Estimate]) -> tuple[Fi
         if names
         else ()
     )
+
+
+def widen_squares(problem: Problem, found: Regression) -> Regression:
+    """Widen the errors of values v that the points show by their squares alone.
+
+    What is normally distributed is v^2, with a standard error of 2 |v| e where that of v is e by its slope,
+    so that its interval is v^2 +- 2 w |v| e, w standard errors wide. Where that contains zero the interval of
+    v does, and has both signs; else it is as long as that between the roots.
+    """
+    law = problem.law
+    if not is_hidden(problem) or _records_even(problem) or not law.mirrored:
+        return found
+    even, factor = list(law.even), np.ones(len(found.covariance))
+    wide = float(stdtrit(found.freedom, CONFIDENCE))
+    far = np.abs(found.parameters[even]) / (wide * np.sqrt(np.diag(found.covariance)[even]))
+    low, high = np.sqrt(np.maximum(far**2 - 2 * far, 0.0)), np.sqrt(far**2 + 2 * far)
+    factor[even] = np.fmax(np.where(low > 0, (high - low) / 2, high), 1.0)
+    return replace(found, covariance=found.covariance * np.outer(factor, factor))
 
 
 def _records_even(problem: Problem) -> bool:

@@ -16,11 +16,12 @@ from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points, Repeats
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.misfit import misfit_findings
 from rsgen.identification.result import Estimate, Resonance
 from rsgen.identification.soundness import (
     aside_findings,
     feeds_exciter,
-    misfit_findings,
+    limit_findings,
     phase_findings,
     sign_findings,
 )
@@ -220,10 +221,12 @@ class Findings:
             self.surface.level_unit,
             decays=self._decays(),
         )
+        found += limit_findings(self.surface.findings, self.fit)
         if not self.fit.regression.converged:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
-        found += misfit_findings(self.surface, self.points, self.fit, self.resonances)
+        wider = self.agreement.wider
+        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement)
         found += phase_findings(self.fit)

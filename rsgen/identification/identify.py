@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.agreement import Agreement
-from rsgen.identification.asymmetric import explain_hidden, mirror_findings
+from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
 from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
 from rsgen.identification.findings import (
     Findings,
@@ -25,6 +25,7 @@ from rsgen.identification.findings import (
 )
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.misfit import is_systematic
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
@@ -36,7 +37,7 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.soundness import feeds_exciter, is_systematic
+from rsgen.identification.soundness import feeds_exciter
 from rsgen.identification.start import is_asymmetric, is_strong, start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
@@ -222,8 +223,9 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     used = refined.regression.used
     if not used.any():
         raise RsgenError(
-            f"law: the fit follows none of the {len(points)} points; is {model!r} the law, with x for the "
-            "displacement, v for the velocity and every other name a parameter?"
+            f"law: {model.force} follows none of the {len(points)} points; is this the law, with x for the "
+            "displacement, v for the velocity and every other name a parameter, and are quantity and unit of "
+            "the response as in the case?"
         )
     kept = points.select(used)
     first = _first_order(kept, test.problem, refined.values, refined.mass)
@@ -231,7 +233,8 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     regression, noise, about = _errors(test, refined, whole)
     misfits = is_systematic(points, refined.regression)
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
-    regression, whole = agreement.widen(regression), agreement.widen(whole)
+    regression = widen_squares(test.problem, agreement.widen(regression))
+    whole = agreement.widen(whole)
     names, units = names_of(law, model), units_of(model)
     reasons = {
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)

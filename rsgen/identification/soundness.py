@@ -1,81 +1,30 @@
-"""Whether a fit is worth its numbers: its misfit, the points it set aside, the signs of what it found."""
+"""Whether a fit is worth its numbers: the points it set aside, the signs and phase of what it found."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.expression import parse
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit, fit_balance
+from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.observed import Observed
-from rsgen.identification.result import Resonance
-from rsgen.identification.tolerances import CHANCE, QUICK, SAMPLES, SAMPLES_SWITCHED, TURNED
-from rsgen.law.numeric import compile_law
+from rsgen.identification.misfit import severity_of
+from rsgen.identification.tolerances import CHANCE, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
 from rsgen.motion import Motion, cycle_work, project
-from rsgen.observation import OFFSET
-from rsgen.surface import ResponseSurface
 
 __all__ = [
     "aside_findings",
     "feeds_exciter",
-    "is_systematic",
-    "misfit_findings",
+    "limit_findings",
     "phase_findings",
     "sign_findings",
 ]
 
 Array = NDArray[np.float64]
-
-_SYSTEMATIC = 0.3
-"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
-
-_PAIRS = 6
-"""Pairs of neighbours below which their correlation says nothing."""
-
-_PARTS = 2
-"""Real and imaginary part: so many independent numbers a pair has, whatever was recorded."""
-
-_NOTICEABLE = 1e-3
-"""Misfits below this, relative, change no engineering number: a law may be as wrong."""
-
-_POOR = 0.05
-"""A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
-law that is right."""
-
-_APART = 3.0
-"""A level misfits so many times as much as half of the levels do: something of this level is wrong, or begins
-there. Sound structures have misfits that differ by less than two."""
-
-_SEVERAL = 4
-"""Levels below which most of them cannot speak against one."""
-
-_SCATTERS = 0.1
-"""Any misfit beyond this share: noise as large hides what a law does wrong."""
-
-_TELLING = 16
-"""Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
-
-_MEANINGLESS = 0.2
-"""Any misfit beyond this share: a fifth of force and response is not what the law says."""
-
-_TAKEN = 0.5
-"""A single term that takes up more than this share of a misfit is missing from the law."""
-
-_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
-"""Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
-
-_STEPS = 8
-"""Gauss-Newton steps of a trial; it starts at the solution without the term."""
-
-_REACH = 5.0
-"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
 
 _FEW_ASIDE = 0.05
 """Points set aside beyond this share are no chance outliers: a twentieth of the test is not explained."""
@@ -104,151 +53,23 @@ _PLACES = 0.05
 _MOST = 0.5
 """Share of the points with a wrong sign beyond which the law as a whole has it."""
 
+_EQUAL = 2e-4
+"""Responses that differ by less, relative, are equal to within the rounding of a table of four digits."""
+
+_AT_LIMIT = 0.98
+"""The fundamental of a clipped sine is at least its limit; a filter may take a little."""
+
+_MISSES = 3.0
+"""Points that misfit so many times as much as the others disagree with the law that the others obey."""
+
+_ORDERS = {"m": 0, "m/s": 1, "m/s^2": 2}
+"""Unit of a response, and which derivative of the displacement that is."""
+
 
 def feeds_exciter(points: Points) -> bool:
     """Whether the structure works on the exciter, in sum and at most points."""
     work = cycle_work(points.force, points.harmonics[:, 1])
     return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
-
-
-def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
-    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
-
-    Of all levels, or of one.
-    """
-    pairs = points.neighbours
-    counted = regression.used if level is None else regression.used & (points.level == level)
-    pairs = pairs[counted[pairs].all(axis=1)]
-    if len(pairs) < _PAIRS:
-        return False
-    first, second = (regression.residual[side] for side in pairs.T)
-    # (M,) of force, fundamental and harmonics, real and imaginary parts
-    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
-    counts = power > _NOTICEABLE**2 / 2
-    product = np.mean(first * second, axis=0)[counts]
-    if not counts.any():
-        return False
-    each, together = np.max(product / power[counts]), product.sum() / power[counts].sum()
-    return bool(each > _by_chance(len(pairs)) or together > _by_chance(_PARTS * len(pairs)))
-
-
-def _by_chance(pairs: int) -> float:
-    """Correlation of so many pairs that noise hardly reaches (Fisher, Metron 1, 1921: atanh r is normal)."""
-    return max(_SYSTEMATIC, float(np.tanh(CHANCE / np.sqrt(pairs - 3))))
-
-
-def relative_misfit(fit: Fit) -> float:
-    """Root mean square of real and imaginary part together, as everywhere in the result."""
-    return float(fit.regression.noise * np.sqrt(2))
-
-
-def misfit_findings(
-    surface: ResponseSurface, points: Points, fit: Fit, resonances: Sequence[Resonance]
-) -> list[Finding]:
-    """Judge the misfit by its size, and whether it is the law's or the noise's."""
-    misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
-    numbers = quantities(misfit=misfit)
-    if not systematic:
-        if not misfit > (_SCATTERS if len(points) >= _TELLING else _POOR):
-            return []
-        return [Finding("misfit-large", "error" if misfit > _MEANINGLESS else "doubt", numbers=numbers)]
-    names, severity = dict[str, str](), _severity(misfit, _POOR, _MEANINGLESS)
-    if severity != "error":
-        term, left = _missing_term(fit)
-        if left < (1 - _TAKEN) * misfit:
-            names, severity = {"term": term}, "doubt"
-            numbers |= quantities(left=left)
-    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
-    observed = fit.problem.observed
-    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
-        found.append(_background_proposal(points, resonances))
-    return [*found, *_level_apart(points, fit.regression, surface.level_unit), *_offset_proposal(fit)]
-
-
-def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
-    """Find the level that disagrees with the law while most others obey it; none or one."""
-    used = points.select(regression.used)
-    levels = np.unique(used.level)
-    if len(levels) < _SEVERAL:
-        return []
-    square = regression.misfit[regression.used] ** 2
-    sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
-    worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
-    level, size = float(levels[worst]), float(sizes[worst])
-    if not (size > max(_POOR, _APART * typical) and is_systematic(points, regression, level)):
-        return []
-    numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
-    return [Finding("level-apart", "doubt", numbers=numbers)]
-
-
-def _severity(size: float, doubt: float, error: float) -> Severity:
-    return "error" if size > error else "doubt" if size > doubt else "warning"
-
-
-def _missing_term(fit: Fit) -> tuple[str, float]:
-    """Find the term that takes up most of the misfit, and what misfit it leaves, at one harmonic."""
-    chosen = fit.problem.observed.points.spread(QUICK)
-    chosen = chosen[fit.regression.used[chosen]]
-    problem = fit.problem.select(chosen)
-    force = sum((element.force for element in problem.elements[1:]), problem.elements[0].force)
-    values, mass, background = problem.split(fit.regression.parameters)
-    left: dict[str, float] = {}
-    for term in ("", *_TERMS):
-        added = force if not term else force + parse(f"extra_term*({term})")
-        law = compile_law(added)
-        known = dict(zip(problem.law.parameters, values, strict=True))
-        start = np.array([known.get(name, 0.0) for name in law.parameters])
-        held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
-        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
-        found = fit_balance(
-            trial, trial.join(start, mass, background), order=1, reject=False, steps=_STEPS, correct=False
-        )
-        left[term] = relative_misfit(found)
-    whole = left.pop("")
-    best = min(left, key=lambda term: left[term])
-    return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
-
-
-def _offset_proposal(fit: Fit) -> list[Finding]:
-    """Whether an offset takes up most of the misfit, more than terms proportional to the force."""
-    observed = fit.problem.observed
-    if observed.kind.endswith(OFFSET):
-        return []
-    chosen = observed.points.spread(QUICK)
-    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
-    values, mass, background = problem.split(fit.regression.parameters)
-    left = {}
-    plain = "phase" if observed.kind == "none" else observed.kind
-    for kind in (observed.kind, "residuals", plain + OFFSET):
-        seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
-        known = dict(zip(observed.background.names, background, strict=True))
-        start = np.array([known.get(name, 0.0) for name in seen.background.names])
-        trial = replace(problem, observed=replace(seen, band=observed.band))
-        found = fit_balance(
-            trial, trial.join(values, mass, start), order=3, reject=False, steps=_STEPS, correct=False
-        )
-        left[kind] = relative_misfit(found)
-    whole, with_offset = left[observed.kind], left[plain + OFFSET]
-    if not with_offset < (1 - _TAKEN) * min(whole, left["residuals"]):
-        return []
-    size = relative_misfit(fit)
-    numbers = quantities(misfit=size, left=size * with_offset / whole)
-    return [Finding("offset-possible", "info", numbers=numbers, names={"kind": plain + OFFSET})]
-
-
-def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
-    """In which band to look for a background."""
-    tested = points.omega / (2 * np.pi)
-    low, high = float(tested.min()), float(tested.max())
-    if resonances:
-        reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
-        low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
-        high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
-        if not low < high:
-            # resonances outside the tested frequencies say nothing about the band
-            low, high = float(tested.min()), float(tested.max())
-    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
-    return Finding("background-possible", "info", numbers=numbers)
 
 
 def aside_findings(
@@ -276,7 +97,7 @@ def aside_findings(
         aside = aside & (points.amplitude > np.median(points.amplitude))
     count = int(np.count_nonzero(aside))
     share = count / len(points)
-    severity = _severity(share, _FEW_ASIDE, _MANY_ASIDE) if count > _SINGLE else "warning"
+    severity = severity_of(share, _FEW_ASIDE, _MANY_ASIDE) if count > _SINGLE else "warning"
     numbers = quantities(aside=all_aside, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
     for level, sweep in sorted({*zip(points.level.tolist(), points.sweep.tolist(), strict=True)}):
@@ -294,6 +115,38 @@ def aside_findings(
                 Finding("run-set-aside", "doubt", numbers=data | {"level": Quantity(level, level_unit)})
             )
     return found
+
+
+def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
+    """Find responses that end at one largest value, as those of an overloaded sensor do.
+
+    Of a record the limit is ``remarked``. In a table equal largest values at neighbouring frequencies show
+    it where they disagree with the law that the others obey: a response that was held obeys it.
+    """
+    points, miss = fit.problem.observed.points, np.nan_to_num(fit.regression.misfit, nan=np.inf)
+    series = {unit: points.amplitude * points.omega**order for unit, order in _ORDERS.items()}
+    known = [
+        finding.numbers["limit"]
+        for finding in remarked
+        if finding.code == "record-clipped" and finding.names["signal"] == "response"
+    ]
+    if known:
+        limit = min(known)
+        at = series[limit.unit] > _AT_LIMIT * limit.value
+    else:
+        equal = {unit: values > (1 - _EQUAL) * values.max() for unit, values in series.items()}
+        unit, at = max(equal.items(), key=lambda item: int(np.count_nonzero(item[1])))
+        limit = Quantity(float(series[unit].max()), unit)
+        together = points.neighbours[at[points.neighbours].all(axis=1)]
+        if len(np.unique(together)) < max(_STRETCH, np.count_nonzero(at) / 2):
+            return []
+    if not at.any() or at.all():
+        return []
+    misses = np.median(miss[at]) > max(_MISSES * np.median(miss[~at]), NOTICEABLE)
+    if not (misses or (known and np.mean(at) > _FEW_ASIDE)):
+        return []
+    numbers = quantities(at=int(np.count_nonzero(at)), points=len(points), limit=limit)
+    return [Finding("response-at-limit", "doubt", numbers=numbers)]
 
 
 def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:

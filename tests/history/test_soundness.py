@@ -43,6 +43,7 @@ def test_clipped_records_are_found(limit: float, step: float) -> None:
         clipped = np.count_nonzero(np.isin(cut, (most, -most)))
         # tops of one or two samples are no flat ones
         assert 0.9 * clipped < finding["samples"] <= clipped
+        assert finding.numbers["limit"] == (np.abs(cut[np.isin(cut, (most, -most))]).max(), "m/s^2")
     assert found(RESPONSE, np.clip(FORCE, -0.8, 0.8))[0].names["signal"] == "force"
 
 

@@ -131,6 +131,17 @@ def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
         assert "not-converged" not in codes(found)
 
 
+def test_the_interval_of_an_even_force_that_is_not_there_contains_zero():
+    # the square of k2 is as often above zero as below, and beyond its standard error in a sixth of the tables
+    exact = table("k*x + c*v", {"k": 5920.0, "c": 7.5})
+    for seed in range(8):
+        measured = fundamental(noisy(exact, 0.005, seed))
+        k2 = identify(measured, "k*x + k2*x**2 + c*v")["k2"]
+        low, high = k2.interval
+        assert low <= 0 <= high, seed
+        assert not k2.identifiable
+
+
 def test_forces_are_not_drawn_without_a_law_where_the_mean_must_be_large(full):
     assert identify(fundamental(full), QUADRATIC).restoring is None
 

@@ -52,7 +52,7 @@ def test_a_parameter_may_have_any_name(table, name):
     "law", ["k*x + c*v + 1e300*exp(x)", "k*x + c*v + 1e300*exp(a*x)", "k*x + c*v + exp(1e300*v)"]
 )
 def test_a_law_that_overflows_is_refused(table, law):
-    with pytest.raises(RsgenError, match="law: the fit follows none of the"):
+    with pytest.raises(RsgenError, match=r"law: .* follows none of the"):
         identify(tampered(table), law)
 
 

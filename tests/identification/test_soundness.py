@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.finding import Finding
+from rsgen.finding import Finding, Quantity
 from rsgen.identification import identify
 from rsgen.identification.data import Points
 from rsgen.identification.soundness import _negative, aside_findings
+from rsgen.observation import Observation
 from rsgen.surface import ResponseSurface
 from tests.surfaces import changed, model, noisy, surface
 
@@ -60,6 +61,64 @@ def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> No
     found = findings(shifted)["level-apart"]
     assert (found.severity, found["level"]) == ("doubt", 8.0)
     assert found["misfit"] > 3 * found["typical"]
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
+def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: str) -> None:
+    # a flexibility of modes above, relative to the static one of the mode
+    exact = surface("cubic")
+    harmonics = np.array(exact.harmonics)
+    harmonics[:, 1] += share / 5920 * exact.force
+    table = noisy(changed(exact, harmonics=harmonics), 0.003, 1)
+    found = findings(table)
+    assert severity(found, "background-missing") == expected
+    if expected:
+        assert found["background-missing"]["left"] < 0.5 * found["background-missing"]["misfit"]
+        kind = found["background-missing"].names["kind"]
+        with_it = {f.code: f for f in identify(table, model("cubic"), Observation(background=kind)).findings}
+        assert {finding.severity for finding in with_it.values()} <= {"info", "warning"}
+
+
+def test_a_missing_term_is_no_missing_background(table: ResponseSurface) -> None:
+    assert "background-missing" not in findings(table, "k*x + c*v")
+
+
+@pytest.mark.parametrize("order", [0, 1, 2], ids=["displacement", "velocity", "acceleration"])
+def test_equal_largest_responses_are_those_of_an_overloaded_sensor(
+    table: ResponseSurface, order: int
+) -> None:
+    seen = table.amplitude * table.omega**order
+    limit = 0.6 * seen.max()
+    clipped = changed(table, harmonics=table.harmonics * np.minimum(1, limit / seen)[:, None])
+    found = findings(clipped)["response-at-limit"]
+    assert (found.severity, found["at"]) == ("doubt", np.count_nonzero(seen > limit))
+    assert found["limit"] == pytest.approx(limit)
+    assert found.numbers["limit"].unit == ("m", "m/s", "m/s^2")[order]
+
+
+def test_a_response_that_is_held_overloads_no_sensor() -> None:
+    # a response limited at its resonance by less force obeys the law
+    level, frequency = (
+        g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], np.linspace(8, 12, 41), indexing="ij")
+    )
+    omega = 2 * np.pi * frequency
+    stiffness = 5920 - 1.5 * omega**2 + 3.8j * omega
+    size = np.minimum(level / np.abs(stiffness), 5e-3)
+    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
+    table = ResponseSurface(level, frequency, size * stiffness, harmonics)
+    assert "response-at-limit" not in findings(table, "k*x + c*v")
+
+
+def test_points_at_the_limit_of_a_record_are_counted(table: ResponseSurface) -> None:
+    def remarked(limit: float) -> dict[str, Finding]:
+        numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}
+        names = {"record": "a.csv", "signal": "response"}
+        clipped = Finding("record-clipped", "warning", "", numbers, names)
+        return findings(replace(table, findings=(clipped,)))
+
+    seen = np.sort(table.amplitude * table.omega**2)
+    assert severity(remarked(seen[-len(seen) // 10]), "response-at-limit") == "doubt"
+    assert severity(remarked(seen[-3]), "response-at-limit") == ""
 
 
 def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface:

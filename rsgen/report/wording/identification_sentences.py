@@ -42,6 +42,14 @@ say_plainly(
             "a response that does not depend on the force, as pick-up from the generator leaves it, would "
             'take the misfit from {misfit:.2g} to {left:.2g}: try [identify] background = "{kind}"'
         ),
+        "background-missing": (
+            'with [identify] background = "{kind}" the misfit is {left:.2p} in place of {misfit:.2p}, and '
+            "{parameter} differs by {moved:+.1%}, {times:.2g} standard errors"
+        ),
+        "response-at-limit": (
+            "{at:.0f} of {points:.0f} points have a response of {limit:.3q}, as a sensor or amplifier at the "
+            "end of its range has"
+        ),
         "not-determined": "{parameter}: not determined by the points that this method uses",
         "shift-small": (
             "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
@@ -128,6 +136,13 @@ NEXT_STEPS.update(
         "nothing-identifiable": (
             "Give the mass if it is known, take a law with fewer parameters, or test more frequencies around "
             "the resonance at more levels."
+        ),
+        "background-missing": (
+            "Identify with this background, or in a narrower band around the mode, and compare: where the "
+            "values differ, the sensor sees more than the mode."
+        ),
+        "response-at-limit": (
+            "Measure with a wider range; until then leave these levels, or this part of the band, out."
         ),
         "misfit-large": (
             "Look at the points in the response figure: average more readings, wait longer before each, or "

@@ -1,0 +1,277 @@
+"""Whether a misfit is noise or the law's: its pattern, its size, and what would take it up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.expression import parse
+from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit, fit_balance
+from rsgen.identification.least_squares import Regression
+from rsgen.identification.observed import Observed
+from rsgen.identification.result import Resonance
+from rsgen.identification.tolerances import CHANCE, NOTICEABLE, QUICK
+from rsgen.law.numeric import compile_law
+from rsgen.observation import OFFSET
+from rsgen.surface import ResponseSurface
+
+__all__ = ["is_systematic", "misfit_findings", "severity_of"]
+
+Array = NDArray[np.float64]
+
+_SYSTEMATIC = 0.3
+"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+
+_PAIRS = 6
+"""Pairs of neighbours below which their correlation says nothing."""
+
+_PARTS = 2
+"""Real and imaginary part: so many independent numbers a pair has, whatever was recorded."""
+
+_POOR = 0.05
+"""A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
+law that is right."""
+
+_APART = 3.0
+"""A level misfits so many times as much as half of the levels do: something of this level is wrong, or begins
+there. Sound structures have misfits that differ by less than two."""
+
+_SEVERAL = 4
+"""Levels below which most of them cannot speak against one."""
+
+_SCATTERS = 0.1
+"""Any misfit beyond this share: noise as large hides what a law does wrong."""
+
+_TELLING = 16
+"""Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
+
+_MEANINGLESS = 0.2
+"""Any misfit beyond this share: a fifth of force and response is not what the law says."""
+
+_TAKEN = 0.5
+"""A single term that takes up more than this share of a misfit is missing from the law."""
+
+_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
+"""Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
+
+_STEPS = 8
+"""Gauss-Newton steps of a trial; it starts at the solution without the term or background."""
+
+_MOVED = 3.0
+"""Standard errors, stated and of the trial, by which a background must move a parameter to be missing."""
+
+_NAMED = 0.01
+"""A background that moves no parameter by a hundredth changes no engineering number."""
+
+_REACH = 5.0
+"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
+
+
+def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
+    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
+
+    Of all levels, or of one.
+    """
+    pairs = points.neighbours
+    counted = regression.used if level is None else regression.used & (points.level == level)
+    pairs = pairs[counted[pairs].all(axis=1)]
+    if len(pairs) < _PAIRS:
+        return False
+    first, second = (regression.residual[side] for side in pairs.T)
+    # (M,) of force, fundamental and harmonics, real and imaginary parts
+    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
+    counts = power > NOTICEABLE**2 / 2
+    product = np.mean(first * second, axis=0)[counts]
+    if not counts.any():
+        return False
+    each, together = np.max(product / power[counts]), product.sum() / power[counts].sum()
+    return bool(each > _by_chance(len(pairs)) or together > _by_chance(_PARTS * len(pairs)))
+
+
+def _by_chance(pairs: int) -> float:
+    """Correlation of so many pairs that noise hardly reaches (Fisher, Metron 1, 1921: atanh r is normal)."""
+    return max(_SYSTEMATIC, float(np.tanh(CHANCE / np.sqrt(pairs - 3))))
+
+
+def relative_misfit(fit: Fit) -> float:
+    """Root mean square of real and imaginary part together, as everywhere in the result."""
+    return float(fit.regression.noise * np.sqrt(2))
+
+
+def severity_of(size: float, doubt: float, error: float) -> Severity:
+    """Give the severity of a size by two limits."""
+    return "error" if size > error else "doubt" if size > doubt else "warning"
+
+
+def misfit_findings(
+    surface: ResponseSurface, points: Points, fit: Fit, resonances: Sequence[Resonance], wider: Array
+) -> list[Finding]:
+    """Judge the misfit by its size, and whether it is the law's, the background's or the noise's.
+
+    Parameters
+    ----------
+    surface, points
+        All points of the test, and those that were fitted.
+    fit
+        The refined one.
+    resonances
+        Of all runs.
+    wider
+        (q,) by how much the standard errors of its parameters are to be widened.
+    """
+    misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
+    numbers = quantities(misfit=misfit)
+    if not systematic:
+        if not misfit > (_SCATTERS if len(points) >= _TELLING else _POOR):
+            return []
+        return [Finding("misfit-large", "error" if misfit > _MEANINGLESS else "doubt", numbers=numbers)]
+    names, severity, left = dict[str, str](), severity_of(misfit, _POOR, _MEANINGLESS), misfit
+    if severity != "error":
+        term, left = _missing_term(fit)
+        if left < (1 - _TAKEN) * misfit:
+            names, severity = {"term": term}, "doubt"
+            numbers |= quantities(left=left)
+    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
+    observed = fit.problem.observed
+    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
+        found.append(_background_proposal(points, resonances))
+    trials = _with_backgrounds(fit)
+    return [
+        *found,
+        *_level_apart(points, fit.regression, surface.level_unit),
+        *_missing_background(fit, trials, wider, left),
+        *_offset_proposal(fit, trials),
+    ]
+
+
+def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
+    """Find the level that disagrees with the law while most others obey it; none or one."""
+    used = points.select(regression.used)
+    levels = np.unique(used.level)
+    if len(levels) < _SEVERAL:
+        return []
+    square = regression.misfit[regression.used] ** 2
+    sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
+    worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
+    level, size = float(levels[worst]), float(sizes[worst])
+    if not (size > max(_POOR, _APART * typical) and is_systematic(points, regression, level)):
+        return []
+    numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
+    return [Finding("level-apart", "doubt", numbers=numbers)]
+
+
+def _missing_term(fit: Fit) -> tuple[str, float]:
+    """Find the term that takes up most of the misfit, and what misfit it leaves, at one harmonic."""
+    chosen = fit.problem.observed.points.spread(QUICK)
+    chosen = chosen[fit.regression.used[chosen]]
+    problem = fit.problem.select(chosen)
+    force = sum((element.force for element in problem.elements[1:]), problem.elements[0].force)
+    values, mass, background = problem.split(fit.regression.parameters)
+    left: dict[str, float] = {}
+    for term in ("", *_TERMS):
+        added = force if not term else force + parse(f"extra_term*({term})")
+        law = compile_law(added)
+        known = dict(zip(problem.law.parameters, values, strict=True))
+        start = np.array([known.get(name, 0.0) for name in law.parameters])
+        held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
+        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
+        found = fit_balance(
+            trial, trial.join(start, mass, background), order=1, reject=False, steps=_STEPS, correct=False
+        )
+        left[term] = relative_misfit(found)
+    whole = left.pop("")
+    best = min(left, key=lambda term: left[term])
+    return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
+    """Fit some of the points with the background there is, and with more of one, by kind."""
+    observed = fit.problem.observed
+    chosen = observed.points.spread(QUICK)
+    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
+    values, mass, background = problem.split(fit.regression.parameters)
+    plain = "phase" if observed.kind == "none" else observed.kind
+    offset = observed.kind.endswith(OFFSET)
+    kinds = (observed.kind, "residuals" + OFFSET) if offset else (observed.kind, "residuals", plain + OFFSET)
+    known = dict(zip(observed.background.names, background, strict=True))
+    found = {}
+    for kind in kinds:
+        seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
+        start = np.array([known.get(name, 0.0) for name in seen.background.names])
+        trial = replace(problem, observed=replace(seen, band=observed.band))
+        found[kind] = fit_balance(
+            trial, trial.join(values, mass, start), order=3, reject=False, steps=_STEPS, correct=False
+        )
+    return found
+
+
+def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: float) -> list[Finding]:
+    """Find a background that takes up the misfit, more than a term does, and moves a parameter.
+
+    Parameters
+    ----------
+    fit, trials
+        What is judged, and some of its points fitted with more of a background.
+    wider
+        As in ``misfit_findings``.
+    left
+        The misfit that the best term would leave.
+    """
+    problem = fit.problem
+    without = trials[problem.observed.kind]
+    before = set(without.problem.observed.background.names)
+    more = {k: t for k, t in trials.items() if set(t.problem.observed.background.names) > before}
+    if not more:
+        return []
+    kind, best = min(more.items(), key=lambda item: item[1].regression.noise)
+    whole, size = relative_misfit(without), relative_misfit(fit)
+    taken = relative_misfit(best) < (1 - _TAKEN) * whole
+    leaves = size * relative_misfit(best) / whole
+    if not (taken or not is_systematic(best.problem.observed.points, best.regression)) or leaves > left:
+        return []
+    of_law = slice(problem.count)
+    change = best.regression.parameters[of_law] - without.regression.parameters[of_law]
+    stated, own = (np.sqrt(np.diag(found.regression.covariance))[of_law] for found in (fit, best))
+    times = np.abs(change) / np.fmax(stated * wider[of_law], own)
+    share = change / fit.regression.parameters[of_law]
+    clear = (times > _MOVED) & (np.abs(share) > _NAMED)
+    if not clear.any():
+        return []
+    worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
+    numbers = quantities(misfit=size, left=leaves, moved=share[worst], times=times[worst])
+    name = (*problem.law.parameters, "m")[worst]
+    return [Finding("background-missing", "doubt", name, numbers, {"kind": kind})]
+
+
+def _offset_proposal(fit: Fit, trials: dict[str, Fit]) -> list[Finding]:
+    """Whether an offset takes up most of the misfit, more than terms proportional to the force."""
+    own = fit.problem.observed.kind
+    if own.endswith(OFFSET):
+        return []
+    (kind,) = (kind for kind in trials if kind.endswith(OFFSET))
+    left = {kind: relative_misfit(trial) for kind, trial in trials.items()}
+    if not left[kind] < (1 - _TAKEN) * min(left[own], left["residuals"]):
+        return []
+    size = relative_misfit(fit)
+    numbers = quantities(misfit=size, left=size * left[kind] / left[own])
+    return [Finding("offset-possible", "info", numbers=numbers, names={"kind": kind})]
+
+
+def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
+    """In which band to look for a background."""
+    tested = points.omega / (2 * np.pi)
+    low, high = float(tested.min()), float(tested.max())
+    if resonances:
+        reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
+        low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
+        high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
+        if not low < high:
+            # resonances outside the tested frequencies say nothing about the band
+            low, high = float(tested.min()), float(tested.max())
+    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
+    return Finding("background-possible", "info", numbers=numbers)
