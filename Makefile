@@ -10,7 +10,7 @@ endif
 export RSGEN_DATA
 
 .DEFAULT_GOAL := help
-.PHONY: help reports test test-wheel fast constraints bench clean
+.PHONY: help reports test test-wheel fast constraints bench attack clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -57,6 +57,9 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md
 	$(BIN)/python -m benchmarks.ranking_background
 	$(BIN)/python -m benchmarks.wordings
 	$(BIN)/python -m benchmarks.verdicts
+
+attack: $(READY) ## kill, damage, fill up and forge what rsgen has, for hours, into reports/attacks.md
+	$(BIN)/python -m tests.attacks
 
 clean: ## remove the environment and all generated reports
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

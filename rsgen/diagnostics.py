@@ -32,6 +32,8 @@ def keep_from_terminal() -> None:
 def program_fault(fault: BaseException, about: str) -> str:
     """Say an error that nobody foresaw in a sentence, and write its traceback to the log.
 
+    What the system refused, a file or memory, is no fault of the program.
+
     Parameters
     ----------
     fault
@@ -40,7 +42,14 @@ def program_fault(fault: BaseException, about: str) -> str:
         The case, or the program: what the sentence begins with.
     """
     logging.getLogger("rsgen").debug("%s failed", about, exc_info=True)
+    if isinstance(fault, MemoryError):
+        return f"{about}: there is too little memory for it; give the program more, or ask for fewer points"
+    if isinstance(fault, OSError):
+        what = " ".join(f"{fault.strerror or fault}{f': {name}' if (name := fault.filename) else ''}".split())
+        return f"{about}: the system refuses what this needs: {what[:300]}"
     text = " ".join(f"{type(fault).__name__}: {fault}".split())
+    if isinstance(fault, ImportError) and not isinstance(fault, ModuleNotFoundError):
+        return f"{about}: a library cannot be loaded, perhaps for want of memory or open files: {text[:300]}"
     return (
         f"{about}: {text[:300]}; this is a fault of rsgen, please report it with the files "
         f"({DEBUG_VARIABLE}=1 shows where it came from)"

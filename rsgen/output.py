@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rsgen.errors import RsgenError
 
-__all__ = ["left_behind", "sync_folder", "write_atomic"]
+__all__ = ["is_alive", "left_behind", "sync_folder", "write_atomic"]
 
 _DAY = 86_400.0
 """Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
@@ -32,7 +32,8 @@ def _permissions() -> int:
     return 0o666 & ~mask
 
 
-def _alive(process: int) -> bool:
+def is_alive(process: int) -> bool:
+    """Whether a number is that of a process of this machine, as far as the system says."""
     if os.name != "posix":
         # there, asking would end the process; age decides instead
         return True
@@ -52,7 +53,7 @@ def left_behind(path: Path) -> str | None:
         return None
     with suppress(OSError):
         process, age = int(found["process"]), time.time() - path.lstat().st_mtime
-        if process != os.getpid() and _alive(process) and age < _DAY:
+        if process != os.getpid() and is_alive(process) and age < _DAY:
             return None
     return found["name"]
 

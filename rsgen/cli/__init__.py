@@ -7,7 +7,6 @@ not go on with its numbers; 2 the input is faulty (one sentence a fault on stand
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
@@ -16,6 +15,7 @@ from _thread import interrupt_main
 from collections.abc import Sequence
 from types import FrameType
 
+from rsgen.cli.streams import open_streams, output_fault
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
 from rsgen.diagnostics import keep_from_terminal, program_fault
 from rsgen.errors import CaseError, RsgenError
@@ -63,18 +63,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
+    code: object = FAULTY
     try:
         # a polite end from outside clears up as Ctrl-C does
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _interrupt)
         sys.unraisablehook = _repeat
+        open_streams()
         keep_from_terminal()
         single_thread()
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)
         code = application(args=words or ["--help"], prog_name="rsgen", standalone_mode=False)
-        sys.stdout.flush()
+        incomplete = output_fault()
+        if incomplete is not None:
+            raise RsgenError(incomplete)
         if code == INTERRUPTED:
             # the command line library has turned Ctrl-C into this code without a word
             raise KeyboardInterrupt
@@ -89,10 +93,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         print_faults(["rsgen: interrupted; nothing half-written was left"])
         code = INTERRUPTED
-    except BrokenPipeError:
-        # the reader, such as head, has seen enough; keep Python from complaining at its exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
     except Exception as fault:
         # faults of usage come from the command line library and know how to say themselves
         message = getattr(fault, "format_message", None)
@@ -101,4 +101,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         else:
             print_faults([f"rsgen: {' '.join(str(message()).split())} See: rsgen --help"])
         code = FAULTY
+    # what a fault left unwritten would end in a complaint of Python's
+    output_fault()
     sys.exit(code if isinstance(code, int) else 0)

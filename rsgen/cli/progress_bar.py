@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from rsgen.case import Case
-from rsgen.cli.terminal import plain, print_faults
+from rsgen.cli.terminal import print_faults, print_line
 from rsgen.study import CaseRun, Step, expect
 from rsgen.verdict import verdict_lines
 
@@ -46,7 +46,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
 
         def note(run: CaseRun) -> None:
             for line in [] if quiet else _lines(run):
-                print(plain(line), flush=True)
+                print_line(line, flush=True)
             print_faults(run.faults)
 
         yield Listener(note)

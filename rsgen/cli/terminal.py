@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rsgen.cli.streams import write_error, write_output
 from rsgen.errors import RsgenError
 from rsgen.verdict import USABLE, Verdict, verdict_lines
 
@@ -52,9 +52,9 @@ def _plain(sign: str) -> str:
     return sign if sign.isprintable() else ascii(sign)[1:-1]
 
 
-def print_line(text: str = "") -> None:
-    """Print a line of a result."""
-    print(plain(text))
+def print_line(text: str = "", *, flush: bool = False) -> None:
+    """Print a line of a result; ``flush`` where the next one takes a while."""
+    write_output(plain(text), flush=flush)
 
 
 def print_block(head: str, text: str) -> None:
@@ -69,9 +69,9 @@ def print_faults(faults: Iterable[str]) -> None:
     """Print one line a fault to standard error."""
     lines = list(faults)
     for line in lines[:_MOST_FAULTS]:
-        print(plain(line), file=sys.stderr)
+        write_error(plain(line))
     if len(lines) > _MOST_FAULTS:
-        print(f"... and {len(lines) - _MOST_FAULTS} more", file=sys.stderr)
+        write_error(f"... and {len(lines) - _MOST_FAULTS} more")
 
 
 def print_cache_fault() -> None:
@@ -117,7 +117,7 @@ def _finite(value: Any) -> Any:
 
 def print_json(value: Any) -> None:
     """Print a value as JSON; NaN and infinity, which JSON does not know, become null."""
-    print(json.dumps(_finite(value), indent=2, allow_nan=False))
+    write_output(json.dumps(_finite(value), indent=2, allow_nan=False))
 
 
 def number(value: float | None, digits: int = 6) -> str:
@@ -137,7 +137,7 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         first, *rest = (cell.rjust(width) for cell, width in zip(line, widths, strict=True))
-        print("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
+        write_output("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
 
 
 def check_target(path: Path, ending: str) -> Path:

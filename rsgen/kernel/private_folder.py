@@ -11,13 +11,15 @@ from __future__ import annotations
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import stat
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from rsgen.output import is_alive
 
 __all__ = ["PrivateFolder", "UntrustedFolderError", "open_private_folder"]
 
@@ -27,8 +29,7 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 _MOST_BYTES = 16_000_000
 """A file; the machine code of the largest law that can be read has a tenth of it."""
 
-_UNFINISHED, _UNFINISHED_SECONDS = ".part", 3600.0
-"""Files of writers that were killed; nobody writes for an hour."""
+_UNFINISHED = re.compile(r"\..+\.(?P<writer>\d+)\.[0-9a-f]+\.part")
 
 _OTHERS_WRITE, _OTHERS_USE = 0o022, 0o077
 _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -70,20 +71,19 @@ class PrivateFolder:
         OSError
             The disk is full, or a folder that is not empty has the name.
         """
-        self._clear()
         _write(self.descriptor, name, self._digest(name, content) + content)
 
     def _digest(self, name: str, content: bytes) -> bytes:
         return hmac.digest(self.key, name.encode() + b"\0" + content, "sha256")
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
         """Remove what killed writers left."""
         for name in os.listdir(self.descriptor):  # noqa: PTH208 - pathlib opens no descriptors
-            if name.startswith(".") and name.endswith(_UNFINISHED):
+            found = _UNFINISHED.fullmatch(name)
+            # of a writer on another machine it may be taken too soon; then its kernel is not stored
+            if found and not is_alive(int(found["writer"])):
                 with suppress(OSError):
-                    found = os.stat(name, dir_fd=self.descriptor, follow_symlinks=False)
-                    if time.time() - found.st_mtime > _UNFINISHED_SECONDS:
-                        os.unlink(name, dir_fd=self.descriptor)
+                    os.unlink(name, dir_fd=self.descriptor)
 
 
 @contextmanager
@@ -114,7 +114,9 @@ def open_private_folder(path: Path) -> Iterator[PrivateFolder]:
             key = _key(descriptor)
         except OSError as fault:
             raise UntrustedFolderError(f"its key cannot be written: {fault.strerror or fault}") from fault
-        yield PrivateFolder(descriptor, key)
+        folder = PrivateFolder(descriptor, key)
+        folder.clear()
+        yield folder
     finally:
         os.close(descriptor)
 
@@ -160,7 +162,7 @@ def _read(folder: int, name: str, forbidden: int) -> bytes | None:
 
 
 def _write(folder: int, name: str, content: bytes) -> None:
-    unfinished = f".{name}.{os.getpid()}.{secrets.token_hex(4)}{_UNFINISHED}"
+    unfinished = f".{name}.{os.getpid()}.{secrets.token_hex(4)}.part"
     descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN, 0o600, dir_fd=folder)
     try:
         with os.fdopen(descriptor, "wb") as file:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rsgen.errors import RsgenError
 from rsgen.output import left_behind, sync_folder
-from rsgen.study.manifest import MANIFEST, file_hash, listed_files, read_manifest
+from rsgen.study.manifest import MANIFEST, UNFINISHED, file_hash, listed_files, read_manifest
 
 __all__ = ["check_index", "check_replaceable", "recover", "replaced_folder"]
 
@@ -25,7 +25,10 @@ _SHOWN = 3
 
 
 def recover(out: Path) -> None:
-    """Clear up after killed runs: a result moved aside comes back, unfinished ones are removed."""
+    """Clear up after killed runs: a result moved aside comes back, unfinished ones are removed.
+
+    A hidden folder with such a name in which there is more than a run wrote stays.
+    """
     if not out.is_dir():
         return
     for path in sorted(out.iterdir()):
@@ -35,8 +38,19 @@ def recover(out: Path) -> None:
         place = out / name
         if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
             path.rename(place)
-        else:
+        elif _of_a_run(path):
             shutil.rmtree(path, ignore_errors=True)
+
+
+def _of_a_run(hidden: Path) -> bool:
+    """Whether a hidden folder holds nothing but what a run wrote: a name alone is no proof."""
+    if (hidden / UNFINISHED).is_file():
+        return True
+    try:
+        check_replaceable(hidden)
+    except (RsgenError, OSError):
+        return False
+    return True
 
 
 def check_replaceable(place: Path) -> None:
@@ -106,7 +120,7 @@ def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
 
 @contextmanager
 def replaced_folder(out: Path, name: str) -> Iterator[Path]:
-    """Give an empty folder to fill; when the block ends without fault it takes the place ``out/name``.
+    """Give a folder to fill; when the block ends without fault it takes the place ``out/name``.
 
     An earlier result stays untouched until then. Between the two renames a kill leaves the earlier result
     under its hidden name, from where ``recover`` brings it back.
@@ -130,12 +144,14 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         recover(out)
         check_replaceable(place)
         part.mkdir()
+        (part / UNFINISHED).touch()
     except OSError as fault:
         raise RsgenError(
             f"{place}: cannot be made: {fault.strerror or fault}; choose another --out"
         ) from fault
     try:
         yield part
+        (part / UNFINISHED).unlink(missing_ok=True)
         sync_folder(part)
         # somebody may have put a file there meanwhile
         check_replaceable(place)
@@ -149,5 +165,5 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         raise RsgenError(f"{place}: cannot be written: {fault.strerror or fault}") from fault
     finally:
         shutil.rmtree(part, ignore_errors=True)
-        if place.exists():
+        if place.exists() and _of_a_run(old):
             shutil.rmtree(old, ignore_errors=True)

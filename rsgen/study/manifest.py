@@ -17,6 +17,7 @@ from rsgen.output import write_atomic
 
 __all__ = [
     "MANIFEST",
+    "UNFINISHED",
     "file_hash",
     "inputs_unchanged",
     "listed_files",
@@ -26,6 +27,8 @@ __all__ = [
 ]
 
 MANIFEST = "manifest.json"
+UNFINISHED = ".unfinished"
+"""A file that says of a hidden folder that a run fills it; it goes before the folder takes its place."""
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
 _MAX_MANIFEST = 1_000_000
@@ -88,7 +91,7 @@ def write_manifest(
     files = {
         path.relative_to(folder).as_posix(): file_hash(path)
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != MANIFEST
+        if path.is_file() and path.name not in (MANIFEST, UNFINISHED)
     }
     content = {
         "schema": SCHEMA,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -173,11 +174,22 @@ def _execute(
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)
         results = (case, surface, identification, comparison)
-        with _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
+        with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
             write_report(folder, *results, durations=durations, command=command, figures=figures)
         passed, verdict = _said(folder)
         write_manifest(folder, inputs, seed, command)
     return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
+
+
+@contextlib.contextmanager
+def _temporary_in(folder: Path) -> Iterator[None]:
+    """Let temporary files lie in a folder, with which they go if the run is killed; TMPDIR may not exist."""
+    before = tempfile.tempdir
+    tempfile.tempdir = str(folder)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hmac
 import os
+import socket
 import stat
 import subprocess
 import sys
@@ -56,6 +57,17 @@ def _flip(entry: Path, place: int) -> None:
     entry.write_bytes(content)
 
 
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as opened:
+        before = Path.cwd()
+        # the name of a socket has a hundred characters at most
+        os.chdir(path.parent)
+        try:
+            opened.bind(path.name)
+        finally:
+            os.chdir(before)
+
+
 DAMAGES: dict[str, Callable[[Path], object]] = {
     "digest": lambda entry: _flip(entry, 0),
     "symbol": lambda entry: _flip(entry, 40),
@@ -76,10 +88,17 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
         entry.rename(entry.parent.parent / "elsewhere"),
         entry.symlink_to(entry.parent.parent / "elsewhere"),
     ),
+    "zeros": lambda entry: entry.write_bytes(bytes(entry.stat().st_size)),
+    "reversed": lambda entry: entry.write_bytes(entry.read_bytes()[::-1]),
+    "socket": lambda entry: _replace_by(entry, _socket),
+    "under the key's name": lambda entry: entry.rename(entry.parent / "key"),
+    "writable by a group": lambda entry: entry.chmod(0o620),
     "key missing": lambda entry: (entry.parent / "key").unlink(),
     "key changed": lambda entry: _flip(entry.parent / "key", 3),
     "key too long": lambda entry: (entry.parent / "key").write_bytes(bytes(33)),
     "key that others read": lambda entry: (entry.parent / "key").chmod(0o644),
+    "key empty": lambda entry: (entry.parent / "key").write_bytes(b""),
+    "key of zeros": lambda entry: (entry.parent / "key").write_bytes(bytes(32)),
     "key a pipe": lambda entry: _replace_by(entry.parent / "key", os.mkfifo),
     "key a folder": lambda entry: _replace_by(entry.parent / "key", Path.mkdir),
     "key a link": lambda entry: _replace_by(entry.parent / "key", lambda path: path.symlink_to("/dev/zero")),
@@ -219,15 +238,18 @@ def test_a_cache_is_made_for_its_user_alone(own_cache: Path) -> None:
 
 
 def test_what_killed_writers_left_is_removed(own_cache: Path) -> None:
+    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True)
     with open_private_folder(own_cache) as folder:
-        for name, age in ((".a.1.0.part", 7200.0), (".b.1.0.part", 10.0)):
-            (own_cache / name).touch()
-            then = (own_cache / name).stat().st_mtime - age
-            os.utime(own_cache / name, (then, then))
+        for process in (int(gone.stdout), os.getppid()):
+            (own_cache / f".a.{process}.0.part").touch()
+        (own_cache / ".part").touch()
         folder.write("entry", b"content")
         assert folder.read("entry") == b"content"
         assert folder.read("other") is None
-    assert sorted(path.name for path in own_cache.iterdir()) == [".b.1.0.part", "entry", "key"]
+    # the next one to open it clears up, whether it writes or not
+    with open_private_folder(own_cache):
+        left = sorted(path.name for path in own_cache.iterdir())
+    assert left == sorted([f".a.{os.getppid()}.0.part", ".part", "entry", "key"])
 
 
 def test_a_file_under_another_name_is_none(own_cache: Path) -> None:

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,7 @@ from rsgen.measurement import read_measurement
 from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
-from rsgen.study.run_case import _failed_notebook, current_result
+from rsgen.study.run_case import _failed_notebook, _temporary_in, current_result
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
@@ -196,6 +197,26 @@ def test_a_killed_run_of_another_case_is_cleared_up(tmp_path: Path) -> None:
         fill(folder, "text")
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == sorted(["case", f".other.{os.getppid()}.part", ".notes.part"])
+
+
+@posix
+@pytest.mark.parametrize("kind", ["part", "old"])
+def test_a_hidden_folder_of_the_user_is_not_taken_for_an_unfinished_one(tmp_path: Path, kind: str) -> None:
+    thesis = tmp_path / f".notes.{_dead_process()}.{kind}" / "thesis.tex"
+    thesis.parent.mkdir()
+    thesis.write_text("mine")
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "text")
+    assert thesis.read_text() == "mine"
+
+
+def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path: Path) -> None:
+    before = tempfile.gettempdir()
+    with replaced_folder(tmp_path, "case") as folder, _temporary_in(folder):
+        fill(folder, "text")
+        with tempfile.TemporaryDirectory() as inside:
+            assert Path(inside).parent == folder
+    assert tempfile.gettempdir() == before
 
 
 FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {

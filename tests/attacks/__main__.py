@@ -1,0 +1,95 @@
+"""All attacks, at the counts of the table or at those given: ``reports/attacks.md``.
+
+``python -m tests.attacks`` runs everything, which takes hours; ``python -m tests.attacks kills=100 pool=20``
+runs those modules, and leaves the other rows of the table as they are.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+
+from rsgen.output import write_atomic
+from tests.attacks.program import Row, print_rows
+
+COUNTS = {
+    "kills": 300,
+    "pool": 20,
+    "cache": 30,
+    "output": 20,
+    "readers": 5000,
+    "expressions": 20_000,
+    "surroundings": 60,
+    "many": 500,
+    "large": 1_000_000,
+}
+"""The modules, in the order of the table, and how often each attack is made."""
+
+TABLE = Path(__file__).parents[2] / "reports" / "attacks.md"
+
+HEAD = """\
+# Attacks
+
+What was tried to make rsgen lie, lose a file, run a stranger's code, hang or end with a traceback, and what
+came of it. `make attack` renews this file; `python -m tests.attacks kills=100` renews the rows of one module.
+Each row says how often the attack was made. What is promised stands in [SECURITY.md](../SECURITY.md), the
+attacks in `tests/attacks/`.
+
+"""
+
+
+def sections(text: str) -> dict[str, str]:
+    """Give what an earlier table says, by module."""
+    return {part.partition("\n")[0].split(":")[0]: part for part in text.split("\n## ")[1:]}
+
+
+def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: float) -> str:
+    """Write the rows of a module."""
+    about = (import_module(f"tests.attacks.{module}").__doc__ or "").strip().splitlines()[0]
+    head = f"{module}: {about[0].lower()}{about[1:]}\n\nSeed {seed}; {minutes:.1f} minutes.\n\n"
+    lines = [
+        " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in line)
+        for line in (
+            ("figure", "asked", "measured"),
+            ("---", "---", "---"),
+            *((row["figure"], row["asked"], row["measured"]) for row in rows),
+        )
+    ]
+    return head + "".join(f"| {line} |\n" for line in lines)
+
+
+def attack(module: str, count: int, seed: int) -> tuple[list[Row], str]:
+    """Run a module; give its rows and its section of the table."""
+    started = time.monotonic()
+    rows: list[Row] = import_module(f"tests.attacks.{module}").run(count, seed)
+    return rows, section(module, rows, seed, (time.monotonic() - started) / 60)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the modules that are named, ``module`` or ``module=count``; all without names."""
+    wanted = dict(COUNTS)
+    if argv:
+        named = dict(word.partition("=")[::2] for word in argv)
+        unknown = named.keys() - COUNTS.keys()
+        if unknown:
+            print(
+                f"{', '.join(sorted(unknown))}: no such attack; allowed: {', '.join(COUNTS)}", file=sys.stderr
+            )
+            return 2
+        wanted = {module: int(named[module] or COUNTS[module]) for module in named}
+    code = 0
+    for module, count in wanted.items():
+        rows, text = attack(module, count, seed=1)
+        code |= print_rows(rows)
+        # each at once: an attack that ends the machine leaves what was known before
+        found = sections(TABLE.read_text(encoding="utf-8") if TABLE.exists() else "") | {module: text}
+        ordered = [found[name].rstrip() for name in COUNTS if name in found]
+        write_atomic(TABLE, HEAD + "\n".join(f"## {part}\n" for part in ordered))
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,238 @@
+"""The cache of machine code damaged, and code of strangers planted in it; each is tried by a new process.
+
+``python -m tests.attacks.cache``
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import patch
+
+from rsgen.expression import parse
+from rsgen.kernel import generate, private_folder
+from rsgen.kernel.machine_code import compile_source
+from rsgen.kernel.private_folder import open_private_folder
+from tests.attacks.program import Row, count_and_seed, environment, print_rows, row, temporary
+from tests.kernel.test_store import DAMAGES
+
+LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
+
+PROGRAM = f"""
+import numpy as np
+from rsgen.expression import parse
+from rsgen.kernel import compile_kernel
+kernel = compile_kernel(parse({LAW!r}))
+state = kernel.integrate(
+    np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, np.array([0.3, 40.0]),
+    steps=32, periods=1,
+).state
+print(state.tobytes().hex())
+"""
+"""A period of one oscillator, by a kernel from the cache if one can be trusted there."""
+
+_SECONDS = 60
+
+
+def _numbers(place: Path) -> str:
+    """Integrate in a new process; give the bits of the result, or what came instead."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=_SECONDS,
+            env=environment(place),
+        )
+    except subprocess.TimeoutExpired:
+        return "hung"
+    return done.stdout if done.returncode == 0 else f"ended with {done.returncode}: {done.stderr[-200:]}"
+
+
+def _entry(cache: Path) -> Path:
+    (entry,) = [path for path in cache.iterdir() if path.name != "key" and not path.name.startswith(".")]
+    return entry
+
+
+def _full_folder(entry: Path) -> None:
+    """A folder that cannot be taken away has the name of the entry."""
+    entry.unlink()
+    (entry / "more").mkdir(parents=True)
+
+
+FURTHER: dict[str, Callable[[Path], object]] = {"folder that is not empty": _full_folder}
+"""Damages that a new compilation cannot mend in the cache; it works without."""
+
+
+def damage(kind: str, compiled: Path, expected: str) -> str:
+    """Damage a cache in one way; say what is wrong with the numbers of the next two processes."""
+    with temporary() as place:
+        shutil.copytree(compiled / "cache", place / "cache")
+        (DAMAGES | FURTHER)[kind](_entry(place / "cache"))
+        found = {_numbers(place) for _ in range(2)}
+    return "" if found == {expected} else f"{kind}: {'; '.join(sorted(found - {expected}))}"
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Machine code of another law, for the entry of this one."""
+
+    cache: Path
+    content: bytes
+
+    @property
+    def entry(self) -> Path:
+        """Where it goes."""
+        return _entry(self.cache)
+
+    def with_key(self) -> None:
+        """Write it as somebody does who can read the key and write into the folder."""
+        folder = self.cache.resolve()
+        with (
+            patch.object(private_folder, "_OTHERS_WRITE", 0),
+            patch.object(os, "geteuid", lambda: folder.stat().st_uid),
+            patch.object(private_folder, "_key", lambda _: (folder / "key").read_bytes()),
+            open_private_folder(folder) as opened,
+        ):
+            opened.write(self.entry.name, self.content)
+
+    def guessed(self) -> None:
+        """Write it with a digest by a key that was guessed."""
+        named = self.entry.name.encode() + b"\0" + self.content
+        self.entry.write_bytes(hmac.digest(bytes(32), named, "sha256") + self.content)
+
+
+def own_folder(planted: Planted) -> None:
+    """Somebody writes the user's entry without knowing the key."""
+    planted.guessed()
+
+
+def kept_digest(planted: Planted) -> None:
+    """The digest of the true code stays in front of other code."""
+    planted.entry.write_bytes(planted.entry.read_bytes()[:32] + planted.content)
+
+
+def by_the_user(planted: Planted) -> None:
+    """The user's own program writes it: this is executed, or an attack that is would not be seen."""
+    with open_private_folder(planted.cache) as folder:
+        folder.write(planted.entry.name, planted.content)
+
+
+def entry_of_another(planted: Planted) -> None:
+    """A true entry, with a true digest, gets the name of another kernel."""
+    entry = planted.entry
+    with open_private_folder(planted.cache) as folder:
+        folder.write("another", planted.content)
+    (planted.cache / "another").replace(entry)
+
+
+def writable_by_all(planted: Planted) -> None:
+    """Everybody may write into the folder."""
+    planted.cache.chmod(0o777)
+    planted.with_key()
+
+
+def writable_by_a_group(planted: Planted) -> None:
+    """A group may write into the folder."""
+    planted.cache.chmod(0o770)
+    planted.with_key()
+
+
+def shared_sticky_folder(planted: Planted) -> None:
+    """The folder is as /tmp is."""
+    planted.cache.chmod(0o1777)
+    planted.with_key()
+
+
+def link_to_a_folder(planted: Planted) -> None:
+    """The name of the cache leads to a folder elsewhere."""
+    planted.cache.rename(planted.cache.with_name("real"))
+    planted.cache.symlink_to(planted.cache.with_name("real"))
+    planted.with_key()
+
+
+def known_key(planted: Planted) -> None:
+    """Others could read the key, so it is no secret."""
+    (planted.cache / "key").chmod(0o644)
+    planted.with_key()
+
+
+def folder_of_another_user(planted: Planted) -> None:
+    """The folder, the key and the entry belong to somebody else."""
+    planted.with_key()
+    for path in (planted.cache, *planted.cache.iterdir()):
+        os.chown(path, 12345, 12345)
+
+
+def entry_of_another_user(planted: Planted) -> None:
+    """The entry alone belongs to somebody else."""
+    planted.with_key()
+    os.chown(planted.entry, 12345, 12345)
+
+
+WAYS = (
+    *(own_folder, kept_digest, entry_of_another, writable_by_all, writable_by_a_group),
+    *(shared_sticky_folder, link_to_a_folder, known_key),
+)
+WAYS_OF_ROOT = (folder_of_another_user, entry_of_another_user)
+"""Files can be given away by the administrator alone; for others these are not tried."""
+
+
+def plant(
+    attack: Callable[[Planted], None], compiled: Path, content: bytes, expected: str
+) -> tuple[bool, str]:
+    """Plant code in one way; give whether it was executed, and what else went wrong."""
+    with temporary() as place:
+        shutil.copytree(compiled / "cache", place / "cache")
+        attack(Planted(place / "cache", content))
+        found = _numbers(place)
+    executed = found != expected and not found.startswith(("hung", "ended"))
+    return executed, "" if found == expected or executed else f"{attack.__name__}: {found}"
+
+
+def run(count: int, seed: int) -> list[Row]:
+    """Try ``count`` damages, spread over all kinds, and as many ways to plant; nothing is left to chance."""
+    kinds = [*DAMAGES, *FURTHER]
+    kinds = kinds[:: max(1, len(kinds) // count)][:count]
+    ways = [*WAYS, *(WAYS_OF_ROOT if os.geteuid() == 0 else ())][:count]
+    with temporary() as compiled:
+        expected = _numbers(compiled)
+        wrong = [text for text in (damage(kind, compiled, expected) for kind in kinds) if text]
+        name = f"rsgen_kernel_{_entry(compiled / 'cache').name}"
+        code, symbol = compile_source(generate(parse(OTHER_LAW)), name)
+        content = symbol.encode() + b"\0" + code
+        if not plant(by_the_user, compiled, content, expected)[0]:
+            raise RuntimeError("code with the right digest is not executed, so these attacks show nothing")
+        found = [plant(attack, compiled, content, expected) for attack in ways]
+    executed = [attack.__name__ for attack, (ran, _) in zip(ways, found, strict=True) if ran]
+    wrong_ways = [text for _, text in found if text]
+    shown = [f" ({'; '.join(which[:5])})" if which else "" for which in (wrong, [*executed, *wrong_ways])]
+    asked = str(len(kinds))
+    return [
+        row(
+            f"damaged cache entries, {asked} kinds: the same numbers from two new processes",
+            f"{asked} of {asked}",
+            f"{len(kinds) - len(wrong)} of {asked}{shown[0]}",
+        ),
+        row(
+            f"machine code planted in the cache, {len(ways)} ways: executed",
+            "0",
+            f"{len(executed)} of {len(ways)}{shown[1]}",
+        ),
+    ]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Damage and plant, and print the figures."""
+    return print_rows(run(*count_and_seed(argv, len(DAMAGES) + len(FURTHER), __doc__)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,162 @@
+"""Whole runs ended at random moments: what they leave, and what the next run makes of it.
+
+``python -m tests.attacks.kills --count 300 --seed 1``
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.attacks.program import (
+    Ended,
+    Row,
+    count_and_seed,
+    end,
+    environment,
+    leftovers,
+    lies,
+    print_rows,
+    row,
+    rsgen,
+    start,
+    temporary,
+    verified,
+    write_case,
+)
+
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+_NEXT_MOMENT = 1.15
+"""Of the time of an undisturbed run, up to which moments are drawn: past its end, too."""
+
+
+@dataclass
+class Tally:
+    """What was found over all kills."""
+
+    tried: Counter[str] = field(default_factory=Counter)
+    ended: int = 0  # runs that a signal reached while they ran
+    lying: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    orphans: list[str] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    talk: list[str] = field(default_factory=list)  # tracebacks, hangs, wrong exit codes
+
+    def rows(self) -> list[Row]:
+        """The figures."""
+        number = sum(self.tried.values())
+        kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
+        head = f"kills of whole runs at random moments ({kinds}; {self.ended} while they ran)"
+        found = {
+            "results that lie": self.lying,
+            "earlier results lost": self.lost,
+            "orphans": self.orphans,
+            "leftovers after the next run": self.left,
+            "tracebacks, hangs, wrong exit codes": self.talk,
+        }
+        return [
+            row(f"{head}: {what}", "0", f"{len(which)} of {number}{_examples(which)}")
+            for what, which in found.items()
+        ]
+
+
+def _examples(which: Sequence[str]) -> str:
+    return f" ({'; '.join(which[:5])})" if which else ""
+
+
+def _signal(leader: int, number: signal.Signals, everybody: bool) -> bool:
+    """Send a signal to a run, or to all its processes as a terminal does; False where it is over."""
+    with suppress(ProcessLookupError):
+        (os.killpg if everybody else os.kill)(leader, number)
+        return True
+    return False
+
+
+def _codes(number: signal.Signals) -> tuple[int, ...]:
+    """Exit codes that a run may have: 0 came too late, the signal's own before Python listens."""
+    return (0, -number) if number == signal.SIGKILL else (0, 130, -number)
+
+
+def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tally) -> None:
+    """Begin a run of two cases, end it at a random moment, look at what is left, run again, look again.
+
+    Half of the runs begin where earlier results lie, which must not be lost; a fifth compile their kernels.
+    """
+    chance = random.Random(seed)
+    number, jobs = chance.choice(SIGNALS), chance.choice(("1", "2"))
+    everybody, again, cold = chance.random() < 0.5, chance.random() < 0.5, chance.random() < 0.2
+    around, out = environment(place), place / "out"
+    if again:
+        shutil.copytree(earlier / "out", out)
+    shutil.copytree(earlier / "cache", place / "cache", dirs_exist_ok=True)
+    if cold:
+        shutil.rmtree(place / "cache")
+    before = verified(out)
+    words = ("run", earlier / "cases", "--out", out, "--jobs", jobs)
+    process = start((*words, "--force") if again else words, env=around)
+    time.sleep(chance.uniform(0.0, _NEXT_MOMENT) * seconds)
+    reached = process.poll() is None and _signal(process.pid, number, everybody)
+    ended = end(process)
+    what = f"seed {seed}, {number.name}, {'all' if everybody else 'one'}, --jobs {jobs}"
+    tally.tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
+    tally.ended += reached and ended.code != 0
+    tally.lying += [f"{what}: {name}" for name in lies(out)]
+    tally.orphans += [what] * bool(ended.orphans)
+    fault = _spoken(ended, number)
+    tally.talk += [f"{what}: {fault}"] * bool(fault)
+    # a result that had been moved aside comes back before anything is computed
+    following = rsgen("run", earlier / "cases", "--out", out, "--jobs", "1", env=around)
+    fault = following.fault(0)
+    tally.talk += [f"{what}, next run: {fault}"] * bool(fault)
+    tally.lying += [f"{what}, next run: {name}" for name in lies(out)]
+    if again and (following.out.count("unchanged") < len(before) or len(verified(out)) < len(before)):
+        tally.lost.append(what)
+    tally.left += [f"{what}: {name}" for name in leftovers(out, place / "tmp", place / "cache")]
+
+
+def _spoken(ended: Ended, number: signal.Signals) -> str:
+    """Say what is wrong with how a killed run ended; orphans are counted elsewhere."""
+    alone = Ended(ended.code, ended.out, ended.err, ended.seconds, 0)
+    return alone.fault(*_codes(number))
+
+
+def _undisturbed(place: Path) -> float:
+    """Run the cases once, compiled before; give the seconds."""
+    (place / "cases").mkdir()
+    for name, k in (("one", 5920.0), ("two", 6100.0)):
+        write_case(place / "cases", name, k=k)
+    words = ("run", place / "cases", "--out", place / "out", "--jobs", "1", "--force")
+    ends = [rsgen(*words, env=environment(place)) for _ in range(2)]
+    faults = [ended.fault(0) for ended in ends if ended.fault(0)]
+    if faults:
+        raise RuntimeError(f"an undisturbed run failed: {faults[0]}")
+    return ends[1].seconds
+
+
+def run(count: int, seed: int) -> list[Row]:
+    """Kill ``count`` runs."""
+    tally = Tally()
+    with temporary() as earlier:
+        seconds = _undisturbed(earlier)
+        for number in range(count):
+            with temporary() as place:
+                kill_once(1_000_000 * seed + number, place, seconds, earlier, tally)
+    return tally.rows()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Kill as many runs as are asked for and print the figures."""
+    return print_rows(run(*count_and_seed(argv, 300, __doc__)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

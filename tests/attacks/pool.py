@@ -1,0 +1,105 @@
+"""A run of six cases in a pool of two processes, one of which is killed: what the others come to.
+
+``python -m tests.attacks.pool --count 20 --seed 1``
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from tests.attacks.program import (
+    HANG_SECONDS,
+    Row,
+    count_and_seed,
+    end,
+    environment,
+    leftovers,
+    lies,
+    print_rows,
+    row,
+    start,
+    temporary,
+    verified,
+    write_case,
+)
+
+CASES = 6
+
+_LATEST = 2.5
+"""Seconds after the beginning of a case until which its worker is killed: about what a case takes."""
+
+
+def _begun(out: Path, name: str, seconds: float) -> int | None:
+    """Wait until a case is worked on; give the number of its process, which its hidden folder names."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        for folder in out.glob(f".{name}.*.part"):
+            return int(folder.name.split(".")[2])
+        time.sleep(0.01)
+    return None
+
+
+def kill_a_worker(seed: int, place: Path, cache: Path) -> tuple[int, int, list[str]]:
+    """Kill the worker of one case; give cases finished, others among them, and what else went wrong."""
+    chance = random.Random(seed)
+    folder, out = place / "cases", place / "out"
+    folder.mkdir()
+    names = [f"case{number}" for number in range(CASES)]
+    for number, name in enumerate(names):
+        write_case(folder, name, k=5920.0 + 50 * number)
+    around = environment(place, RSGEN_CACHE=str(cache))
+    process = start(("run", folder, "--out", out, "--jobs", "2"), env=around)
+    victim = chance.choice(names)
+    worker = _begun(out, victim, HANG_SECONDS)
+    time.sleep(chance.uniform(0.0, _LATEST))
+    if worker is not None and process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.kill(worker, signal.SIGKILL)
+    ended = end(process)
+    finished = verified(out)
+    wrong = [ended.fault(0)] if ended.fault(0) else []
+    wrong += lies(out) + leftovers(place / "tmp")
+    if worker is None:
+        wrong.append(f"{victim} was never begun")
+    return len(finished), len(finished.keys() - {victim}), [f"seed {seed}: {text}" for text in wrong]
+
+
+def run(count: int, seed: int) -> list[Row]:
+    """Kill one worker in each of ``count`` runs."""
+    finished, others, wrong = [], [], []
+    with temporary() as cache:
+        for number in range(count):
+            with temporary() as place:
+                found = kill_a_worker(1_000_000 * seed + number, place, cache / "kernels")
+            finished.append(found[0])
+            others.append(found[1])
+            wrong += found[2]
+    held = sum(number == CASES - 1 for number in others)
+    figure = f"one worker killed in a run of {CASES}, {count} times"
+    return [
+        row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
+        row(
+            f"{figure}: cases finished, with the one that lost its worker",
+            f"{CASES * count}",
+            f"{sum(finished)} of {CASES * count}",
+        ),
+        row(
+            f"{figure}: faults beside", "0", f"{len(wrong)}" + (f" ({'; '.join(wrong[:5])})" if wrong else "")
+        ),
+    ]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Kill as many workers as are asked for and print the figures."""
+    return print_rows(run(*count_and_seed(argv, 20, __doc__)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

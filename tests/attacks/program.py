@@ -1,0 +1,205 @@
+"""rsgen as its user starts it: in a session of its own, in surroundings that an attack has changed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsgen.study import MANIFEST, read_manifest
+
+COMMAND = (sys.executable, "-c", "from rsgen.cli import main; main()")
+
+HANG_SECONDS = 180.0
+"""A command of these cases that is not at its end by then hangs; on a quiet machine they take 4 s."""
+
+ORPHAN_SECONDS = 3.0
+"""A process of a run that is there so long after the run is an orphan; one that clears up has 1 s."""
+
+CASE = """\
+schema = 1
+name = "{name}"
+title = "{title}"
+system = {{ mass = "1.5 kg" }}
+element = [{{ name = "spring", force = "k*x + kn*x**3 + c*v" }}]
+truth = {{ k = {k!r}, kn = 2.2e5, c = 8.0 }}
+accept = {{ k = 1e-2 }}
+
+[test]
+kind = "simulated"
+level = {{ start = 2, stop = 10, count = 3 }}
+frequency = {{ start = 8, stop = 12, count = 21 }}
+harmonics = 3
+accuracy = 1e-5
+"""
+
+Row = dict[str, str]
+"""A row of the table: ``figure``, ``asked``, ``measured``."""
+
+
+def row(figure: str, asked: str, measured: str) -> Row:
+    """Make a row of the table."""
+    return {"figure": figure, "asked": asked, "measured": measured}
+
+
+def write_case(folder: Path, name: str = "small", *, k: float = 5920.0, title: str = "A small case") -> Path:
+    """Write a case of 63 points, named as its file."""
+    path = folder / f"{name}.toml"
+    path.write_text(CASE.format(name=name, title=title, k=k), encoding="utf-8")
+    return path
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command left: code (None: it had to be ended), both outputs, seconds, largest memory."""
+
+    code: int | None
+    out: str
+    err: str
+    seconds: float
+    orphans: int
+
+    def fault(self, *codes: int) -> str:
+        """Say what is wrong with an end, in words; "" where nothing is."""
+        if self.code is None:
+            return f"hung for {self.seconds:.0f} s"
+        for words in ("Traceback", "this is a fault of rsgen", "Fatal Python error", "Exception ignored"):
+            if words in self.err or words in self.out:
+                return f"{words!r}: {self.err[-600:]}"
+        if self.code not in codes:
+            return f"exit code {self.code}: {self.err[-300:]}"
+        return f"{self.orphans} processes left" if self.orphans else ""
+
+
+def session(leader: int) -> list[int]:
+    """List the living processes of a session, by what the system says of each."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        with suppress(OSError):
+            # after the name, which is in brackets: state, parent, group, session
+            state, _, _, number = (entry / "stat").read_text().rpartition(")")[2].split()[:4]
+            if int(number) == leader and state != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+def start(words: Sequence[str | Path], **options: object) -> subprocess.Popen[str]:
+    """Start a command of rsgen; it leads a session, by which its processes are found again."""
+    settings: dict = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    settings |= {"text": True, "errors": "replace", "start_new_session": True} | options
+    return subprocess.Popen(settings.pop("command", None) or [*COMMAND, *map(str, words)], **settings)
+
+
+def end(process: subprocess.Popen[str], seconds: float = HANG_SECONDS) -> Ended:
+    """Wait for the end of a command, then for that of its processes; end those that stay."""
+    started, code, out, err = time.monotonic(), None, "", ""
+    try:
+        out, err = process.communicate(timeout=seconds)
+        code = process.returncode
+    except subprocess.TimeoutExpired:
+        pass
+    taken = time.monotonic() - started
+    while (left := session(process.pid)) and code is not None:
+        if time.monotonic() - started - taken > ORPHAN_SECONDS:
+            break
+        time.sleep(0.02)
+    for number in left:
+        with suppress(ProcessLookupError):
+            os.kill(number, signal.SIGKILL)
+    if code is None:
+        with suppress(subprocess.TimeoutExpired):
+            out, err = process.communicate(timeout=10)
+    return Ended(code, out or "", err or "", taken, len(left))
+
+
+def rsgen(*words: str | Path, **options: object) -> Ended:
+    """Run a command of rsgen to its end."""
+    return end(start(words, **options))
+
+
+def environment(place: Path, **changes: str | None) -> dict[str, str]:
+    """Give what a command finds around it: folders of its own below ``place``, one thread, and changes."""
+    own = {"HOME": "home", "TMPDIR": "tmp", "RSGEN_CACHE": "cache", "MPLCONFIGDIR": "matplotlib"}
+    for name in own.values():
+        (place / name).mkdir(exist_ok=True, mode=0o700)
+    found = {**os.environ, **{key: str(place / name) for key, name in own.items()}}
+    found |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RSGEN_THREADS"), "1")
+    found["PYTHONPATH"] = str(Path(__file__).parents[2])
+    return {key: value for key, value in {**found, **changes}.items() if value is not None}
+
+
+def lies(out: Path) -> list[str]:
+    """List what looks like a result in a folder of results and does not verify."""
+    if not out.is_dir():
+        return []
+    found = [
+        path.name
+        for path in sorted(out.iterdir())
+        if path.is_dir() and not path.name.startswith(".") and read_manifest(path) is None
+    ]
+    ends = {"index.html": "</html>", "table1.md": "\n"}
+    for name, last in ends.items():
+        path = out / name
+        if path.exists() and not path.read_text(encoding="utf-8").endswith((last, f"{last}\n")):
+            found.append(name)
+    return found
+
+
+def leftovers(*folders: Path) -> list[str]:
+    """List what a run that is over has no use for: hidden entries, and whatever lies in temporary folders."""
+    return [
+        f"{folder.name}/{path.name}"
+        for folder in folders
+        if folder.is_dir()
+        for path in sorted(folder.iterdir())
+        if path.name.startswith(".") or folder.name == "tmp"
+    ]
+
+
+def verified(out: Path) -> dict[str, bytes]:
+    """Give the manifest of every result that verifies."""
+    return {
+        path.name: (path / MANIFEST).read_bytes()
+        for path in sorted(out.iterdir() if out.is_dir() else ())
+        if path.is_dir() and read_manifest(path) is not None
+    }
+
+
+@contextmanager
+def temporary() -> Iterator[Path]:
+    """Give a folder with a short name."""
+    with tempfile.TemporaryDirectory(prefix="rsgen-") as folder:
+        yield Path(folder)
+
+
+def count_and_seed(argv: Sequence[str] | None, count: int, about: str | None) -> tuple[int, int]:
+    """Read ``--count`` and ``--seed`` of a module's command line."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--count", type=int, default=count, help="repetitions")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args(argv)
+    return chosen.count, chosen.seed
+
+
+def print_rows(rows: Sequence[Mapping[str, str]]) -> int:
+    """Print rows of the table; give 1 where a number that is asked is not the one measured."""
+    for entry in rows:
+        print(" | ".join((entry["figure"], entry["asked"], entry["measured"])), flush=True)
+    return int(not all(map(reached, rows)))
+
+
+def reached(entry: Mapping[str, str]) -> bool:
+    """Whether a row begins with the number that is asked; other figures are for a reader to judge."""
+    asked, measured = entry["asked"].split()[0], entry["measured"].split()[0]
+    return not asked.isdigit() or asked == measured

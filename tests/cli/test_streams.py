@@ -1,0 +1,126 @@
+"""Streams that are closed, full or poor in letters: a sentence and the right code, and the work goes on."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from rsgen.cli import streams
+from rsgen.diagnostics import program_fault
+
+posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
+
+
+class Broken(io.StringIO):
+    """A stream that takes nothing."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+        self.silenced = False
+
+    def write(self, text: str) -> int:
+        if not self.silenced:
+            raise OSError(self.number, os.strerror(self.number))
+        return len(text)
+
+    def flush(self) -> None:
+        self.write("")
+
+
+@pytest.fixture
+def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, str], Broken]:
+    def put(number: int, name: str) -> Broken:
+        stream = Broken(number)
+        monkeypatch.setattr(sys, name, stream)
+        monkeypatch.setattr(streams, "_silence", lambda which: setattr(which, "silenced", True))
+        return stream
+
+    streams.open_streams()
+    return put
+
+
+def test_a_reader_that_left_is_no_fault(broken: Callable[[int, str], Broken]) -> None:
+    stream = broken(errno.EPIPE, "stdout")
+    streams.write_output("a line", flush=True)
+    streams.write_output("another", flush=True)
+    assert stream.silenced
+    assert streams.output_fault() is None
+
+
+def test_a_full_output_is_said_once_at_the_end(broken: Callable[[int, str], Broken]) -> None:
+    broken(errno.ENOSPC, "stdout")
+    streams.write_output("a line", flush=True)
+    streams.write_output("another", flush=True)
+    assert streams.output_fault() == "standard output: cannot be written: No space left on device"
+    streams.open_streams()
+    assert streams.output_fault() is None
+
+
+def test_errors_that_nobody_reads_stop_nothing(broken: Callable[[int, str], Broken]) -> None:
+    assert not broken(errno.ENOSPC, "stderr").silenced
+    streams.write_error("a fault")
+    assert sys.stderr.silenced
+
+
+def _shell(redirections: str, words: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    line = f"{sys.executable} -c 'from rsgen.cli import main; main()' {words} {redirections}"
+    return subprocess.run(
+        ["bash", "-c", line],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={**os.environ, **variables},
+    )
+
+
+@posix
+@pytest.mark.parametrize(
+    ("redirections", "words", "code", "error"),
+    [
+        ("> /dev/full", "laws", 2, "standard output: cannot be written: No space left on device\n"),
+        ("> /dev/full", "--help", 2, "rsgen: the system refuses what this needs: No space left on device\n"),
+        ("2> /dev/full", "run absent.toml", 2, ""),
+        ("> /dev/full 2> /dev/full", "laws", 2, ""),
+        (">&-", "laws", 0, ""),
+        ("<&- >&- 2>&-", "run absent.toml", 2, ""),
+    ],
+)
+def test_a_command_ends_well_whatever_its_streams_are(
+    redirections: str, words: str, code: int, error: str
+) -> None:
+    done = _shell(redirections, words)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
+
+
+@posix
+def test_a_reader_that_left_does_not_change_the_code() -> None:
+    done = _shell("| true; exit ${PIPESTATUS[0]}", "laws")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_letters_that_an_output_does_not_have_are_escaped() -> None:
+    program = "from rsgen.cli import streams; streams.open_streams(); streams.write_output('10 \u03a9')"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert (done.stdout, done.stderr) == ("10 \\u03a9\n", "")
+
+
+def test_what_the_system_refuses_is_no_fault_of_the_program() -> None:
+    refused = program_fault(PermissionError(errno.EACCES, "Permission denied", "/here"), "small.toml")
+    assert refused == "small.toml: the system refuses what this needs: Permission denied: /here"
+    assert "too little memory" in program_fault(MemoryError(), "small.toml")
+    assert "cannot be loaded" in program_fault(ImportError("failed to map segment"), "small.toml")
+    assert "this is a fault of rsgen" in program_fault(ZeroDivisionError("odd"), "small.toml")
