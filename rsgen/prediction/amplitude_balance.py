@@ -92,22 +92,26 @@ class AmplitudeBalance:
         return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
 
     def _settle(
-        self, size: Array, omega: Array, square: Callable[[Array, Array], Array]
+        self, size: Array, omega: Array, square: Callable[[Array, Array, Array], Array]
     ) -> tuple[Array, Array, Array, Array]:
-        """Iterate omega^2 = square(u, k), u = k/m - c^2/(2 m^2), as k and c depend on omega.
+        """Iterate omega^2 = square(u, k, X), u = k/m - c^2/(2 m^2), as k and c depend on omega.
 
         Gives omega [rad/s], k [N/m], u and the last square [rad^2/s^2], each (n,).
         """
+        omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
         start: ComplexArray | None = None
+        moving = np.arange(len(size))
         for _ in range(_ROUNDS):
-            stiffness, damping, start = self._equivalent(size, omega, start)
-            middle = stiffness / self._mass - 0.5 * (damping / self._mass) ** 2
-            last = square(middle, stiffness)
-            new = np.sqrt(np.where(last > 0, last, np.nan))
-            change = np.nanmax(np.abs(new / omega - 1), initial=0.0)
-            omega = np.where(np.isfinite(new), new, omega)
-            if change < _CLOSE:
+            stiff, damping, start = self._equivalent(size[moving], omega[moving], start)
+            stiffness[moving] = stiff
+            middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2
+            last[moving] = square(middle[moving], stiff, size[moving])
+            new = np.sqrt(np.where(last[moving] > 0, last[moving], np.nan))
+            far = np.abs(new / omega[moving] - 1) >= _CLOSE
+            omega[moving] = np.where(np.isfinite(new), new, omega[moving])
+            if not far.any():
                 break
+            moving, start = moving[far], start[far]
         return omega, stiffness, middle, last
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
@@ -117,7 +121,7 @@ class AmplitudeBalance:
         damping is strong: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2 u^2). NaN where the least
         force is at rest or the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
         """
-        omega, stiffness, middle, _ = self._settle(size, guess, lambda middle, _: middle)
+        omega, stiffness, middle, _ = self._settle(size, guess, lambda middle, *_: middle)
         known = (stiffness > 0) & (middle > 0)
         least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
@@ -187,7 +191,7 @@ class AmplitudeBalance:
         NaN where there is none.
         """
 
-        def square(middle: Array, stiffness: Array) -> Array:
+        def square(middle: Array, stiffness: Array, size: Array) -> Array:
             # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 while k and c stay
             root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
             return np.asarray(middle + side * np.sqrt(np.maximum(root, 0.0)))
