@@ -10,7 +10,7 @@ endif
 export RSGEN_DATA
 
 .DEFAULT_GOAL := help
-.PHONY: help reports test test-wheel fast constraints bench attack clean
+.PHONY: help reports docs test test-wheel fast constraints bench attack clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -23,6 +23,9 @@ $(READY): pyproject.toml
 
 reports: $(READY) ## run every case and leave reports/index.html
 	$(BIN)/rsgen run cases
+
+docs: $(READY) ## build docs/_build/html/index.html: tutorial, how-to, method, laws, gallery, API
+	$(BIN)/python -m sphinx -W -n -q -b html docs docs/_build/html
 
 test: $(READY) ## run every check: format, lint, types, imports, tests, doctests
 	@tests/fetch_tools.sh .venv
@@ -62,5 +65,5 @@ attack: $(READY) ## kill, damage, fill up and forge what rsgen has, for hours, i
 	$(BIN)/python -m tests.attacks
 
 clean: ## remove the environment and all generated reports
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf docs/_build .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find reports -mindepth 1 ! -name '*.md' ! -path 'reports/pictures*' -delete

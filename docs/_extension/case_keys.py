@@ -1,0 +1,79 @@
+"""The keys of a case file, from the JSON Schema that is derived from their declarations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from rsgen.case import case_schema
+
+_BOUNDS = {
+    "minimum": "at least {}",
+    "exclusiveMinimum": "above {}",
+    "maximum": "at most {}",
+    "exclusiveMaximum": "below {}",
+}
+
+
+def table_of(schema: dict[str, Any], place: str = "") -> list[tuple[str, dict[str, Any]]]:
+    """List the keys of a case file with what the schema says about each, with tables and dots."""
+    found = []
+    for key, rule in schema["properties"].items():
+        path = f"{place}.{key}" if place else key
+        kinds = _kinds(schema, rule)
+        found.append((path, rule | kinds[0] if len(kinds) == 1 else rule))
+        for kind in kinds:
+            if kind.get("properties"):
+                found += table_of(kind | {"$defs": schema["$defs"]}, path)
+    return found
+
+
+def _kinds(schema: dict[str, Any], rule: dict[str, Any]) -> list[dict[str, Any]]:
+    """What a key may be, references followed, without null."""
+    if "$ref" in rule:
+        return [schema["$defs"][rule["$ref"].rsplit("/", 1)[1]]]
+    if "items" in rule and "$ref" in rule["items"]:
+        return _kinds(schema, rule["items"])
+    several = [*rule.get("anyOf", ()), *rule.get("oneOf", ())]
+    if not several:
+        return [rule]
+    return [kind for one in several for kind in _kinds(schema, one) if kind.get("type") != "null"]
+
+
+def _allowed(rule: dict[str, Any]) -> str:
+    choices = rule.get("enum") or ([rule["const"]] if "const" in rule else [])
+    parts = [", ".join(f"`{choice}`" for choice in choices)] if choices else []
+    parts += [text.format(rule[name]) for name, text in _BOUNDS.items() if name in rule]
+    if rule.get("default") not in (None, "", [], {}):
+        parts.append(f"default `{rule['default']}`")
+    return "; ".join(parts)
+
+
+class CaseKeys(SphinxDirective):
+    """A table of the keys under one table of a case file."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Write the table."""
+        wanted = self.arguments[0]
+        seen: dict[str, str] = {}
+        for path, rule in table_of(case_schema()):
+            if path.split(".")[: wanted.count(".") + 1] == wanted.split("."):
+                text = " ".join(rule.get("description", "").split())
+                row = f"| `{path}` | {text} | {_allowed(rule)} |"
+                if len(row) > len(seen.get(path, "")):
+                    seen[path] = row
+        if not seen:
+            raise self.error(f"case-keys: {wanted}: there is no such table in a case file")
+        text = "| key | meaning | allowed |\n|---|---|---|\n" + "\n".join(seen.values()) + "\n"
+        return self.parse_text_to_nodes(text)
+
+
+def register(app: Sphinx) -> None:
+    """Add the directive."""
+    app.add_directive("case-keys", CaseKeys)

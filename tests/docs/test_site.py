@@ -1,0 +1,102 @@
+"""The pages of docs/ as a reader meets them: built without a warning, quiet, readable at any width."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rsgen
+from docs._extension.snippets import ROOT
+from tests.report.axe import find_axe
+from tests.report.browser import Page, find_browser, in_browser
+from tests.report.test_browser import AXE_RUN, DESK, PHONE
+
+# a page of text and formulas, one of figures, one of programs, one of signatures
+JUDGED = ("index", "method", "laws", "api")
+NOT_FETCHED = re.compile(
+    r"<(?:script|img|iframe|source)\b[^>]*\bsrc=\"(?:https?:)?//|<link\b[^>]*href=\"(?:https?:)?//"
+)
+CHROME = re.compile(r"<link rel=\"(?:canonical|license)\"[^>]*>")
+
+
+def test_the_api_page_names_everything_public() -> None:
+    text = (ROOT / "docs/api.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"auto(?:function|class|exception|module|data):: rsgen\.(\w+)", text))
+    assert named >= set(rsgen.__all__)
+
+
+def test_every_format_and_every_case_has_its_words() -> None:
+    text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/howto").glob("*.md"))
+    cases = sorted(path.stem for path in (ROOT / "cases/formats").glob("*.toml"))
+    assert [name for name in cases if f"cases/formats/{name}.toml" not in text] == []
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All pages, with three laws and one case, and without the output of commands; warnings are errors."""
+    pytest.importorskip("sphinx", reason="no Sphinx here: install rsgen[docs]; the pages were not built")
+    folder = tmp_path_factory.mktemp("site")
+    options = ["-W", "-n", "-q", "-b", "html", "-D", "rsgen_quick=1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, str(ROOT / "docs"), str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.slow
+def test_pages_are_built_without_a_warning_and_ask_nobody(site: Path) -> None:
+    pages = sorted(site.rglob("*.html"))
+    sources = [path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts]
+    assert len(pages) >= len(sources) > 10
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert NOT_FETCHED.search(text) is None, page
+    assert "<math" in (site / "method.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def chromium() -> str:
+    found = find_browser()
+    if found is None:
+        pytest.skip("no chromium here: the pages of docs/ were not looked at in a browser")
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", JUDGED)
+def test_pages_fit_and_axe_finds_nothing(chromium: str, site: Path, name: str) -> None:
+    axe = find_axe()
+    address = (site / f"{name}.html").as_uri()
+
+    async def visit(page: Page) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for width in (PHONE, DESK):
+            for dark in (False, True):
+                await page.show(address, width, dark=dark)
+                wide = await page.ask("document.documentElement.scrollWidth")
+                await page.ask(axe or "0")
+                broken = await page.ask(AXE_RUN, wait=True) if axe else "[]"
+                found[f"{width}{' dark' if dark else ''}"] = (wide <= width, broken)
+        if axe:
+            # the judge is awake: it sees a fault that is made
+            await page.ask("document.documentElement.removeAttribute('lang')")
+            assert "html-has-lang" in await page.ask(AXE_RUN, wait=True)
+        return found | {"requests": [seen for seen in page.requests if not seen.startswith("file:")]}
+
+    seen = in_browser(chromium, visit)
+    assert seen.pop("requests") == []
+    for where, (fits, broken) in seen.items():
+        assert fits, where
+        assert broken == "[]", where
+    if axe is None:
+        pytest.skip("no axe-core here: accessibility of docs/ was not judged; make test fetches it with npm")

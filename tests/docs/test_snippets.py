@@ -1,0 +1,132 @@
+"""Every command and every line of Python in README.md and docs/ runs, in one folder for all pages."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from docs._extension.snippets import ROOT, SnippetError, Workspace, find_snippets
+from rsgen.case import case_schema
+
+PAGES = [
+    ROOT / "README.md",
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts),
+]
+NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
+
+# what cannot be tried here: `make test` would run this test again, the others change the environment
+NOT_HERE = ("make ", "pip install ", "python -m pip install ", "git ")
+KINDS = {
+    "sh", "python", "toml", "text", "{shell}", "{python}", "{file}", "{toctree}", "{include}", "{math}",
+    "{literalinclude}", "{law-library}", "{gallery}", "{next-steps}", "{case-keys}", "{eval-rst}", "{note}",
+    "{command-help}", "{autofunction}", "{autoclass}",
+}  # fmt: skip
+"""What a block may be; another kind would escape these tests."""
+MOST_BYTES = 150_000  # of a picture: the repository keeps every version
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("pages"))
+
+
+def test_what_a_block_says_is_found() -> None:
+    text = "a\n```{shell}\n:exit: 1\nrsgen laws  # all\n\n```\n\n```python\nprint(1)\n```\n"
+    shell, program = find_snippets(text)
+    assert (shell.kind, shell.options, shell.commands, shell.line) == (
+        "{shell}",
+        {"exit": "1"},
+        [["rsgen", "laws"]],
+        2,
+    )
+    assert (program.kind, program.text, program.line) == ("python", "print(1)\n", 8)
+
+
+def test_a_snippet_that_fails_is_noticed(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    with pytest.raises(SnippetError, match="exit code 2"):
+        workspace.run(["rsgen", "laws", "no-such-law"])
+    with pytest.raises(SnippetError, match="only commands of rsgen"):
+        workspace.run(["rm", "-r", "cases"])
+    with pytest.raises(UserWarning):
+        workspace.program("import warnings; warnings.warn('a', stacklevel=1)", "page")
+    with pytest.raises(ZeroDivisionError):
+        workspace.program("1/0", "page")
+
+
+@pytest.mark.parametrize("path", PAGES, ids=NAMES)
+def test_every_block_is_of_a_kind_that_is_tried(path: Path) -> None:
+    for snippet in find_snippets(path.read_text(encoding="utf-8")):
+        assert snippet.kind in KINDS, f"line {snippet.line}"
+        if snippet.kind == "sh":
+            lines = [line for line in snippet.text.splitlines() if line and not line.startswith("#")]
+            assert [line for line in lines if not line.startswith(("rsgen ", *NOT_HERE))] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PAGES, ids=NAMES)
+def test_snippets_run(path: Path, workspace: Workspace) -> None:
+    for snippet in find_snippets(path.read_text(encoding="utf-8")):
+        try:
+            workspace.perform(snippet, str(path))
+        except Exception as fault:
+            fault.add_note(f"{path.relative_to(ROOT)}, line {snippet.line}")
+            raise
+    for result in workspace.folder.glob("reports/*/result.json"):
+        assert result.parent.joinpath("report.html").is_file()
+
+
+def keys_of(schema: dict, rule: dict) -> dict:
+    """The keys that a table of a case file may have; empty for what is no table, or any table."""
+    if "$ref" in rule:
+        return keys_of(schema, schema["$defs"][rule["$ref"].rsplit("/", 1)[1]])
+    found = dict(rule.get("properties", {}))
+    for inner in (rule.get("items", {}), *rule.get("anyOf", ()), *rule.get("oneOf", ())):
+        found |= keys_of(schema, inner) if inner else {}
+    return found
+
+
+def unknown_keys(table: dict, schema: dict, rule: dict, place: str = "") -> list[str]:
+    """Keys of a part of a case file that no case file may have."""
+    known = keys_of(schema, rule)
+    if not known:
+        return []
+    unknown = [f"{place}{key}" for key in table if key not in known]
+    for key, value in table.items():
+        for inner in value if isinstance(value, list) else [value]:
+            if isinstance(inner, dict) and key in known:
+                unknown += unknown_keys(inner, schema, known[key], f"{place}{key}.")
+    return unknown
+
+
+def test_unknown_keys_are_noticed() -> None:
+    part = tomllib.loads('[test.response]\nquantitie = "x"\n[identify]\nband = [1, 2]\n[tests]\na = 1\n')
+    found = unknown_keys(part, case_schema(), case_schema())
+    assert sorted(found) == ["test.response.quantitie", "tests"]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=NAMES)
+def test_parts_of_case_files_have_only_keys_that_are_read(path: Path) -> None:
+    schema = case_schema()
+    for snippet in find_snippets(path.read_text(encoding="utf-8")):
+        if snippet.kind == "toml":
+            part = tomllib.loads(snippet.text)
+            assert unknown_keys(part, schema, schema) == [], f"line {snippet.line}"
+
+
+def test_what_the_readme_links_to_is_there_and_small() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)]*)\)", text) if "://" not in link]
+    assert [link for link in links if not (ROOT / link).exists()] == []
+    pictures = [ROOT / link for link in links if link.endswith(".png")]
+    assert pictures
+    assert all(picture.stat().st_size < MOST_BYTES for picture in pictures)
+
+
+def test_the_readme_shows_commands_and_a_program() -> None:
+    kinds = [snippet.kind for snippet in find_snippets((ROOT / "README.md").read_text(encoding="utf-8"))]
+    assert kinds.count("sh") >= 2
+    assert "python" in kinds

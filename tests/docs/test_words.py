@@ -1,0 +1,85 @@
+"""The words of README.md and docs/: those of the field, one for one thing, spelled one way."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from docs._extension.snippets import ROOT
+
+PAGES = [
+    ROOT / "README.md",
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts),
+]
+
+NOT_OURS = {
+    # a word that is not the field's: what to write
+    r"untold|un-?told": "not identifiable",
+    r"tells? (?:apart|of) (?:the )?parameters?": "determines",
+    r"besides? the mode": "background",
+    r"leaves? the middle|uneven": "asymmetric, offset from zero mean",
+    r"unbent|unbend\w*": "curvature bias removed",
+    r"quieten\w*": "denoise",
+    r"polish\w*": "refit with the simulator",
+    r"enrich\w*": "add harmonics",
+    r"lanes?|march(?:es|ed|ing)?": "points, integrate",
+    r"house|rooms?|floors?": "package, module, layer",
+    r"keeps? (?:its|their) word": "coverage",
+    r"so (?:many|few) as": "at least n, at most n",
+    r"force without a law": "nonparametric restoring force",
+    r"non-linear\w*": "nonlinear",
+    r"damping (?:factor|coefficient ratio)": "damping ratio",
+    r"eigen ?frequenc\w+|natural pulsation": "natural frequency, resonance",
+    r"stiffnesses": "stiffness",
+    r"frequency response curves?": "resonance curve, frequency response function",
+    r"back-bone|back bone": "backbone",
+    r"ring down": "free decay",
+    r"steady-states?": "steady state",
+    r"time-?series": "time history",
+    r"data-?set": "data set",
+    r"colors?|gray": "colour, grey",
+    r"behavior\w*": "behaviour",
+    r"modell?ing error": "misfit of the law",
+    r"(?:teh|recieve\w*|seperat\w+|occured|occurence|refered|wich|paramter\w*|stifness|dampning|ampltiude\w*|"
+    r"freqency|resonace|identifed|measurment\w*|hysterisis|neccessary|accomodate|lenght|heigth)": "right",
+    r"simply|just|obviously|of course|very|utilize\w*|leverage\w*|in order to": "nothing, or: use, to",
+    r"e\.g\.|i\.e\.|etc\.": "for example, that is",
+}
+"""Patterns of whole words that do not appear, and what stands instead."""
+
+CODE = re.compile(r"^```.*?^```|`[^`]*`|\$[^$]*\$|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
+LONGEST = 40
+"""Words of a sentence, at most: readers have other mother tongues."""
+
+
+def prose(path: Path) -> str:
+    """The text of a page without programs, formulas and addresses."""
+    return CODE.sub(" ", path.read_text(encoding="utf-8"))
+
+
+def wrong_words(text: str) -> list[str]:
+    return [
+        f"{found[0]!r}: write {instead}"
+        for pattern, instead in NOT_OURS.items()
+        for found in re.finditer(rf"\b(?:{pattern})(?!\w)", text, re.IGNORECASE)
+    ]
+
+
+def test_a_wrong_word_is_noticed() -> None:
+    assert len(wrong_words("An uneven spring has a non-linear behavior.")) == 3
+    assert wrong_words("A spring.") == []
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_words_are_those_of_the_field(path: Path) -> None:
+    assert wrong_words(prose(path)) == []
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_sentences_are_short(path: Path) -> None:
+    text = re.sub(r"^(?:#.*|\|.*|:::.*)$", ".", prose(path), flags=re.MULTILINE)
+    text = re.sub(r"^\s*(?:[*-]|\d+\.|:)\s", ". ", text, flags=re.MULTILINE)
+    sentences = re.split(r"(?<=[.:;?!])\s", " ".join(text.split()))
+    assert [sentence for sentence in sentences if len(sentence.split()) > LONGEST] == []
