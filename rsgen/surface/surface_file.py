@@ -95,7 +95,9 @@ class _Reader:
         attributes = self.file.attrs
         if name not in attributes:
             return default
-        if attributes.get_id(name).get_storage_size() > _ATTRIBUTE_BYTES:
+        declared = attributes.get_id(name)
+        # HDF5 itself gives no size of an empty one, such as the notes of an earlier version
+        if math.prod(declared.shape) * declared.dtype.itemsize > _ATTRIBUTE_BYTES:
             raise MeasurementError(f"{self.path}: {name}: longer than any surface has it")
         return attributes[name]
 
@@ -117,8 +119,11 @@ class _Reader:
 
 
 def _surface(reader: _Reader) -> ResponseSurface:
-    if reader.attribute("format") != _FORMAT or reader.attribute("schema") != _SCHEMA:
+    if reader.attribute("format") != _FORMAT:
         raise MeasurementError(f"{reader.path}: not an rsgen response surface of schema {_SCHEMA}")
+    schema = reader.attribute("schema")
+    if schema != _SCHEMA:
+        raise MeasurementError(f"{reader.path}: is of schema {schema!s:.40}; {_SCHEMA} is needed")
     values: dict[str, Any] = {
         name: reader.array(name)
         for name in (*COLUMN_UNITS, "findings")

@@ -1,0 +1,105 @@
+"""Files that earlier versions wrote are read, say the same, and compare: docs/stability.md.
+
+``tests/stability/NUMBER-NAME`` has cases with their results, written by the version that brought NAME within
+the schema NUMBER. A file there is never renewed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.case.document import CaseDocument
+from rsgen.errors import CaseError, MeasurementError
+from rsgen.report.difference import compare_results
+from rsgen.report.index import read_results, write_index
+from rsgen.report.result_json import SCHEMA
+from rsgen.surface import surface_file
+
+HERE = Path(__file__).parent / "stability"
+VERSIONS = sorted(path.name for path in HERE.iterdir())
+SMALL, TABLE = "small", "csv-table"
+RESULTS = [(version, path.name) for version in VERSIONS for path in sorted((HERE / version).iterdir())]
+
+
+def test_files_of_every_schema_are_kept():
+    numbers = {int(version.split("-")[0]) for version in VERSIONS}
+    (of_cases,) = CaseDocument.model_fields["schema_version"].annotation.__args__
+    for current in (SCHEMA, surface_file._SCHEMA, of_cases):
+        assert set(range(1, current + 1)) <= numbers
+
+
+@pytest.mark.parametrize(("version", "case"), RESULTS)
+def test_an_earlier_surface_is_read(version, case):
+    surface = rsgen.load_surface(HERE / version / case / "surface.h5")
+    result = json.loads((HERE / version / case / "result.json").read_text(encoding="utf-8"))
+    assert len(surface) == result["surface"]["points"]
+    assert np.count_nonzero(surface.settled) == result["surface"]["settled"]
+    assert surface.control == "force"
+    assert surface.phase_known
+    assert surface.level_unit == "N"
+    assert surface.levels.tolist() == ([2.0, 8.0] if case == SMALL else [1.0, 3.0, 6.0])
+
+
+@pytest.mark.parametrize(("version", "case"), RESULTS)
+def test_an_earlier_case_means_the_same(version, case):
+    loaded = rsgen.load_case(HERE / version / case / "case.toml")
+    assert loaded.name == case
+    if case == TABLE:
+        surface = rsgen.read_measurement(loaded.test)
+        earlier = rsgen.load_surface(HERE / version / case / "surface.h5")
+        np.testing.assert_allclose(surface.harmonics[:, 1], earlier.harmonics[:, 1], rtol=1e-12)
+    else:
+        assert loaded.oscillator.mass == 1.5
+        assert dict(loaded.truth) == {"m": 1.5, "k1": 6000.0, "kn1": 4e5, "c1": 4.0}
+        assert dict(loaded.accept) == {"m": 0.01, "k1": 0.01, "kn1": 0.1, "c1": 0.05}
+        assert loaded.test.noise_relative == 1e-3
+
+
+def test_an_earlier_surface_is_identified():
+    folder = HERE / VERSIONS[0] / SMALL
+    case = rsgen.load_case(folder / "case.toml")
+    found = rsgen.identify(rsgen.load_surface(folder / "surface.h5"), case.model)
+    assert rsgen.compare(found, case.truth, case.accept).passed
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_path):
+    states = {entry.folder.name: entry.verdict["state"] for entry in read_results(HERE / version)}
+    expected = {SMALL: "accepted", TABLE: "identified"}
+    assert states == {name: expected[name] for name in states}
+    assert len(states) == len(list((HERE / version).iterdir()))
+    shutil.copytree(HERE / version, tmp_path / "out")
+    write_index(tmp_path / "out")
+    assert "A small test of a hardening spring" in (tmp_path / "out" / "index.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("version", VERSIONS[1:])
+def test_earlier_results_compare_with_later_ones(version):
+    differences = {one.case: one for one in compare_results(HERE / VERSIONS[0], HERE / version)}
+    small = differences[SMALL]
+    assert {row.name for row in small.rows} == {"m", "k1", "kn1", "c1"}
+    assert not small.worse
+    assert (small.verdict_before["state"], small.verdict_after["state"]) == ("accepted", "accepted")
+
+
+def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):
+    folder = HERE / VERSIONS[-1] / SMALL
+    text = (folder / "case.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace("schema = 1", "schema = 7"), encoding="utf-8")
+    with pytest.raises(CaseError, match=r"schema: is 7; 1 is needed"):
+        rsgen.load_case(tmp_path / "case.toml")
+    shutil.copy(folder / "surface.h5", tmp_path)
+    with surface_file.h5py.File(tmp_path / "surface.h5", "r+") as file:
+        file.attrs["schema"] = 7
+    with pytest.raises(MeasurementError, match=r"surface\.h5: is of schema 7; 1 is needed"):
+        rsgen.load_surface(tmp_path / "surface.h5")
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    (tmp_path / "small").mkdir()
+    (tmp_path / "small" / "result.json").write_text(json.dumps(result | {"schema": 7}), encoding="utf-8")
+    assert read_results(tmp_path) == []
