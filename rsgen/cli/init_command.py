@@ -115,12 +115,14 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
     return name.strip(), force, measured
 
 
-def _guessed(data: Path, target: Path) -> tuple[str, str]:
-    """Give path and [test] tables for a data file, as seen from the folder of the case."""
-    from rsgen.cli.inspect_command import proposal_text
+def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
+    """Give path and [test] tables for a data file as the case's folder sees it, and what they read."""
+    from rsgen.cli.inspect_command import proposal_text, trial_lines
+    from rsgen.cli.trial_reading import try_proposal
     from rsgen.inspection import list_contents, propose
 
-    proposal = propose(list_contents(data))
+    contents = list_contents(data)
+    proposal = propose(contents)
     if proposal is None:
         raise RsgenError(
             f"{data.name}: no frequency, force and response were recognised in it; see rsgen inspect, "
@@ -132,8 +134,9 @@ def _guessed(data: Path, target: Path) -> tuple[str, str]:
     except ValueError:
         # elsewhere: RSGEN_DATA or --data must name its folder
         inside = data.name
-    proposal.tables["test"]["file"] = inside
-    return inside, proposal_text(proposal)
+    trial = try_proposal(contents, proposal)
+    trial.proposal.tables["test"]["file"] = inside
+    return inside, proposal_text(trial.proposal), trial_lines(trial)
 
 
 def init_command(
@@ -152,15 +155,18 @@ def init_command(
         name, out = file.stem, out or file
     target = out or Path(f"{name}.toml")
     test = None
+    said: list[str] = []
     if data is not None:
-        measured, test = _guessed(data, target)
+        measured, test, said = _guessed(data, target)
     text = case_text(name, law or _LAW, measured, test)
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)
     if json:
-        print_json({"case": name, "file": str(target)})
+        print_json({"case": name, "file": str(target)} | ({"trial": said} if said else {}))
         return 0
+    for line in said:
+        print_line(line)
     print_line(f"{target}: change what you need, then `rsgen check {target}`")
     if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
         print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")

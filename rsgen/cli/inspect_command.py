@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.cli.terminal import print_json, print_line
+from rsgen.cli.trial_reading import Trial, try_proposal
 from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.measurement.tree import TEXT
+from rsgen.report.wording import next_step, sentence
 
-__all__ = ["inspect_command", "proposal_text"]
+__all__ = ["inspect_command", "proposal_text", "trial_lines"]
 
 MOST = 60
 """Arrays shown in a table; --all and --json list all."""
@@ -69,7 +71,7 @@ def _row(entry: Entry) -> tuple[str, ...]:
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 
-def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> None:
+def _show(contents: Contents, trial: Trial | None, everything: bool) -> None:
     usable = [entry for entry in contents.entries if entry.dtype and not entry.fault]
     shown = list(contents.entries)
     if len(shown) > MOST and not everything:
@@ -91,20 +93,41 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     if len(contents.entries) > len(shown):
         print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
     print_line()
-    if proposal is None:
+    if trial is None:
         print_line(
             "No frequency, force and response were recognised in it; name them in a [test] table yourself."
         )
         return
     print_line("# a guess by names, units and order, for a case file: rsgen init --from writes it")
-    for line in proposal_text(proposal).split("\n"):
+    for line in proposal_text(trial.proposal).split("\n"):
         print_line(line)
+    for line in trial_lines(trial):
+        print_line(line)
+
+
+def trial_lines(trial: Trial) -> list[str]:
+    """Say what a proposed case reads, and what is odd about it."""
+    if trial.fault:
+        return [f"Read so, the file is refused: {trial.fault}"]
+    surface = trial.surface
+    if surface is None:
+        return []
+    frequency = surface.frequency
+    levels = f"{len(surface.levels)} level{'' if len(surface.levels) == 1 else 's'}"
+    band = f"{frequency.min():.5g} to {frequency.max():.5g} Hz"
+    lines = [f"Read so, the file gives {len(surface)} points at {levels}, {band}"]
+    lines += [f"  {finding.severity}: {sentence(finding)}" for finding in trial.findings]
+    lines += [f"  next: {next_step(f)}" for f in trial.findings if f.severity == "doubt"]
+    if trial.looked_for:
+        lines.append(f"  looked for: {', '.join(trial.looked_for)}")
+    return lines
 
 
 def inspect_command(file: Path, everything: bool, json: bool) -> int:
     """Show what is in a data file and propose the [test] table."""
     contents = list_contents(file)
     proposal = propose(contents)
+    trial = try_proposal(contents, proposal) if proposal else None
     if json:
         print_json(
             {
@@ -112,10 +135,12 @@ def inspect_command(file: Path, everything: bool, json: bool) -> int:
                 "format": contents.format,
                 "remark": contents.remark,
                 "entries": [asdict(entry) for entry in contents.entries],
-                "test": proposal.tables if proposal else None,
-                "doubts": proposal.doubts if proposal else {},
+                "test": trial.proposal.tables if trial else None,
+                "doubts": trial.proposal.doubts if trial else {},
+                "trial": trial_lines(trial) if trial else [],
+                "findings": [finding.to_dict() for finding in trial.findings] if trial else [],
             }
         )
     else:
-        _show(contents, proposal, everything)
+        _show(contents, trial, everything)
     return 0

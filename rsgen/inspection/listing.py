@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.inspection.clues import unit_for
 from rsgen.measurement.column_titles import unit_in
-from rsgen.measurement.data_files import file_label, recognise_format
+from rsgen.measurement.data_files import file_label, open_text, recognise_format
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import list_binary
 from rsgen.measurement.text_columns import (
@@ -25,7 +25,6 @@ from rsgen.measurement.text_columns import (
     column_names,
     is_of_words,
     number_in,
-    open_text,
     read_columns,
     split_cells,
     text_lines,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -32,23 +30,20 @@ from rsgen.inspection.clues import (
     RESPONSE,
     RESPONSE_UNITS,
     RMS,
-    SPREAD,
     TIME,
-    USABLE,
     VARIES,
     Clue,
-    complex_parts,
     last_name,
     of_size,
     phase_sense,
     remarked,
-    unit_beside,
     unit_for,
-    unit_in,
     with_unit,
 )  # fmt: skip
+from rsgen.inspection.column_levels import levels_in_columns
+from rsgen.inspection.guess import Guess, run_of
 from rsgen.measurement.plan import Layout
-from rsgen.measurement.tree import TEXT, Contents, Entry
+from rsgen.measurement.tree import Contents, Entry
 
 __all__ = ["Proposal", "propose"]
 
@@ -61,6 +56,9 @@ _HERTZ = ("Hz", "kHz", "mHz", "rad/s", "rpm")
 _SECONDS = ("s", "ms", "us")
 _IS_RESPONSE = with_unit(*RESPONSE_UNITS)
 _IS_FORCE = with_unit("N")
+_ANY_RESPONSE = Clue(lambda entry: _IS_RESPONSE(entry) or RESPONSE(entry))
+_NAMED = 6
+"""Columns that are left out and named; others are counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,73 +77,7 @@ class Proposal:
     doubts: dict[str, str] = field(default_factory=dict)
 
 
-class _Guess:
-    """The entries that are left, and what was taken from them."""
-
-    def __init__(self, contents: Contents) -> None:
-        self.contents = contents
-        readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
-        texts = {e.path: e.remark for e in contents.entries if e.dtype == TEXT}
-        usable = [
-            e if e.unit else replace(e, unit=unit_beside(e.path, texts) or unit_in(last_name(e)))
-            for e in readable
-        ]
-        self.free = [e for e in usable if not SPREAD(e) and (e.size == 1 or USABLE(e))]
-        self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
-        self.unnamed = Clue(lambda _: self.nameless)
-        self.run: tuple[str, str] | None = None
-        self.tables: dict[str, dict[str, Any]] = {}
-        self.doubts: dict[str, str] = {}
-
-    def take(self, *clues: Clue) -> Entry | None:
-        """Take the first entry for which the first clue that holds for any holds."""
-        entry = next((entry for clue in clues for entry in self.free if clue(entry)), None)
-        if entry is not None:
-            self.free.remove(entry)
-        return entry
-
-    def take_parts(self, fits: Clue, *clues: Clue) -> tuple[Entry, Entry] | None:
-        """Take a real part, called by what it is a part of, and the imaginary one; clues as for ``take``."""
-        pairs = list(complex_parts([entry for entry in self.free if fits(entry) and REAL(entry)]))
-        for clue in clues:
-            for common, real, imaginary in pairs:
-                if clue(common):
-                    self.free = [entry for entry in self.free if entry not in (real, imaginary)]
-                    return common, imaginary
-        return None
-
-    def address(self, entry: Entry) -> int | str:
-        if self.run:
-            run, star = self.run
-            if entry.path.startswith(run):
-                return star + entry.path.removeprefix(run)
-        sides = [length for length in entry.shape if length > 1]
-        if len(sides) > 1 and self.tables["test"].get("excitation"):
-            return f"{entry.path}[1]"
-        return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
-
-
-def _run_of(entry: Entry, entries: Iterable[Entry]) -> tuple[str, str, int] | None:
-    """Find whether an entry stands in one of several runs: how its path begins, the same with *, how many.
-
-    "runs/1/f" and "drive_1/f" do, if there is a "runs/2/f" or "drive_2/f".
-    """
-    paths = {other.path for other in entries}
-    parts = entry.path.split("/")
-    for place, part in enumerate(parts[:-1]):
-        stem = part.rstrip("0123456789")
-        if stem == part:
-            continue
-        rest = "/".join(parts[place + 1 :])
-        before = "/".join([*parts[:place], stem])
-        alike = re.compile(re.escape(before) + r"\d+/" + re.escape(rest))
-        count = sum(bool(alike.fullmatch(path)) for path in paths)
-        if count > 1:
-            return "/".join(parts[: place + 1]) + "/", before + "*/", count
-    return None
-
-
-def _quantity_of(guess: _Guess, entry: Entry, table: dict[str, Any]) -> None:
+def _quantity_of(guess: Guess, entry: Entry, table: dict[str, Any]) -> None:
     """Say what the response is, by its unit, else by its name."""
     targets = ((name, si + per) for name, si in QUANTITIES.items() for per in ("", "/N"))
     for name, target in targets:
@@ -187,7 +119,7 @@ def _unknown(entry: Entry) -> str:
     return entry.unit_source or "not in the file"
 
 
-def _time(guess: _Guess, time: Entry | None, rate: Entry | None) -> int:
+def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
     """Write where the time is; give the number of samples."""
     if time is not None:
         table: dict[str, Any] = {"column": guess.address(time)}
@@ -199,7 +131,7 @@ def _time(guess: _Guess, time: Entry | None, rate: Entry | None) -> int:
     return max((max(entry.shape, default=1) for entry in guess.free), default=0)
 
 
-def _history(guess: _Guess, time: Entry | None, rate: Entry | None) -> None:
+def _history(guess: Guess, time: Entry | None, rate: Entry | None) -> None:
     stem = guess.contents.file.stem.casefold()
     kinds = (kind for sign, kind in _EXCITATIONS.items() if sign in stem)
     test: dict[str, Any] = {"excitation": next(kinds, "swept-sine")}
@@ -228,7 +160,7 @@ def _scale(entry: Entry) -> dict[str, str]:
     return {"scale": "rms"} if RMS.search(f"{entry.title or last_name(entry)} {entry.remark}") else {}
 
 
-def _unit_of_force(guess: _Guess, entry: Entry) -> str:
+def _unit_of_force(guess: Guess, entry: Entry) -> str:
     known = unit_for(entry.unit, "N") if entry.unit else None
     if known is None:
         guess.doubts["test.force.unit"] = (
@@ -241,7 +173,7 @@ def _unit_of_force(guess: _Guess, entry: Entry) -> str:
     return known or "N"
 
 
-def _response(guess: _Guess, fits: Clue) -> dict[str, Any]:
+def _response(guess: Guess, fits: Clue) -> dict[str, Any]:
     table: dict[str, Any] = {}
     whole = guess.take(fits & ~REAL)
     if whole is not None:
@@ -267,13 +199,24 @@ def _response(guess: _Guess, fits: Clue) -> dict[str, Any]:
     return table | {"phase_sense": phase_sense(phase, table.get("quantity", "displacement"))}
 
 
-def _in_parts(guess: _Guess, parts: tuple[Entry, Entry]) -> dict[str, Any]:
+def _left_out(guess: Guess, response: dict[str, Any], alike: Clue) -> None:
+    """Say which columns are as good a response as the one that was taken."""
+    others = [entry.title or entry.path for entry in guess.free if alike(entry)]
+    key = next((key for key in ("amplitude", "complex", "real") if key in response), "")
+    if others and key:
+        named = ", ".join(others[:_NAMED]) + (f" and {len(others) - _NAMED} more" if others[_NAMED:] else "")
+        guess.doubts[f"test.response.{key}"] = f"left out: {named}; a case reads one response"
+
+
+def _in_parts(guess: Guess, parts: tuple[Entry, Entry]) -> dict[str, Any]:
     real, imaginary = map(guess.address, parts)
     return {"real": real, "imaginary": imaginary, "phase_sense": "lead"}
 
 
-def _level(guess: _Guess, level: Entry | None, force: Entry | None, runs: int) -> dict[str, Any]:
+def _level(guess: Guess, level: Entry | None, force: Entry | None, runs: int) -> dict[str, Any]:
     """Give the table of the level; empty where the forces make the levels."""
+    if guess.levels:
+        return {"values": guess.levels}
     if level is not None:
         unit = {"unit": unit_for(level.unit, "N")} if _IS_FORCE(level) else {}
         return {"column": guess.address(level)} | unit
@@ -286,10 +229,10 @@ def _level(guess: _Guess, level: Entry | None, force: Entry | None, runs: int) -
     return {"value": "1 N"}
 
 
-def _amplitudes(guess: _Guess, frequency: Entry) -> None:
+def _amplitudes(guess: Guess, frequency: Entry) -> None:
     guess.tables["test"] = {}
     size = frequency.size
-    runs = _run_of(frequency, guess.contents.entries)
+    runs = run_of(frequency, guess.contents.entries)
     if runs is not None:
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
@@ -320,6 +263,7 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
     response = _response(guess, fits)
     if response.get("phase_sense"):
         guess.doubts["test.response.phase_sense"] = "a positive phase means later (lag) or earlier (lead)"
+    _left_out(guess, response, fits & _ANY_RESPONSE & ~FORCE & ~_IS_FORCE)
     level = _level(guess, named, force, runs[2] if runs else 0)
     if force is None:
         table: dict[str, Any] = {"nominal": True}
@@ -337,7 +281,7 @@ def _amplitudes(guess: _Guess, frequency: Entry) -> None:
     )
 
 
-def _abscissa(guess: _Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
+def _abscissa(guess: Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
     """Take the time, the sampling rate or the frequency."""
     tabled = REAL & LONG & VARIES & POSITIVE
     time = guess.take(EVEN & Clue(lambda entry: entry.unit in _SECONDS) & ~FREQUENCY)
@@ -369,8 +313,13 @@ def propose(contents: Contents) -> Proposal | None:
     contents
         What ``list_contents`` found.
     """
-    guess = _Guess(contents)
+    guess = Guess(contents)
+    apart = guess.free
+    guess.free, guess.levels = levels_in_columns(apart)
     time, rate, frequency = _abscissa(guess)
+    if frequency is None and guess.levels:
+        guess.free, guess.levels = apart, []
+        time, rate, frequency = _abscissa(guess)
     if frequency is not None:
         _amplitudes(guess, frequency)
     elif any(entry.size > 15 for entry in guess.free):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node
 
-__all__ = ["find", "select", "show"]
+__all__ = ["find", "natural_order", "select", "show"]
 
 MOST = 10_000
 _INDEX = re.compile(r"(?P<path>.+?)\[(?:(?P<one>\d{1,9})|(?P<row>\d{1,9}),:|:,(?P<column>\d{1,9}))\]\Z")
@@ -33,7 +33,7 @@ def show(text: object, limit: int = 60) -> str:
     return repr(escaped) + ("..." if len(shown) > limit else "")
 
 
-def _natural(path: str) -> list[tuple[int, int | str]]:
+def natural_order(path: str) -> list[tuple[int, int | str]]:
     """Order drive_2 before drive_10."""
     return [(0, int(part)) if part.isdigit() else (1, part) for part in _DIGITS.split(path) if part]
 
@@ -84,7 +84,8 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
         # names with ? or [ stand for themselves, so * is the only sign with a meaning
         pattern = re.sub(r"[?\[]", lambda sign: f"[{sign[0]}]", text)
         found = sorted(
-            (node for node in nodes if _matches(node.path, pattern)), key=lambda node: _natural(node.path)
+            (node for node in nodes if _matches(node.path, pattern)),
+            key=lambda node: natural_order(node.path),
         )
         if len(found) > MOST:
             raise MeasurementError(f"{show(text)} means {len(found)} arrays; at most {MOST} are read")

@@ -8,13 +8,15 @@ __all__ = ["is_angular", "split_title", "unit_in"]
 
 _NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"
 """Units that a title may end with without brackets: "force_N"."""
-_UNIT = re.compile(
-    rf"_({_NAMED}(?:_per_N)?)\Z"
-    r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
-    r"|\A[^\s/()\[\]]{1,20}\s?/\s?"
-    rf"({_NAMED}|°|[µnmk]?m/s(?:\^?2|²)?|rad/s|1/min|mHz|[munk]?N|µN|A|mA|%)\Z"
+_PER_TIME = r"(?:[munkµ]?m|in|ft|thou)/s(?:\^?2|²)?(?:/N)?"
+_BEHIND = re.compile(
+    rf"_((?:{_NAMED}|{_PER_TIME})(?:_per_N)?)\Z" + r"|\s(?:in|/)\s+([^\s()\[\]]{1,12})(?:\s|\Z)"
 )
-"""A unit in a title: "force_N", "Kraft in N (rms)", "F/N" (quantity over unit, as DIN 1313 has it)."""
+"""A unit behind a name: "force_N", "Kraft in N (rms)"."""
+_OVER = re.compile(rf"([^\s/()\[\]]{{1,20}})\s?/\s?({_NAMED}|{_PER_TIME}|°|rad/s|1/min|mHz|[unµ]N|m?A|%)\Z")
+"""Quantity over unit, as DIN 1313 has it: "F/N"."""
+_SPELLED = re.compile(r"_([munkµ]?m|in)_s(2?)\Z")
+"""Names without strokes: "v_mm_s"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
 """A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
 _BRACKETS = {")": "(", "]": "["}
@@ -41,7 +43,7 @@ def split_title(title: str) -> tuple[str, str]:
     >>> split_title("H [(m/s^2)/N]"), split_title("F/kN"), split_title("accelerance_g_per_N")
     (('H', '(m/s^2)/N'), ('F', 'kN'), ('accelerance_g_per_N', 'g/N'))
     """
-    text = title.rstrip()
+    text = _SPELLED.sub(r"_\1/s\2", title.rstrip())
     if quotient := _QUOTIENT.search(text):
         return text[: quotient.start()].rstrip(), quotient[1]
     if begin := _opening(text):
@@ -50,11 +52,10 @@ def split_title(title: str) -> tuple[str, str]:
             return split_title(name)
         argument = _FUNCTION.search(name) and not re.fullmatch(_NAMED, unit.partition("/")[0].strip("( "))
         return (text, "") if argument else (name, unit)
-    found = _UNIT.search(text)
-    if found is None:
-        return text, ""
-    unit = next(filter(None, found.groups()))
-    return text[: text.index("/")].rstrip() if found[3] else text, unit.replace("_per_", "/")
+    if found := _BEHIND.search(text):
+        return text, (found[1] or found[2]).replace("_per_", "/")
+    over = _OVER.match(text)
+    return (over[1], over[2]) if over else (text, "")
 
 
 def _opening(text: str) -> int:

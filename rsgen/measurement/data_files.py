@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import stat
 import sys
 from pathlib import Path
@@ -9,7 +11,13 @@ from typing import IO
 
 from rsgen.errors import MeasurementError
 
-__all__ = ["file_label", "open_regular", "recognise_format"]
+__all__ = ["MAX_TEXT_BYTES", "Rewritten", "file_label", "open_regular", "open_text", "recognise_format"]
+
+MAX_TEXT_BYTES = 256 * 2**20
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""How a text of two bytes a sign begins."""
+_MAX_UTF_16_BYTES = 64 * 2**20
+"""Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
 _SUFFIXES = {
     ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "npy", ".npz": "npz",
@@ -88,3 +96,38 @@ def recognise_format(path: Path) -> str:
     if len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit():
         return "uff"
     return _SUFFIXES.get(path.suffix.lower(), "csv")
+
+
+class Rewritten(io.BytesIO):
+    """A text that came in two bytes a sign, as UTF-8; its bytes are hashed already."""
+
+
+def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
+    """Open a text; one of two bytes a sign (UTF-16 with its mark) is hashed and given as UTF-8.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large, or no legal UTF-16.
+    """
+    name = file_label(path)
+    file = open_regular(path, MAX_TEXT_BYTES)
+    try:
+        if not file.read(2).startswith(_UTF_16):
+            file.seek(0)
+            return file
+        file.seek(0)
+        raw = file.read(_MAX_UTF_16_BYTES + 1)
+    except OSError as fault:
+        file.close()
+        raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
+    file.close()
+    if len(raw) > _MAX_UTF_16_BYTES:
+        raise MeasurementError(
+            f"{name}: more than {_MAX_UTF_16_BYTES} bytes of UTF-16; save the file as UTF-8"
+        )
+    digest.update(raw)
+    try:
+        return Rewritten(raw.decode("utf-16").encode("utf-8"))
+    except UnicodeError as fault:
+        raise MeasurementError(f"{name}: line 1: is no legal UTF-16; save the file as UTF-8") from fault

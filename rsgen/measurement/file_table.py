@@ -180,6 +180,13 @@ def _about_rows(label: str, text: Columns, vouched: bool) -> Iterator[Finding]:
         yield Finding("last-line-open", "info", names={"file": label})
 
 
+def _column(text: Columns, place: int, name: int | str) -> Channel:
+    title = text.names[place]
+    unit = unit_in(title)
+    source = "the title of the column" if unit else ""
+    return Channel(title or str(name), text.values[:, place], unit, source)
+
+
 def read_channels(
     test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
 ) -> tuple[list[list[Channel]], tuple[Finding, ...], Columns | None]:
@@ -194,11 +201,10 @@ def read_channels(
     if form == "csv":
         text = read_columns(path, test.layout, wanted, sha256)
         label = file_label(path)
+        places = iter(range(len(text.names)))
         groups = [
-            [Channel(title or str(name), text.values[:, i], unit, "the title of the column" if unit else "")]
-            for i, (name, title, unit) in enumerate(
-                zip(wanted, text.names, map(unit_in, text.names), strict=True)
-            )
+            [_column(text, next(places), name) for _ in range(span)]
+            for name, span in zip(wanted, text.spans, strict=True)
         ]
         return (
             groups,
@@ -241,7 +247,7 @@ def read_table(
         {name: getattr(group[0], word) for name, group in zip(wanted, groups, strict=True)}
         for word in ("path", "unit")
     )
-    if text is not None:
+    if text is not None and len(parts) == 1:
         return Table(label, parts[0], "line", text.line, text.block, findings, names, units)
     lengths = [len(next(iter(part.values()))) for part in parts]
     if sum(lengths) > MAX_ROWS:
@@ -250,4 +256,6 @@ def read_table(
         raise MeasurementError(f"{label}: no numbers in it; at least one row is needed")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in wanted}
     block = np.repeat(np.arange(len(parts)), lengths)
+    if text is not None:
+        return Table(label, columns, "line", np.tile(text.line, len(parts)), block, findings, names, units)
     return Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block, findings, names, units)

@@ -8,7 +8,6 @@ and whatever else is no plain finite number refuses the file with the line.
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 import re
 from array import array
@@ -23,15 +22,14 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.address import show
-from rsgen.measurement.data_files import file_label, open_regular
+from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, file_label, open_text
 from rsgen.measurement.plan import Layout
 
 __all__ = [
     "MISSING", "REMARKS", "Columns", "automatic_delimiter", "column_names", "is_of_words", "number_in",
-    "open_text", "read_columns", "split_cells", "text_lines",
+    "read_columns", "split_cells", "text_lines",
 ]  # fmt: skip
 
-MAX_BYTES = 256 * 2**20
 MAX_LINE = 1_000_000
 MAX_ROWS = 5_000_000
 MAX_COLUMNS = 10_000
@@ -47,11 +45,9 @@ _WORD = re.compile(r"[^\W\d_]")
 """A cell that begins with a letter is a word; "12a4", "1,5" and "=A1" are numbers gone wrong."""
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
+_ANY = ".{1,40}?"
+"""What a * in the name of a column stands for."""
 _FORMULA = ("=", "+", "-", "@")
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""How a text of two bytes a sign begins."""
-_MAX_UTF_16_BYTES = 64 * 2**20
-"""Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +57,8 @@ class Columns:
     Parameters
     ----------
     values
-        (n, c) numbers, one column each column asked for, in that order; NaN where one is missing.
+        (n, c) numbers, the columns asked for in that order, those of a * in the file's; NaN where one is
+        missing.
     line
         (n,) line of each row in the file, from 1.
     block
@@ -70,6 +67,8 @@ class Columns:
         What the header calls the columns asked for; "" where it does not say.
     words
         Lines among the numbers that hold words only, as a header that repeats; they are passed over.
+    spans
+        To how many of these columns each address led; more than one where it has a *.
     ended
         False where the last row has no line end, as that of a file that was cut off.
     """
@@ -79,6 +78,7 @@ class Columns:
     block: NDArray[np.int64]
     names: tuple[str, ...] = ()
     words: tuple[int, ...] = ()
+    spans: tuple[int, ...] = ()
     ended: bool = True
 
 
@@ -133,6 +133,7 @@ class _Table:
         self.width = 0
         self.widths: tuple[int, ...] = ()
         self.places: list[int] = []
+        self.spans: tuple[int, ...] = ()
         self.names: tuple[str, ...] = ()
         self.remark: list[str] = []
         self.values = array("d")
@@ -160,7 +161,9 @@ class _Table:
                 raise self.fail(
                     line, f"column name {show(name)} looks like a formula; a plain name is needed"
                 )
-        self.places = [self.place(line, column, names) for column in self.wanted]
+        places = [self.place(line, column, names) for column in self.wanted]
+        self.spans = tuple(map(len, places))
+        self.places = [place for found in places for place in found]
         self.names = tuple(names[place] if names else "" for place in self.places)
         self.widths = (self.width,)
         if names and names[-1].casefold() == REMARKS and self.width - 1 not in self.places:
@@ -168,14 +171,17 @@ class _Table:
         if not header:
             self.row(line, text)
 
-    def place(self, line: int, column: int | str, names: list[str]) -> int:
+    def place(self, line: int, column: int | str, names: list[str]) -> list[int]:
         if isinstance(column, int):
             if not 1 <= column <= self.width:
                 raise self.fail(line, f"no column {column}; the file has {self.width}")
-            return column - 1
+            return [column - 1]
         found = [place for place, name in enumerate(names) if name == column]
-        if len(found) == 1:
-            return found[0]
+        if "*" in column and not found:
+            pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
+            found = [place for place, name in enumerate(names) if pattern.fullmatch(name)]
+        if len(found) == 1 or (found and "*" in column):
+            return found
         if found:
             raise self.fail(line, f"{len(found)} columns are named {show(column)}; give the column's number")
         known = ", ".join(show(name) for name in names[:12]) or "none, the file has no header; give a number"
@@ -261,46 +267,11 @@ def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
     return None
 
 
-class _Rewritten(io.BytesIO):
-    """A text that came in two bytes a sign, as UTF-8; its bytes are hashed already."""
-
-
-def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
-    """Open a text; one of two bytes a sign (UTF-16 with its mark) is hashed and given as UTF-8.
-
-    Raises
-    ------
-    MeasurementError
-        Missing, no regular file, too large, or no legal UTF-16.
-    """
-    name = file_label(path)
-    file = open_regular(path, MAX_BYTES)
-    try:
-        if not file.read(2).startswith(_UTF_16):
-            file.seek(0)
-            return file
-        file.seek(0)
-        raw = file.read(_MAX_UTF_16_BYTES + 1)
-    except OSError as fault:
-        file.close()
-        raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
-    file.close()
-    if len(raw) > _MAX_UTF_16_BYTES:
-        raise MeasurementError(
-            f"{name}: more than {_MAX_UTF_16_BYTES} bytes of UTF-16; save the file as UTF-8"
-        )
-    digest.update(raw)
-    try:
-        return _Rewritten(raw.decode("utf-16").encode("utf-8"))
-    except UnicodeError as fault:
-        raise MeasurementError(f"{name}: line 1: is no legal UTF-16; save the file as UTF-8") from fault
-
-
 def text_lines(
     file: IO[bytes], name: str, digest: hashlib._Hash, encoding: str = "auto"
 ) -> Iterator[tuple[int, str]]:
     """Give number and text of each line, the bytes checked and hashed."""
-    rewritten = isinstance(file, _Rewritten)
+    rewritten = isinstance(file, Rewritten)
     encoding = "utf-8" if rewritten else encoding
     encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
     number = 0
@@ -308,7 +279,7 @@ def text_lines(
     while raw := file.readline(MAX_LINE + 1):
         number += 1
         total += len(raw)
-        if len(raw) > MAX_LINE or total > MAX_BYTES:
+        if len(raw) > MAX_LINE or total > MAX_TEXT_BYTES:
             raise MeasurementError(f"{name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?")
         if not rewritten:
             digest.update(raw)
@@ -347,7 +318,8 @@ def read_columns(
     layout
         Delimiter, decimal sign, comments, lines to skip.
     wanted
-        Column numbers from 1, or names: of the header, or of a comment right above the numbers.
+        Column numbers from 1, or names: of the header, or of a comment right above the numbers. A name with a
+        * means all columns that are called so with something in its place.
     sha256
         What the file must hash to, if known.
 
@@ -385,10 +357,11 @@ def read_columns(
     if not rows:
         raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")
     return Columns(
-        values=np.array(table.values).reshape(rows, len(wanted)),
+        values=np.array(table.values).reshape(rows, len(table.places)),
         line=np.array(table.lines, dtype=np.int64),
         block=np.array(table.blocks, dtype=np.int64),
         names=table.names,
         words=tuple(table.words),
+        spans=table.spans,
         ended=ended or table.lines[-1] < last,
     )

@@ -118,3 +118,121 @@ def test_a_header_of_quantities_over_units(tmp_path: Path, run_cli: Callable[...
     assert tables["force"]["amplitude"] == force
     assert (tables["response"]["amplitude"], tables["response"]["phase"]) == (response, phase)
     assert is_right(surface)
+
+
+WIDE = [
+    ("x@{}N [mm]", "phi@{}N [deg]"),
+    ("x_{}N_mm", "phase_{}N_deg"),
+    ("Re {} N [mm]", "Im {} N [mm]"),
+    ("x_re_mm F={}N", "x_im_mm F={}N"),
+]
+
+
+@pytest.mark.parametrize("titles", WIDE)
+def test_levels_side_by_side_are_read(
+    tmp_path: Path, run_cli: Callable[..., Any], titles: tuple[str, str]
+) -> None:
+    x = 1e3 * receptance(FREQUENCY)
+    in_parts = "im" in titles[1].casefold()
+    parts = (x.real, x.imag) if in_parts else (np.abs(x), np.angle(x, deg=True))
+    columns = {"f [Hz]": FREQUENCY}
+    for level in ("5", "1", "2.5"):
+        columns[titles[0].format(level)] = float(level) * parts[0]
+        columns[titles[1].format(level)] = (float(level) if in_parts else 1.0) * parts[1]
+    path = tmp_path / "a.csv"
+    rows = [";".join(f"{value:.9g}" for value in row) for row in np.transpose([*columns.values()])]
+    # a level that ends earlier leaves its cells empty
+    rows[-1] = ";".join([*rows[-1].split(";")[:-2], "", ""])
+    path.write_text("\n".join([";".join(columns), *rows, ""]), encoding="utf-8")
+    tables, surface = begun(path, run_cli)
+    assert tables["level"] == {"values": ["5 N", "1 N", "2.5 N"]}
+    assert surface.levels.tolist() == [1.0, 2.5, 5.0]
+    assert [int(np.sum(surface.level == level)) for level in surface.levels] == [33, 32, 33]
+    assert is_right(surface)
+
+
+def test_force_and_response_of_each_level_in_variables(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    arrays: dict[str, np.ndarray] = {"f": FREQUENCY}
+    for level in (2, 10, 1):
+        arrays[f"F_{level}N"] = 0.98 * level + 0 * FREQUENCY
+        arrays[f"x_{level}N"] = 0.98 * level * receptance(FREQUENCY)
+    path = tmp_path / "a.npz"
+    np.savez(path, **arrays)
+    tables, surface = begun(path, run_cli)
+    assert tables["response"]["complex"] == "x_*N"
+    assert surface.levels.tolist() == [1.0, 2.0, 10.0]
+    assert is_right(surface)
+
+
+def test_other_sensors_are_said_to_be_left_out(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    def columns(level: float) -> list[np.ndarray]:
+        x = 1e3 * level * receptance(FREQUENCY)
+        return [np.array(level), np.abs(x), 2 * np.abs(x), np.angle(x, deg=True)]
+
+    begun(write(tmp_path / "a.csv", "f [Hz],F [N],x1 [mm],x2 [mm],phase [deg]", columns), run_cli)
+    assert "# left out: x2 [mm]; a case reads one response" in (tmp_path / "a.toml").read_text()
+
+
+@pytest.mark.parametrize(("name", "order"), [("v_mm/s", 1), ("a [mm/s²]", 2), ("x [mm]", 0)])
+@pytest.mark.parametrize("lags", [False, True])
+@pytest.mark.parametrize("down", [False, True])
+def test_the_sense_of_the_phase_is_that_of_a_passive_structure(
+    tmp_path: Path, run_cli: Callable[..., Any], name: str, order: int, lags: bool, down: bool
+) -> None:
+    def columns(level: float) -> list[np.ndarray]:
+        response = level * (2j * np.pi * FREQUENCY) ** order * receptance(FREQUENCY)
+        phase = np.angle(response, deg=True) * (-1 if lags else 1)
+        turn = slice(None, None, -1) if down else slice(None)
+        return [FREQUENCY[turn], np.array(level), 1e3 * np.abs(response)[turn], phase[turn]]
+
+    path = write(tmp_path / "a.csv", f"place,f [Hz],F [N],{name},phase [deg]", columns)
+    tables, surface = begun(path, run_cli)
+    assert tables["response"]["phase_sense"] == ("lag" if lags else "lead")
+    assert is_right(surface)
+
+
+def shown(path: Path, run_cli: Callable[..., Any]) -> str:
+    answer = run_cli("inspect", path)
+    assert answer.code == 0
+    return str(answer.out)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-3])
+def test_an_offset_of_the_response_is_seen(tmp_path: Path, run_cli: Callable[..., Any], noise: float) -> None:
+    rng = np.random.default_rng(1)
+    random = noise * (rng.normal(size=(2, 33)) + 1j * rng.normal(size=(2, 33)))
+
+    def columns(offset: complex) -> Callable[[float], list[np.ndarray]]:
+        def values(level: float) -> list[np.ndarray]:
+            x = 1e3 * level * receptance(FREQUENCY) * (1 + random[LEVELS.index(level)]) + offset
+            return [np.array(level), x.real, x.imag]
+
+        return values
+
+    head = "f [Hz],F [N],Re [mm],Im [mm]"
+    plain = shown(write(tmp_path / "a.csv", head, columns(0.0)), run_cli)
+    assert "looked for: sizes that no test can have, a part of the response that does not depend" in plain
+    assert "phase+offset" not in plain
+    picked_up = shown(write(tmp_path / "b.csv", head, columns(0.05 + 0.05j)), run_cli)
+    assert 'try [identify] background = "phase+offset"' in picked_up
+
+
+def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    def columns(level: float) -> list[np.ndarray]:
+        x = 1e6 * level * receptance(FREQUENCY)
+        return [np.array(level), x.real, x.imag]
+
+    found = shown(write(tmp_path / "a.csv", "f,force,x_re,x_im", columns), run_cli)
+    assert "doubt: not possible in a vibration test: the largest" in found
+    assert "a response in µm, µm/s or µV that was read as m" in found
+    assert "next: Look up the units" in found
+
+
+def test_a_proposal_that_does_not_read_is_said_to_be_refused(
+    tmp_path: Path, run_cli: Callable[..., Any]
+) -> None:
+    def columns(level: float) -> list[np.ndarray]:
+        return [np.array(level), 20 * np.log10(np.abs(receptance(FREQUENCY)))]
+
+    found = shown(write(tmp_path / "a.csv", "f [Hz],F [N],|x| [dB re 1 um]", columns), run_cli)
+    assert "Read so, the file is refused: " in found

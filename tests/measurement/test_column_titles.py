@@ -23,6 +23,10 @@ from rsgen.measurement.column_titles import is_angular, unit_in
         ("Accelerance (m/s^2)/N", "(m/s^2)/N"),
         ("FRF (m/(s^2*N))", "m/(s^2*N)"),
         ("F/N", "N"),
+        ("v_mm/s", "mm/s"),
+        ("v_mm_s", "mm/s"),
+        ("acc_m_s2", "m/s2"),
+        ("a/m/s^2", "m/s^2"),
         ("x/mm", "mm"),
         ("a / (m/s²)", "m/s²"),
         # a quotient, and parts of a number

@@ -1,0 +1,106 @@
+"""A proposed case is tried on its file, so that what it reads is seen before anything is identified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+from rsgen.case import load_case
+from rsgen.errors import CaseError, RsgenError
+from rsgen.finding import Finding
+from rsgen.inspection import Contents, Proposal
+from rsgen.inspection.offset import has_levels, offset_findings
+from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.surface import ResponseSurface
+from rsgen.surface.plausibility import plausibility_findings
+
+__all__ = ["Trial", "try_proposal"]
+
+_MOST_SAMPLES = 500_000
+"""Longer histories are not tried: a run takes them apart in seconds to minutes, and a look may not."""
+_PLACEHOLDERS = ("test.level.value", "test.level.values", "test.time.rate")
+"""Values that a proposal asks for: until they are there no size means anything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What a proposed case reads.
+
+    Parameters
+    ----------
+    proposal
+        With the sense of the phase turned where only so the structure takes energy from the exciter.
+    surface
+        None where nothing was tried or the file could not be read so.
+    findings
+        About reading, sizes, and a part of the response that does not depend on the force.
+    looked_for
+        What was looked for besides, in words.
+    fault
+        Why it could not be read; "" otherwise.
+    """
+
+    proposal: Proposal
+    surface: ResponseSurface | None = None
+    findings: tuple[Finding, ...] = ()
+    looked_for: tuple[str, ...] = ()
+    fault: str = ""
+
+
+def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
+    """Read a file as a proposal says, and look at what comes out.
+
+    Parameters
+    ----------
+    contents, proposal
+        What the file holds, and the guess. Free decays, which need a mass, and long histories are not tried.
+    """
+    test = proposal.tables["test"]
+    longest = max((entry.size for entry in contents.entries), default=0)
+    if test.get("excitation") == "ring-down" or ("excitation" in test and longest > _MOST_SAMPLES):
+        return Trial(proposal)
+    try:
+        surface = _read(contents.file, proposal)
+        turned = _turned(surface, proposal)
+        if turned is not None:
+            proposal, surface = turned, _read(contents.file, turned)
+    except RsgenError as fault:
+        faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
+        return Trial(proposal, fault=" ".join(faults[0].split()))
+    known = not set(_PLACEHOLDERS) & set(proposal.doubts)
+    findings, looked_for = list(surface.findings), []
+    if known:
+        looked_for.append("sizes that no test can have")
+        findings += plausibility_findings(surface)
+    if known and has_levels(surface):
+        looked_for.append("a part of the response that does not depend on the force")
+        findings += offset_findings(surface)
+    return Trial(proposal, surface, tuple(findings), tuple(looked_for))
+
+
+def _read(file: Path, proposal: Proposal) -> ResponseSurface:
+    # both write a proposal as text
+    from rsgen.cli.init_command import case_text
+    from rsgen.cli.inspect_command import proposal_text
+
+    tables = proposal.tables | {"test": proposal.tables["test"] | {"file": file.name}}
+    text = proposal_text(Proposal(tables))
+    with TemporaryDirectory(prefix="rsgen-") as folder:
+        case = Path(folder, "trial.toml")
+        case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")
+        return read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
+
+
+def _turned(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:
+    """Turn the sense of the phase where only so the structure is passive; None where it is right."""
+    wrong = [f for f in surface.findings if f.code == "not-passive" and f.names["reversed"] == "phase"]
+    response = proposal.tables["test.response"]
+    if not wrong or "phase_sense" not in response:
+        return None
+    sense = {"phase_sense": wrong[0].names["phase_sense"]}
+    key = "test.response.phase_sense"
+    why = {key: f"{proposal.doubts.get(key, '')}; the other sense would feed energy into the exciter"}
+    tables: dict[str, dict[str, Any]] = proposal.tables | {"test.response": response | sense}
+    return replace(proposal, tables=tables, doubts=proposal.doubts | why)

@@ -1,0 +1,98 @@
+"""Whether a response has a part that does not depend on the force, found before any law is chosen."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from rsgen.finding import Finding, quantities
+from rsgen.surface import ResponseSurface
+
+__all__ = ["has_levels", "offset_findings"]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_POWERS = (-1, 0, 1, 2, 3)
+"""Powers of the amplitude in k(X) and c(X); the first is dry friction. Laws of one mode are nearly made up of
+them at one harmonic."""
+_FEWEST = 40
+"""Points, at least: some three for each value that is fitted."""
+_MOST = 400
+"""Points looked at, spread over the test."""
+_SPREAD = 1.3
+"""Ratio of the forces above which a part that follows the force and one that does not differ."""
+_NOTICEABLE = 1e-3
+"""Misfits below this, relative, change no engineering number."""
+_LEFT = 0.5
+"""The offset must leave less than this share of the misfit, and of the misfit beside a background."""
+
+
+def has_levels(surface: ResponseSurface) -> bool:
+    """Whether a test can show an offset: phases, different forces, points enough."""
+    force = np.abs(surface.force[_rows(surface)])
+    return surface.phase_known and len(force) >= _FEWEST and bool(force.max() > _SPREAD * force.min())
+
+
+def offset_findings(surface: ResponseSurface) -> list[Finding]:
+    """Find a displacement of one size and phase at every point, whatever the force; one finding or none.
+
+    Any law obeys F/X = k(X) - m omega^2 + i omega c(X) at one harmonic. What X = x - b leaves of that is
+    compared with what X = x leaves, and with what a linear background in proportion to the force leaves.
+
+    Parameters
+    ----------
+    surface
+        Measured; without phases or with one level nothing is found.
+    """
+    if not has_levels(surface):
+        return []
+    rows = _rows(surface)
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(int)]
+    force, response = surface.force[rows], surface.harmonics[rows, 1]
+    rate = surface.omega[rows] / surface.omega[rows].max()
+    scale = float(np.median(np.abs(response)))
+    shares = {
+        "none": [],
+        "background": [force, force / rate**2],
+        "offset": [np.ones_like(force)],
+    }
+    left = {name: _misfit(force, response / scale, rate, parts) for name, parts in shares.items()}
+    if left["none"] < _NOTICEABLE or left["offset"] > _LEFT * min(left["none"], left["background"]):
+        return []
+    numbers = quantities(misfit=left["none"], left=left["offset"])
+    return [Finding("offset-possible", "info", numbers=numbers, names={"kind": "phase+offset"})]
+
+
+def _rows(surface: ResponseSurface) -> NDArray[np.intp]:
+    """Points at which there is a force and a response."""
+    good = surface.settled & (surface.force != 0) & (surface.harmonics[:, 1] != 0)
+    return np.flatnonzero(good & np.isfinite(surface.harmonics[:, 1]))
+
+
+def _misfit(force: ComplexArray, response: ComplexArray, rate: Array, parts: list[ComplexArray]) -> float:
+    """Relative misfit of the best law, the best multiples of ``parts`` taken off the response."""
+    typical = float(np.median(np.abs(response)))
+    columns = np.array([part / np.median(np.abs(part)) for part in parts]).reshape(len(parts), len(force))
+
+    def residual(values: Array) -> Array:
+        taken = typical * (values[::2] + 1j * values[1::2]) @ columns
+        return _unexplained(force, response - taken, rate)
+
+    start = np.zeros(2 * len(parts))
+    values = least_squares(residual, start, x_scale=0.1, max_nfev=60).x if parts else start
+    return float(np.linalg.norm(residual(values)) / np.sqrt(len(force)))
+
+
+def _unexplained(force: ComplexArray, motion: ComplexArray, rate: Array) -> Array:
+    """What the best law leaves of the force, relative to it: real parts, imaginary parts."""
+    size = np.abs(motion)
+    size = np.maximum(size / size.max(), np.finfo(float).tiny ** 0.25)
+    powers = np.stack([size**power for power in _POWERS])
+    columns = np.concatenate([powers * motion, 1j * rate * powers * motion, -(rate**2 * motion)[None]])
+    columns, wanted = columns / np.abs(force), force / np.abs(force)
+    matrix = np.concatenate([columns.real, columns.imag], axis=1).T
+    target = np.concatenate([wanted.real, wanted.imag])
+    matrix = matrix / np.linalg.norm(matrix, axis=0)
+    return np.asarray(target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-10)[0])
