@@ -85,8 +85,10 @@ def cycle_work(force: ComplexArray, fundamental: ComplexArray) -> Array:
 def project(signals: Array, order: int) -> ComplexArray:
     """Harmonic of that order of real signals (..., samples) over one period."""
     samples = signals.shape[-1]
-    turn = np.exp(-2j * np.pi * order * np.arange(samples) / samples)
-    return np.asarray(signals @ (turn * ((2 if order else 1) / samples)))
+    turn = np.exp(-2j * np.pi * order * np.arange(samples) / samples) * ((2 if order else 1) / samples)
+    # two real products: one with a complex vector would copy all signals as complex numbers first
+    parts = signals @ np.stack([turn.real, turn.imag], axis=1)
+    return np.asarray(parts[..., 0] + 1j * parts[..., 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

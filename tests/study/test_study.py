@@ -491,7 +491,7 @@ def _kill_workers(out: Path, name: str, times: int) -> tuple[Callable[[Step], No
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path, times: int) -> None:
-    names = ("one", "two", "three", "four")
+    names = ("one", "two", "three")
     paths = [write_case(tmp_path, name) for name in names]
     kill, killed = _kill_workers(tmp_path / "out", "two", times)
     runs = {run.name: run for run in run_cases(paths, tmp_path / "out", workers=2, progress=kill)}
