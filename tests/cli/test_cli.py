@@ -23,6 +23,7 @@ from rsgen.threads import ALGEBRA
 from tests.case.faults import FAULTS, Fault
 
 ROOT = Path(__file__).parents[2]
+PROGRAM = [sys.executable, "-c", "from rsgen.cli import main; main()"]
 HELP_SECONDS = 1.0
 """Of the processor: the promise is 0.3 s on a quiet machine; a busy one gets air."""
 COMMANDS = (
@@ -40,7 +41,7 @@ def call(*words: str | Path) -> int:
 
 def shell(*words: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", "from rsgen.cli import main; main()", *map(str, words)],
+        [*PROGRAM, *map(str, words)],
         capture_output=True,
         text=True,
         check=False,
@@ -227,20 +228,11 @@ def test_a_terminal_sees_how_far_each_case_is(tmp_path: Path, colours: bool, job
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
     ours, theirs = pty.openpty()
-    command = [
-        sys.executable,
-        "-c",
-        "from rsgen.cli import main; main()",
-        "run",
-        str(tmp_path),
-        "--jobs",
-        jobs,
-    ]
     surroundings = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | (
         {} if colours else {"NO_COLOR": "1"}
     )
     process = subprocess.Popen(
-        [*command, "--jobs", jobs, "--out", str(tmp_path / "out")],
+        [*PROGRAM, "run", tmp_path, "--jobs", jobs, "--out", tmp_path / "out"],
         stdout=theirs,
         stderr=theirs,
         env=surroundings,
@@ -436,17 +428,7 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
     process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            "from rsgen.cli import main; main()",
-            "run",
-            str(tmp_path),
-            "--jobs",
-            jobs,
-            "--out",
-            str(tmp_path / "out"),
-        ],
+        [*PROGRAM, "run", tmp_path, "--jobs", jobs, "--out", tmp_path / "out"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
