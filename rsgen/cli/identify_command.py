@@ -76,12 +76,12 @@ def identify_command(path: Path, surface: Path | None, data: Path | None, json: 
         return verdict_code(verdict.state)
     code = print_verdict(verdict)
     print_table(
-        ("", "paper", "first order", "refined", "std. error", "unit"),
+        ("", "paper", "first order", "refined", "± (95 %)", "unit"),
         [
             (
                 row["name"],
                 *(number(row[method]["value"] if row[method] else None) for method in _METHODS),
-                number(row["refined"]["standard_error"], 2),
+                number((row["refined"]["interval"][1] - row["refined"]["interval"][0]) / 2, 2),
                 row["unit"],
             )
             for row in rows

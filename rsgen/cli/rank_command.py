@@ -15,7 +15,6 @@ from rsgen.cli.terminal import (
     verdict_code,
 )
 from rsgen.errors import RsgenError
-from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.ranking import Ranking, rank
 from rsgen.report.stated_verdict import state_verdict
@@ -27,11 +26,10 @@ from rsgen.units import parameter_units
 __all__ = ["rank_command"]
 
 
-def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model]:
-    """Read a surface with the base as its model, or a case with its model."""
+def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model | None]:
+    """Read a surface, which has no law, or a case with its model."""
     if path.suffix.lower() in (".h5", ".hdf5"):
-        base = (make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v"))
-        return path.stem, load_surface(path), Model(base)
+        return path.stem, load_surface(path), None
     case = load_case(path, data)
     return case.name, obtain_surface(case), case.model
 
@@ -54,6 +52,7 @@ def rank_command(path: Path, data: Path | None, json: bool) -> int:
                 "candidates": [
                     {
                         "name": entry.name,
+                        "own": entry.own,
                         "force": entry.force,
                         "parameters": entry.parameters,
                         "held_out_error": entry.held_out_error,

@@ -16,13 +16,11 @@ from rsgen.law.library import Library
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.ranking.ranking_result import OWN
 from rsgen.ranking.selection import Trial, search_sums
 from rsgen.ranking.sums import Term, library_terms
 
-__all__ = ["MODEL", "Entries", "competitors", "start_guess"]
-
-MODEL = "the model's own law"
-"""Name of the law of a model among the candidates."""
+__all__ = ["Entries", "competitors", "start_guess"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +98,7 @@ def competitors(
     if candidates is None:
         return {}, library_terms(), linear
     if isinstance(candidates, Model):
-        return {MODEL: candidates.elements}, library_terms(), candidates
+        return {OWN: candidates.elements}, library_terms(), candidates
     if isinstance(candidates, Library):
         candidates = tuple(candidates)
     if isinstance(candidates, str) or not isinstance(candidates, Sequence):

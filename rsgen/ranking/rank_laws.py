@@ -27,9 +27,9 @@ from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.competitors import MODEL, Entries, competitors, start_guess
+from rsgen.ranking.competitors import Entries, competitors, start_guess
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.ranking.ranking_result import Candidate, Ranking
+from rsgen.ranking.ranking_result import OWN, Candidate, Ranking
 from rsgen.ranking.reference import (
     NOISE,
     NOISE_LEAST,
@@ -264,7 +264,7 @@ def _ranking(
     surface: ResponseSurface,
 ) -> Ranking:
     """Order the candidates, merge given laws with their like of the library, and judge the best."""
-    candidates = _merged(candidates, current.rows, given)
+    candidates, own = _merged(candidates, current.rows, given)
     lowest = min(fit.bic for fit in candidates)
     tied = [fit for fit in candidates if fit.bic - lowest < _TIE]
     # a law that contradicts itself comes behind those that fit as well
@@ -281,6 +281,7 @@ def _ranking(
             fit.bic - lowest,
             fit.bic - lowest < _TIE,
             dict(fit.guess.values),
+            fit is own,
         )
         for fit in ordered
     ]
@@ -298,17 +299,21 @@ def _ranking(
     )
 
 
-def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> list[Fitted]:
-    """Drop what is a given law under another name; the law of a model takes the name of the library."""
+def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> tuple[list[Fitted], Fitted | None]:
+    """Drop what is a given law under another name; that of a model takes the library's, and is given, too."""
+    own = None
     for name in given:
         law = next((fit for fit in candidates if fit.guess.name == name), None)
         if law is None:
             continue
         twins = [fit for fit in candidates if fit is not law and _is_same(fit, law, rows)]
-        named = replace(law, guess=replace(law.guess, name=twins[0].guess.name if twins else name))
-        kept = [fit for fit in candidates if not any(fit is twin for twin in twins)]
-        candidates = [named if fit is law and name == MODEL else fit for fit in kept]
-    return candidates
+        candidates = [fit for fit in candidates if not any(fit is twin for twin in twins)]
+        if name == OWN:
+            named = replace(law, guess=replace(law.guess, name=twins[0].guess.name if twins else name))
+            candidates = [named if fit is law else fit for fit in candidates]
+            # a linear law is the base of all, and stands in where a case has none
+            own = None if _is_linear(law.guess.force) else named
+    return candidates, own
 
 
 def _is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:

@@ -14,7 +14,10 @@ from rsgen.surface import ResponseSurface
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.verdict import Verdict, reach_verdict
 
-__all__ = ["Candidate", "Ranking"]
+__all__ = ["OWN", "Candidate", "Ranking"]
+
+OWN = "the case's own law"
+"""Name of the law of the case or model that is ranked, among the candidates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,8 @@ class Candidate:
         True where the test does not separate it from the best.
     values
         Of the parameters, SI, "m" where the mass is free: good to start from, without intervals.
+    own
+        True for the law of the model, or of the case, that was ranked.
     """
 
     name: str
@@ -46,6 +51,12 @@ class Candidate:
     bic: float
     tied: bool
     values: Mapping[str, float]
+    own: bool = False
+
+    @property
+    def label(self) -> str:
+        """Its name in sentences and tables; a law of the library that is the ranked model's says so."""
+        return f"{OWN} ({self.name})" if self.own and self.name != OWN else self.name
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -142,7 +153,7 @@ class Ranking(Printed):
     def _table(self) -> TextTable:
         rows = tuple(
             (
-                each.name,
+                each.label,
                 each.parameters,
                 short(each.bic, 4),
                 short(each.held_out_error, 2),

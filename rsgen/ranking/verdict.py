@@ -102,7 +102,7 @@ def judge(
                 "no-law-fits",
                 "error",
                 numbers={"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))},
-                names={"law": candidates[0].name},
+                names={"law": candidates[0].label},
             ),
             _where(best, points, pairs, missing, left),
         ]
@@ -202,7 +202,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     if better:
         least = min(better, key=lambda candidate: candidate.held_out_error)
         error = {"predicted": Quantity(least.held_out_error)}
-        found.append(Finding("other-law-predicts-better", "info", numbers=error, names={"law": least.name}))
+        found.append(Finding("other-law-predicts-better", "info", numbers=error, names={"law": least.label}))
     return found
 
 
@@ -226,7 +226,8 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
     numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOISE_LEAST)}
-    law = {"law": best}
+    label = {candidate.name: candidate.label for candidate in candidates}
+    law = {"law": label[best]}
     if sure:
         found = [Finding("law-fits-best", "info", numbers=numbers, names=law)]
     elif len(points.neighbours):
@@ -246,9 +247,13 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
         name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
     ]
     if other:
-        found.append(Finding("laws-not-separated", "info", names={"laws": "; ".join(other)}))
+        found.append(
+            Finding("laws-not-separated", "info", names={"laws": "; ".join(map(label.__getitem__, other))})
+        )
     if more:
-        found.append(Finding("laws-add-nothing", "info", names={"laws": "; ".join(more)}))
+        found.append(
+            Finding("laws-add-nothing", "info", names={"laws": "; ".join(map(label.__getitem__, more))})
+        )
     return found
 
 

@@ -254,7 +254,7 @@ def ranking_table(identification: Identification) -> Table | None:
     rows = tuple(
         TableRow(
             (
-                candidate.name,
+                candidate.label,
                 Cell(candidate.force),
                 Cell(str(candidate.parameters)),
                 Cell(error_text(candidate.held_out_error)),

@@ -368,8 +368,15 @@ def test_simulate_then_identify(tmp_path: Path, capsys: pytest.CaptureFixture[st
     found = {row["name"]: row["refined"]["value"] for row in answer["parameters"]}
     assert found["k"] == pytest.approx(5920.0, rel=1e-3)
     assert found["m"] == pytest.approx(1.5, rel=1e-3)
-    assert call("identify", tmp_path / "small.toml") == 0
-    assert "refined" in capsys.readouterr().out
+    assert call("identify", tmp_path / "small.toml", "--surface", tmp_path / "s.h5") == 0
+    title, *rows = (re.split(r" {2,}", line.strip()) for line in capsys.readouterr().out.splitlines()[1:])
+    assert "± (95 %)" in title
+    printed = {row[0]: row for row in rows}
+    for row in answer["parameters"]:
+        low, high = row["refined"]["interval"]
+        # the page prints the same half width
+        assert float(printed[row["name"]][4]) == pytest.approx((high - low) / 2, rel=0.05)
+        assert high - low > 2.1 * row["refined"]["standard_error"]
 
 
 @pytest.fixture(scope="module")

@@ -267,7 +267,9 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, run_cli: Callable[..
     assert run_cli("init", "--from", path, case).code == 0
     checked = run_cli("check", case).out
     assert "29 measured points" in checked
-    assert "a.csv: 1 of 30 rows has no number where one is needed, left out; the first is line 9" in checked
+    assert (
+        "a.csv: 1 of 30 rows left out, without a number where one is needed; the first is line 9" in checked
+    )
 
 
 def test_a_last_line_without_an_end_is_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:

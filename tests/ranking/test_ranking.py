@@ -94,6 +94,10 @@ def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     ranking = rank(measured("cubic"), model("cubic"))
     best = ranking.candidates[0]
     assert best.name == "cubic-spring"
+    assert best.label == "the case's own law (cubic-spring)"
+    assert [candidate.own for candidate in ranking].count(True) == 1
+    assert sentence(ranking.findings[0]).startswith("the case's own law (cubic-spring) fits best")
+    assert str(ranking).count("the case's own law") == 1
     assert set(best.values) == {*LAWS["cubic"][1], "m"}
     assert ranking.model.elements == model("cubic").elements
     assert [c.name for c in ranking.candidates].count("cubic-spring") == 1
@@ -337,6 +341,7 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert done.code == 0
     answer = json.loads(done.out)
     assert answer["candidates"][0]["name"] == "cubic-spring"
+    assert not any(candidate["own"] for candidate in answer["candidates"])
     assert answer["fits"] is True
     text = run_cli("rank", path).out
     assert text.startswith("Identified: cubic-spring fits best")

@@ -27,8 +27,8 @@ say_plainly(
             f"zero ({_TESTED}); raise the level or take more points near the resonance"
         ),
         "even-force-not-seen": (
-            "{parameter}: the fundamental shows an even force by the square of its size alone, and is "
-            "fitted as well without it; record the mean or the second harmonic"
+            "{parameter}: an even force changes the fundamental only by the square of its size, and the test "
+            "is fitted as well without it; record the mean or the second harmonic"
         ),
         "sign-not-identifiable": (
             "the sign of {parameters} is not identifiable: neither the mean nor an even harmonic was "
@@ -57,12 +57,12 @@ say_plainly(
         ),
         "phase-not-recorded": (
             "phase not recorded: only amplitudes were fitted; damping is taken as positive, k(X) and c(X) of "
-            "single points rest on the phase that the law predicts, and a law that is wrong in phase is not "
-            "seen to be"
+            "single points rest on the phase that the law predicts, and an error of the law in phase alone "
+            "does not show"
         ),
         "not-calibrated": (
             "arbitrary scale: force or response are not calibrated, so m and every parameter are per unit of "
-            "the drive and of the response; frequencies and damping ratios hold as they are"
+            "the drive and of the response; frequencies and damping ratios do not depend on the scale"
         ),
         "points-not-settled": (
             "{unsettled:.0f} of {all:.0f} points have no settled response and were left out"
@@ -73,12 +73,13 @@ say_plainly(
         ),
         "not-converged": "the refined fit did not converge: the values are those at which its steps ended",
         "misfit-large": (
-            "force and response disagree with the law by {misfit:.1%}, without a pattern: noise as large "
-            "hides what a law does wrong"
+            "force and response differ from the law by {misfit:.1%}, without a pattern: noise this large "
+            "would hide an error of the law"
         ),
         "intervals-widened": (
-            "the misfit is not noise, so intervals are widened by what {groups:.0f} {by} of the test say "
-            "when each is left out: typically {wider:.2g} times"
+            "the misfit is not random noise, so the intervals come from leaving out each of {groups:.0f} "
+            "{by} of the test in turn (jackknife): they are typically {wider:.2g} times wider than noise "
+            "makes them"
         ),
         "level-apart": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
@@ -114,15 +115,16 @@ say_plainly(
         ),
         "resonance-sparse": (
             "{few:.0f} of {runs:.0f} runs have fewer than {points:.0f} points within the width of the "
-            "resonance: damping rests on little there"
+            "resonance: damping rests on few points there"
         ),
         "misfit-is-scatter": (
-            "the misfit of {misfit:.2g} is no more than the scatter of the means: the law leaves nothing over"
+            "the misfit of {misfit:.2g} is no larger than the scatter of the means of repeated points: the "
+            "law explains all that can be explained"
         ),
         "misfit-beyond-scatter": (
-            "the misfit of {misfit:.2g} is {times:.2g} times the scatter of the means: model error beyond "
-            "the noise. The scatter alone gives the standard errors of doing the test again with this law; "
-            "were the misfit noise, they would be {wider:.2g} times wider"
+            "the misfit of {misfit:.2g} is {times:.2g} times the scatter of the means of repeated points, so "
+            "that the law is not exact. The standard errors come from the scatter: they say how much a "
+            "repeated test would differ. If the misfit were noise, they would be {wider:.2g} times wider"
         ),
     }
 )
@@ -170,7 +172,10 @@ NEXT_STEPS.update(
             "Read the phase in the other sense (test.response.phase_sense), or give test.response.factor the "
             "other sign."
         ),
-        "not-passive": "Do what the finding advises, and run the case again.",
+        "not-passive": (
+            "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
+            "case again."
+        ),
         "stiffness-negative": _SIGN,
         "damping-negative": _SIGN,
         "not-a-steady-sine": (
@@ -195,9 +200,8 @@ def _(found: Finding) -> str:
         "the widened intervals cover this" if found.severity == "warning" else "one law does not hold for all"
     )
     return (
-        f"{found.names['parts']} identified apart differ by up to {found['z']:.2g} standard errors of "
-        f"independent points, by {found['after']:.2g} widened ones, and by {found['size']:.1%} of force and "
-        f"response: {meaning}"
+        f"{found.names['parts']}, identified separately, differ by up to {found['z']:.2g} standard errors "
+        f"({found['after']:.2g} of the widened ones), or {found['size']:.1%} of force and response: {meaning}"
     )
 
 

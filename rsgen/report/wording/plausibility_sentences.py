@@ -7,14 +7,17 @@ from rsgen.finding import Finding
 from rsgen.report.wording.sentences import NEXT_STEPS, says
 
 _REASONS = {
-    "frequency": "only what is smaller than a grain of sand is faster, and no test waits for less",
-    "displacement": "no rig moves a structure by more than metres, and no sensor resolves less",
-    "velocity": "every solid breaks from the stress that goes with more, and no sensor resolves less",
-    "acceleration": "no structure and no sensor endures more, and quiet ground moves by as little",
-    "force": "no shaker brings more, and the motion of the air is as strong as less",
-    "mass": "a sensor alone weighs more, and no structure that is tested weighs as much",
-    "stiffness": "a cube of steel of a metre is softer, and the softest cantilever stiffer",
-    "damping": "with more there is no resonance to identify, and no material has less",
+    "frequency": (
+        "only what is smaller than a grain of sand vibrates faster",
+        "no test lasts as long as some such periods",
+    ),
+    "displacement": ("no rig moves a structure by more", "no sensor resolves less"),
+    "velocity": ("the stress that goes with more breaks every solid", "no sensor resolves less"),
+    "acceleration": ("no structure and no sensor endures more", "quiet ground moves as much"),
+    "force": ("no shaker brings more", "the thermal motion of the air brings as much"),
+    "mass": ("no structure that is tested weighs as much", "a sensor alone weighs more"),
+    "stiffness": ("a cube of steel of a metre is softer", "the softest cantilever is stiffer"),
+    "damping": ("with more there is no resonance to identify", "no material has less"),
 }
 """Why nothing lies outside the bounds of ``rsgen.surface.plausibility``: above, and below."""
 
@@ -60,8 +63,9 @@ def _size(found: Finding, name: str) -> str:
 
 def _head(found: Finding) -> str:
     quantity, side = found.names["quantity"], found.names["side"]
-    others = found.names["others"]
-    more = f"; {others} {'are' if ',' in others else 'is'} outside as well" if others else ""
+    *others, last = found.names["others"].split(", ")
+    outside = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+    more = f"; {outside} outside as well" if last else ""
     return f"{_WHAT[quantity]} is {_size(found, 'value')}, {side} {_size(found, 'bound')}{more}"
 
 
@@ -74,7 +78,8 @@ def _(found: Finding) -> str:
 def _(found: Finding) -> str:
     mistakes = [_MISTAKES[name] for name in found.names["mistake"].split(", ") if name]
     likely = f"; the sizes would be ordinary if this is {', or '.join(mistakes)}" if mistakes else ""
-    return f"not possible in a vibration test: {_head(found)} ({_REASONS[found.names['quantity']]}){likely}"
+    reason = _REASONS[found.names["quantity"]][found.names["side"] != "above"]
+    return f"not possible in a vibration test: {_head(found)} ({reason}){likely}"
 
 
 _BEHAVES = {

@@ -42,24 +42,27 @@ say_plainly(
             "sign of the sensor?"
         ),
         "law-nearest": "{law} comes nearest, with a noise of {noise:.2g} at {points:g} points",
-        "law-nearest-unproved": "{law} comes nearest: points without neighbours do not show whether it fits",
-        "laws-equal": "{law} with a linear spring is also {same}",
-        "ranking-points-aside": "{aside:g} of {points:g} points are set aside: no law follows them",
+        "law-nearest-unproved": (
+            "{law} comes nearest; the frequencies are too far apart to tell noise from misfit, so that it is "
+            "not known whether it fits"
+        ),
+        "laws-equal": "{law} beside a linear spring is the same law as {same}",
+        "ranking-points-aside": "{aside:g} of {points:g} points are set aside: no candidate explains them",
         "ranking-few-points": (
             "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
         ),
         "law-at-limit": (
-            "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}); beyond it is "
-            "another law"
+            "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
+            "true law may be another"
         ),
         "damping-feeds-energy": (
-            "{law} feeds energy that {other} takes away, {share:.0%} of what the structure dissipates: "
-            "such a pair follows any curve"
+            "{law} feeds energy into the motion and {other} takes it away, {share:.0%} of what the structure "
+            "dissipates: such a pair can be bent to any curve"
         ),
         "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
         "phase-turned": (
-            "beside this law the force is turned by {phase:.3q}: that is the sign or the sense of a sensor, "
-            "no background"
+            "with this law the phase of the force has to be turned by {phase:.3q}: that is a wrong sign or "
+            "phase sense of a sensor, not a background"
         ),
         "ranking-one-level": "one level only: other levels would separate more laws",
     }
@@ -82,7 +85,10 @@ NEXT_STEPS.update(
         "levels-predicted-worse": (
             "Test more levels between those that there are, or take the law that predicts levels best."
         ),
-        "ranking-points-aside": "Look at the points set aside: one run or one end of the band is no chance.",
+        "ranking-points-aside": (
+            "Look where the points set aside lie: if they are one run or one end of the band, it is no "
+            "accident."
+        ),
     }
 )
 
@@ -91,7 +97,7 @@ NEXT_STEPS.update(
 def _(f: Finding) -> str:
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
-        "and response unexplained (what neighbours do not share, noise or too fine for the grid: "
+        "and response unexplained (noise, judged by how much neighbouring points differ: "
         f"{_percent(f['noise'])}); all candidates assume one mode and a force of displacement and velocity "
         "alone: hysteresis, a second mode, a background or a drift would leave this"
     )
@@ -114,7 +120,7 @@ def _(f: Finding) -> str:
 def _(f: Finding) -> str:
     small = f["noise"] <= f["least"]
     size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
-    return f"{f.names['law']} fits best: what it leaves of {f['points']:g} points {size}"
+    return f"{f.names['law']} fits best: what it leaves unexplained at {f['points']:g} points {size}"
 
 
 @says("laws-not-separated")
@@ -124,14 +130,15 @@ def _(f: Finding) -> str:
 
 @says("laws-add-nothing")
 def _(f: Finding) -> str:
-    return f"these add nothing that the test shows: {_listed(f.names['laws'])}"
+    return f"these contain it and fit no better: {_listed(f.names['laws'])}"
 
 
 @says("levels-predicted-worse")
 def _(f: Finding) -> str:
     return (
-        f"a level predicted from the others is off by {_percent(f['predicted'])}, fitted with them by "
-        f"{_percent(f['fitted'])}: some values rest on a single level, or the law is too flexible"
+        f"a level predicted from the others is off by {_percent(f['predicted'])}, but only by "
+        f"{_percent(f['fitted'])} when it is fitted with them: some values rest on a single level, or the "
+        "law is too flexible"
     )
 
 

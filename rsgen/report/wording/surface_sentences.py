@@ -21,7 +21,7 @@ say_plainly(
             "are too small there: measure with a wider range, or use start and stop"
         ),
         "sweep-not-corrected": (
-            "the force was not corrected for the pace of the sweep: over this band the sweeps do not "
+            "the force was not corrected for the sweep rate: over this band the sweeps do not "
             "determine a moving mass, as they would with one mode in it; choose a band around one mode, or "
             "give the mass"
         ),
@@ -54,8 +54,8 @@ say_plainly(
             "beat, or something drives the structure"
         ),
         "drive-after-start": (
-            "{record}: the start that was given, {begin:.4g} s, is believed, but the response is driven "
-            "after it"
+            "{record}: the decay is taken from {begin:.4g} s on, as the case says, but the structure is "
+            "still driven then"
         ),
         "force-not-sine": (
             "{record}: only {share:.0%} of the power of the force is at its line and harmonics; the rest, "
@@ -70,8 +70,8 @@ say_plainly(
             "which then looks like damping and stiffness of the structure"
         ),
         "force-from-ratio": (
-            "the files hold response over force, so the level stands for the force; where the real one "
-            "fell, so did the amplitude, and laws of amplitude are off by as much"
+            "the files hold response over force, so the level stands for the force; where the real force "
+            "was smaller, so was the amplitude, and k(X) and c(X) are shifted in amplitude by as much"
         ),
         "unit-of-file": (
             "{file}: {column} was read in {unit}, as the file says ({source}); a unit in the case would win"
@@ -79,6 +79,22 @@ say_plainly(
         "unit-of-file-unusable": (
             "{file}: {column} was read in {assumed}; the file says {unit}, which is another dimension: name "
             "the unit and the factor in the case"
+        ),
+        "rows-of-words": (
+            "{file}: rows of words among the numbers, as a header that repeats, passed over: {rows:.0f}; the "
+            "first is line {line:.0f}"
+        ),
+        "rows-twice": (
+            "{file}: {rows:.0f} of {all:.0f} rows repeat the row before to the last digit: written twice, "
+            "not measured twice, and left out"
+        ),
+        "rows-without-number": (
+            "{file}: {rows:.0f} of {all:.0f} rows left out, without a number where one is needed; the first "
+            "is {first}"
+        ),
+        "response-stands-still": (
+            "{record}: the response stands still while the force moves, {times:.0f} times, longest at "
+            "{begin:.5g} s for {length:.3g} s: a drop-out; look at the points around it"
         ),
         "last-line-open": (
             "{file}: the last line has no line end, as where a file was cut off; see that nothing is missing"
@@ -88,22 +104,22 @@ say_plainly(
             "be off by a factor of 39"
         ),
         "levels-are-labels": (
-            "the levels {labels} are labels, not amounts of what was measured; in their order they are "
-            "called {amounts}, as measured near the resonance"
+            "the levels {labels} are labels, not amounts of what was measured; in this order the levels are "
+            "{amounts}, measured near the resonance"
         ),
         "levels-disagree": (
-            "the levels are said to be {labels} {unit}, but {amounts} were measured; they are called by what "
-            "was measured"
+            "the levels are said to be {labels} {unit}, but {amounts} were measured; the measured ones are "
+            "used"
         ),
-        "levels-of-one-force": ("{count:.0f} levels of different name were all measured with {amount:.3q}"),
-        "unit-contradicts-title": ("{file}: {column} is read in {unit}, but its title says {title}"),
+        "levels-of-one-force": "{count:.0f} levels of different names were all measured at {amount:.3q}",
+        "unit-contradicts-title": "{file}: {column} is read in {unit}, but its title says {title}",
         "levels-swapped": (
             "the level of {low:.3q} was driven harder than that of {high:.3q}: measured {low_measured:.3q} "
             "and {high_measured:.3q}"
         ),
         "response-held": (
-            "within each run the amplitude of the response stays and the force moves, so the response was "
-            'held; control = "force" under [test] would say otherwise'
+            "within each run the amplitude of the response is constant and the force varies, so the test is "
+            'read as response-controlled; if it was not, write control = "force" under [test]'
         ),
         "run-repeated": (
             "{first} and {second} hold the same numbers row by row: one run was copied in place of another"
@@ -113,7 +129,8 @@ say_plainly(
             "their units differ, as m and mm do"
         ),
         "response-not-held": (
-            "the response is said to be held within a level, but it moves by {moved:.0%} at {level:.3q}"
+            "the case says that the response was held within a level, but it varies by {moved:.0%} at "
+            "{level:.3q}"
         ),
     }
 )
@@ -133,38 +150,6 @@ NEXT_STEPS.update(
         "run-repeated": "Look for the run that is missing, and take the copy out.",
         "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
         "response-not-held": 'Leave out control = "response" if the test held the force.',
-    }
-)
-
-
-@says("rows-of-words")
-def _(found: Finding) -> str:
-    rows = "a row" if found["rows"] == 1 else f"{found['rows']:.0f} rows"
-    return (
-        f"{found.names['file']}: {rows} of words among the numbers, as a header that repeats, passed over; "
-        f"the first is line {found['line']:.0f}"
-    )
-
-
-@says("rows-twice")
-def _(found: Finding) -> str:
-    return (
-        f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows repeat the row before to the "
-        "last digit: written twice, not measured twice, and left out"
-    )
-
-
-@says("rows-without-number")
-def _(found: Finding) -> str:
-    have = "has" if found["rows"] == 1 else "have"
-    return (
-        f"{found.names['file']}: {found['rows']:.0f} of {found['all']:.0f} rows {have} no number where one "
-        f"is needed, left out; the first is {found.names['first']}"
-    )
-
-
-NEXT_STEPS.update(
-    {
         "decay-rises": "Choose a band around one mode, or use stop to end the record before the rise.",
         "drive-after-start": "Leave the start out, so that the end of the drive is found, or move it.",
         "force-not-sine": "Measure with a stepped or swept sine, and look for what else is in the force.",
@@ -177,15 +162,6 @@ NEXT_STEPS.update(
         ),
     }
 )
-
-
-@says("response-stands-still")
-def _(found: Finding) -> str:
-    times = "once" if found["times"] == 1 else f"{found['times']:.0f} times"
-    return (
-        f"{found.names['record']}: the response stands still {times} while the force moves, longest at "
-        f"{found['begin']:.5g} s for {found['length']:.3g} s: a drop-out; look at the points around it"
-    )
 
 
 @says("decay-taken")
