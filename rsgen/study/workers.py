@@ -20,6 +20,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import FrameType, MappingProxyType
@@ -40,6 +41,9 @@ _CLEARING_SECONDS = 1.0
 
 _TRIES = 2
 """A case may have been the victim of another program's want of memory once, hardly twice."""
+
+_LOADED_ONCE = ("rsgen.study.workers", "rsgen.report", "rsgen.ranking", "scipy.interpolate")
+"""Two seconds of every worker's beginning, spent once for all of them."""
 
 _one_at_a_time = threading.Lock()
 """Figures are drawn, and output is captured, under settings that all threads of a process share."""
@@ -86,7 +90,12 @@ def _follow(parent: Connection) -> None:
     os._exit(1)
 
 
-def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
+def _prepare_worker(
+    parent: Connection, steps: SimpleQueue[Step] | None, surroundings: Mapping[str, str]
+) -> None:
+    # the process that this one is a copy of began earlier, perhaps under other settings
+    os.environ.clear()
+    os.environ.update(surroundings)
     keep_from_terminal()
     if steps is not None:
         _steps.append(steps)
@@ -113,6 +122,15 @@ def _beginning(share: int) -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name in added:
             del os.environ[name]
+
+
+def _context() -> BaseContext:
+    """How processes begin: as copies of one that has loaded what a case needs; anew where that cannot be."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(_LOADED_ONCE))
+    return context
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +221,7 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
         Gets a queue from each process, in which that reports how far its case has come; None where nobody
         listens. A queue that all shared would stay locked by a process that is killed while it writes.
     """
-    context = multiprocessing.get_context("spawn")
+    context = _context()
     theirs, ours = context.Pipe(duplex=False)
     share = max(1, (os.cpu_count() or 1) // number)
 
@@ -211,10 +229,10 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
         queue: SimpleQueue[Step] | None = None if steps is None else context.SimpleQueue()
         if steps is not None and queue is not None:
             steps.append(queue)
-        pool = ProcessPoolExecutor(
-            1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue)
-        )
         with _beginning(share):
+            pool = ProcessPoolExecutor(
+                1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue, dict(os.environ))
+            )
             # the first call begins the process
             pool.submit(os.getpid)
         return pool

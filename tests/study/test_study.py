@@ -24,6 +24,7 @@ from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_ca
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import write_manifest
 from rsgen.study.run_case import _failed_notebook, _temporary_in, current_result
+from rsgen.study.workers import local_workers
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
@@ -534,3 +535,10 @@ def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: C
     found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
     assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=2.0)
     assert found["kn"] < 0 < found["cn"]
+
+
+@pytest.mark.parametrize("value", ["first", "second"])
+def test_a_worker_has_the_settings_of_its_own_time(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RSGEN_PROBE", value)
+    with local_workers(1, None) as executor:
+        assert executor.submit(os.getenv, "RSGEN_PROBE").result(60) == value
