@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -17,16 +17,19 @@ from rsgen.measurement.column_titles import unit_in
 from rsgen.measurement.data_files import file_label, open_text, recognise_format
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.sandbox import list_binary
-from rsgen.measurement.text_columns import (
+from rsgen.measurement.text_cells import (
     MISSING,
-    REMARKS,
-    Columns,
     automatic_delimiter,
-    column_names,
     is_of_words,
     number_in,
-    read_columns,
     split_cells,
+)
+from rsgen.measurement.text_columns import (
+    MAX_COLUMNS,
+    REMARKS,
+    Columns,
+    column_names,
+    read_columns,
     text_lines,
 )
 from rsgen.measurement.tree import Contents, Entry, facts
@@ -35,8 +38,12 @@ __all__ = ["list_contents"]
 
 LOOKED_AT = 300
 """Lines of a text from which its layout is recognised."""
+FEWEST_LINES = 3
+"""Of these at least: names, units, numbers."""
+LOOKED_AT_BYTES = 2**18
+"""Bytes of them: enough for 300 lines of 40 columns; every way to split them is tried."""
 _ALONE_BYTES = 32 * 2**20
-"""Of larger files no column is read alone."""
+"""Where reading each column alone reads more bytes than this in all, none is."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _BLOCK = 3
@@ -78,6 +85,9 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
 
     Rows of words and rows with gaps among the numbers do not end the table, so that nothing above is lost.
     """
+    sign = None if layout.delimiter == "whitespace" else layout.delimiter
+    if any(len(text.split(sign, MAX_COLUMNS)) > MAX_COLUMNS for _, text in lines):
+        return 0, len(lines), 0
     full = _full(lines, layout)
     if not any(full):
         return 0, len(lines), 0
@@ -123,10 +133,20 @@ def _is_foreign(lines: Iterable[bytes]) -> bool:
     return False
 
 
+def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Give the lines from which the layout is recognised, the first ones whatever their lengths."""
+    left = LOOKED_AT_BYTES
+    for number, text in islice(lines, LOOKED_AT):
+        yield number, text
+        left -= len(text)
+        if left < 0 and number >= FEWEST_LINES:
+            return
+
+
 def _list_text(path: Path) -> Contents:
     label = file_label(path)
     with open_text(path, hashlib.sha256()) as file:
-        begin = list(islice(text_lines(file, label, hashlib.sha256()), LOOKED_AT))
+        begin = list(_beginning(text_lines(file, label, hashlib.sha256())))
         file.seek(0)
         foreign = _is_foreign(islice(file, LOOKED_AT))
     comments = Layout().comments
@@ -203,7 +223,7 @@ def _numbers(
     try:
         found = read_columns(path, layout, wanted)
     except MeasurementError as error:
-        if len(wanted) < 2 or path.stat().st_size > _ALONE_BYTES:
+        if len(wanted) < 2 or len(wanted) * path.stat().st_size > _ALONE_BYTES:
             return {}, dict.fromkeys(wanted, str(error)), ""
     else:
         values = found.values

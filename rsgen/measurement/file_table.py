@@ -95,8 +95,32 @@ def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
     if not isinstance(pattern, str) or "*" not in pattern:
         return ()
     text = re.sub(r"\[[\d,:]+\]\Z", "", pattern)
-    match = re.fullmatch("([^/]*)".join(map(re.escape, text.split("*"))), path)
-    return match.groups() if match else (path,)
+    names, wanted = path.split("/"), text.split("/")
+    parts = [_star(*pair) for pair in zip(wanted, names, strict=False)]
+    whole = len(names) == len(wanted) and None not in parts
+    return tuple(part for found in parts for part in found or ()) if whole else (path,)
+
+
+def _star(pattern: str, name: str) -> tuple[str, ...] | None:
+    """Give what each * stood for, the first ones for as much as they can; None where the name does not fit.
+
+    From the end, so that no place is tried twice, however many stars there are.
+    """
+    first, *others = pattern.split("*")
+    if not others:
+        return () if name == pattern else None
+    last = others.pop()
+    stop = len(name) - len(last)
+    if stop < len(first) or not (name.startswith(first) and name.endswith(last)):
+        return None
+    found: list[str] = []
+    for literal in reversed(others):
+        place = name.rfind(literal, len(first), stop)
+        if place < 0:
+            return None
+        found.append(name[place + len(literal) : stop])
+        stop = place
+    return (name[len(first) : stop], *reversed(found))
 
 
 def _entries(

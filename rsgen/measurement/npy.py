@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -17,16 +18,30 @@ from rsgen.measurement.tree import Node, array_bytes
 
 __all__ = ["walk_npy", "walk_npz"]
 
+MAX_HEADER = 10_000
+"""Bytes of a header: as many as numpy itself parses, for it reads this text with Python's parser."""
 _PICKLE = "holds Python objects (a pickle), which could run code; arrays of numbers are read"
 
 Open = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
+def _head_bytes(file: IO[bytes]) -> IO[bytes]:
+    """Read the bytes of a header, its declared length checked first."""
+    begin = file.read(12)
+    # version 1 gives the length of the text in two bytes, the later ones in four
+    width = 2 if begin[6:7] == b"\x01" else 4
+    size = int.from_bytes(begin[8 : 8 + width], "little")
+    if size > MAX_HEADER:
+        raise MeasurementError(f"declares a header of {size} bytes; at most {MAX_HEADER} are read")
+    return io.BytesIO(begin + file.read(max(0, size - (4 - width))))
+
+
 def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    head = _head_bytes(file)
     try:
-        version = npy.read_magic(file)
+        version = npy.read_magic(head)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, fortran, dtype = read(file)
+        shape, fortran, dtype = read(head)
     except Exception as fault:  # the header is read as Python text, so any fault of a parser may come
         raise MeasurementError(f"is no .npy array: {' '.join(str(fault).split())[:120]}") from None
     if dtype.hasobject:
@@ -65,6 +80,9 @@ def _nodes(
     def load(field: str | None = None) -> NDArray[Any]:
         with opened() as file:
             values = _read(file, *_header(file, largest))
+            # only at its end an archive compares the CRC-32 of a member
+            if isinstance(file, zipfile.ZipExtFile) and file.read(1):
+                raise MeasurementError("holds more than its header declares; the file is damaged")
         return values if field is None else values[field]
 
     if dtype.names is None:

@@ -120,7 +120,7 @@ class _Process:
         self.clock = self.start(self.seconds)
         try:
             header = json.loads(self.line())
-        except ValueError:
+        except (ValueError, RecursionError):
             raise self.broken() from None
         if not isinstance(header, dict):
             raise self.broken()

@@ -24,25 +24,31 @@ from rsgen.errors import MeasurementError
 from rsgen.measurement.address import show
 from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, file_label, open_text
 from rsgen.measurement.plan import Layout
+from rsgen.measurement.text_cells import (
+    LONGEST_NUMBER,
+    MISSING,
+    WORD,
+    automatic_delimiter,
+    is_of_words,
+    number_in,
+    split_cells,
+)
 
 __all__ = [
-    "MISSING", "REMARKS", "Columns", "automatic_delimiter", "column_names", "is_of_words", "number_in",
-    "read_columns", "split_cells", "text_lines",
-]  # fmt: skip
+    "MAX_COLUMNS",
+    "REMARKS",
+    "Columns",
+    "column_names",
+    "read_columns",
+    "text_lines",
+]
 
 MAX_LINE = 1_000_000
-MAX_ROWS = 5_000_000
+MAX_ROWS = 3_000_000
+"""Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
 MAX_COLUMNS = 10_000
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
 # without letters but e, and without underscores, float() accepts just what _NUMBER does
 _PLAIN = re.compile(r"[0-9eE+\-.,;|\s]*\Z", re.ASCII)
-MISSING = re.compile(
-    r"(?:[+-]?(?:nan|inf|infinity)|#?n/?a|n\.\s?a\.|null|none|missing|[-\u2013\u2014]{1,3}|\?|)\Z",
-    re.IGNORECASE,
-)
-"""What instruments and programs write in place of a number that is missing."""
-_WORD = re.compile(r"[^\W\d_]")
-"""A cell that begins with a letter is a word; "12a4", "1,5" and "=A1" are numbers gone wrong."""
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _ANY = ".{1,40}?"
@@ -80,40 +86,6 @@ class Columns:
     words: tuple[int, ...] = ()
     spans: tuple[int, ...] = ()
     ended: bool = True
-
-
-def split_cells(text: str, delimiter: str | None) -> list[str]:
-    """Split a line into cells, without blanks and quotes around them."""
-    if delimiter == "whitespace":
-        return text.split()
-    return [cell.strip().strip('"').strip() for cell in text.split(delimiter)]
-
-
-def automatic_delimiter(text: str, decimal: str) -> str:
-    """Find the delimiter of a line: the first of ; tab , | in it but the decimal sign, else blanks."""
-    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
-
-
-def number_in(cell: str, decimal: str) -> float | None:
-    """Read a plain number (digits, sign, decimal sign, exponent); None where the cell holds none."""
-    if decimal == ",":
-        cell = cell.replace(",", ".") if "." not in cell else "?"
-    return float(cell) if _NUMBER.match(cell) else None
-
-
-def is_of_words(cells: Sequence[str], decimal: str) -> bool:
-    """Whether a row holds words and no number: a header, units, a remark.
-
-    Examples
-    --------
-    >>> is_of_words(["f", "F1", ""], "."), is_of_words(["NA", "nan"], "."), is_of_words(["run", "3"], ".")
-    (True, False, False)
-    """
-    words = [cell for cell in cells if not MISSING.match(cell)]
-    return bool(words) and all(
-        (_WORD.match(cell) or not any(sign.isdigit() for sign in cell)) and number_in(cell, decimal) is None
-        for cell in words
-    )
 
 
 def column_names(line: str, comments: Sequence[str]) -> list[str] | None:
@@ -217,6 +189,8 @@ class _Table:
         cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
         if len(cells) not in self.widths:
             return None
+        if len(text) > LONGEST_NUMBER and any(len(cells[place]) > LONGEST_NUMBER for place in self.places):
+            return None
         try:
             values = [float(cells[place]) for place in self.places]
         except ValueError:
@@ -233,26 +207,29 @@ class _Table:
         numbers = [number_in(cells[place], self.layout.decimal) for place in self.places]
         for place, value in zip(self.places, numbers, strict=True):
             cell = cells[place]
-            if value is None and not (MISSING.match(cell) or _WORD.match(cell)):
+            if value is None and not (MISSING.match(cell) or WORD.match(cell)):
                 raise self.fail(line, f"column {place + 1}: {self.reason(cell)}")
             if value is not None and not isfinite(value):
                 raise self.fail(line, f"column {place + 1}: {show(cell)} is too large for a number")
         return [nan if value is None else value for value in numbers]
 
     def reason(self, cell: str) -> str:
+        if len(cell) > LONGEST_NUMBER:
+            return f"{show(cell)} has {len(cell)} signs; a number has at most {LONGEST_NUMBER}"
         if self.layout.decimal == "." and "," in cell:
             return f"{show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
         return f"{show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
 
     def take(self, line: int, text: str) -> None:
         stripped = text.strip()
+        if self.width and stripped and not stripped.startswith(self.layout.comments):
+            self.row(line, text)
+            return
         names = column_names(stripped, self.layout.comments)
         if not stripped or names is not None:
             self.separated = True
             if names is not None and not self.width:
                 self.remark = names
-        elif self.width:
-            self.row(line, text)
         else:
             self.settle(line, text)
 
@@ -293,11 +270,12 @@ def text_lines(
                 f"{name}: line {number}: not {' or '.join(encodings)}; save the file as UTF-8, or name its "
                 "encoding in test.layout.encoding"
             )
-        if "\r" in text.rstrip("\r\n"):
+        text = text.rstrip("\r\n")
+        if "\r" in text:
             raise MeasurementError(
                 f"{name}: line {number}: a carriage return inside the line; end lines with \\n"
             )
-        yield number, text.rstrip("\r\n")
+        yield number, text
 
 
 def _ends_with_line(file: IO[bytes]) -> bool:

@@ -1,0 +1,171 @@
+"""Attacks on case files: tampered ones of every kind, each loaded in a child process.
+
+``python -m tests.attacks.cases --count 10000 --seed 1`` prints counts; ``--only NUMBER`` repeats one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.random import Generator
+
+from rsgen.case import load_case
+from rsgen.errors import RsgenError
+from tests.attacks.child import Outcome, attempts, measured, serve
+from tests.attacks.damage import DAMAGE
+from tests.attacks.texts import TEXTS, grown
+
+__all__ = ["attack", "main", "run"]
+
+SECONDS = 10.0
+MEGABYTES = 1024.0
+ROOT = Path(__file__).parents[2] / "cases"
+CASES = tuple(sorted([*ROOT.glob("*.toml"), *(ROOT / "formats").glob("*.toml")]))
+VALUES = (
+    "0", "-1", "1e999", "nan", "inf", "9" * 400, "true", '""', '"x"', "[]", "{}", "[[[[]]]]", "1979-05-27",
+    "'1 kg'",
+    "'5 N/m/m/m/m'", "'1e400 kg'", "'" + "m" * 3000 + "'", "'../../etc/passwd'",
+    "'/dev/zero'", '"\\u202e"', "[1, 'a']",
+    "{ start = 1, stop = 2, count = 1000000000 }",
+    "{ start = 1, stop = 2, step = 1e-300 }", "[" * 900 + "]" * 900,
+    "'m^999999'", "'kg**1e9'", "'" + "(" * 3000 + "'",
+)  # fmt: skip
+
+
+def other_value(text: str, rng: Generator) -> str:
+    """A key has a value of another kind or size."""
+    lines = text.split("\n")
+    places = [number for number, line in enumerate(lines) if "=" in line]
+    place = places[int(rng.integers(len(places)))]
+    key = lines[place].split("=")[0]
+    lines[place] = f"{key}= {VALUES[int(rng.integers(len(VALUES)))]}"
+    return "\n".join(lines)
+
+
+def other_law(text: str, rng: Generator) -> str:
+    """A force is a random or a pathological text."""
+    lines = text.split("\n")
+    places = [number for number, line in enumerate(lines) if line.lstrip().startswith("force ")]
+    make = grown if rng.random() < 0.5 else TEXTS[int(rng.integers(len(TEXTS)))]
+    if places:
+        law = json.dumps(make(rng)[:3000], ensure_ascii=False)
+        lines[places[int(rng.integers(len(places)))]] = f"force = {law}"
+    return "\n".join(lines)
+
+
+def line_gone(text: str, rng: Generator) -> str:
+    """A line is missing, comes twice or stands elsewhere."""
+    lines = text.split("\n")
+    line = lines.pop(int(rng.integers(len(lines))))
+    for _ in range(int(rng.integers(0, 3))):
+        lines.insert(int(rng.integers(len(lines))), line)
+    return "\n".join(lines)
+
+
+def many_tables(text: str, rng: Generator) -> str:
+    """Thousands of tables or keys, or a key of great depth."""
+    count = int(10 ** rng.uniform(1, 4))
+    kind = int(rng.integers(4))
+    if kind == 0:
+        return text + "".join(
+            f'\n[[element]]\nname = "e{i}"\nforce = "k{i}*x"\n' for i in range(min(count, 2000))
+        )
+    if kind == 1:
+        return text + "\n[truth]\n" + "".join(f"p{i} = {i}\n" for i in range(count))
+    if kind == 2:
+        return text + "\n[" + ".".join(["a"] * count) + "]\n"
+    return ".".join(["a"] * count) + " = 1\n" + text
+
+
+def damaged(text: str, rng: Generator) -> bytes:
+    """Bytes are others, missing or doubled."""
+    return DAMAGE[int(rng.integers(len(DAMAGE)))](text.encode(), rng)
+
+
+WAYS: tuple[Callable[[str, Generator], str | bytes], ...] = (
+    other_value, other_value, other_law, line_gone, many_tables, damaged, damaged,
+)  # fmt: skip
+
+
+def attack(number: int, seed: int) -> Outcome:
+    """Make a case file beside its data and load it."""
+    rng = np.random.default_rng([seed, number])
+    source = CASES[int(rng.integers(len(CASES)))]
+    way = WAYS[int(rng.integers(len(WAYS)))]
+    content = way(source.read_text(encoding="utf-8"), rng)
+    with TemporaryDirectory(prefix="rsgen-attack-") as folder:
+        path = Path(folder) / source.name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass"))
+        for file in source.parent.iterdir() if source.parent.name == "formats" else ():
+            if file.suffix not in (".toml", ".py") and file.is_file():
+                shutil.copy(file, folder)
+
+        def load() -> str:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                try:
+                    load_case(path)
+                except RsgenError as fault:
+                    return f"refused: {str(fault)[:200]}"
+            return "result"
+
+        outcome = measured(number, f"{source.name}: {way.__name__}", load)
+    if outcome.seconds > SECONDS:
+        return Outcome(number, outcome.name, f"hang: {outcome.seconds} s", outcome.seconds, outcome.megabytes)
+    if outcome.megabytes > MEGABYTES:
+        return Outcome(number, outcome.name, "memory: over the bound", outcome.seconds, outcome.megabytes)
+    return outcome
+
+
+def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+    """Load case files and give the rows of the table: figure, asked, measured."""
+    kinds: Counter[str] = Counter()
+    slowest = largest = 0.0
+    for outcome in attempts("tests.attacks.cases", [str(seed)], range(count)):
+        report(outcome)
+        kinds[outcome.said.split()[0].rstrip(":")] += 1
+        slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
+    return [
+        {
+            "figure": f"fuzz of case files, {count}: crashes, over 10 s, over 1 GB",
+            "asked": "0, 0, 0",
+            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} "
+            f"({kinds['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)",
+        }
+    ]
+
+
+def _show(outcome: Outcome) -> None:
+    if outcome.said.split()[0].rstrip(":") not in ("result", "refused"):
+        print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
+
+
+def main(argv: list[str]) -> int:
+    """Run attacks from the command line; 1 where one of them got through."""
+    parser = argparse.ArgumentParser(prog="python -m tests.attacks.cases")
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", type=int)
+    parser.add_argument("--serve", type=int)
+    chosen = parser.parse_args(argv)
+    if chosen.serve is not None:
+        return serve(lambda number: attack(number, chosen.serve))
+    if chosen.only is not None:
+        print(attack(chosen.only, chosen.seed))
+        return 0
+    rows = run(chosen.count, chosen.seed, _show)
+    print(json.dumps(rows, indent=1))
+    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,153 @@
+"""Attempts in a child process: what each came to, its processor time and its peak memory."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+__all__ = ["Outcome", "attempts", "measured", "serve"]
+
+WALL_SECONDS = 180.0
+"""An attempt without an answer for so long hangs, whatever it does meanwhile."""
+RENEWED = 400
+"""Attempts after which a child is replaced: caches grow, and what one attempt takes must stay visible."""
+_STATUS = Path("/proc/self/status")
+_CLEAR = Path("/proc/self/clear_refs")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One attempt: its number and name, what it came to, seconds of work, MB above the start.
+
+    ``said`` begins with "result", "refused", "crash" or "hang".
+    """
+
+    number: int
+    name: str
+    said: str
+    seconds: float = 0.0
+    megabytes: float = 0.0
+
+
+def _peak(key: str) -> float:
+    """Give a figure of this process in MB; 0 where the system does not say."""
+    with suppress(OSError):
+        for line in _STATUS.read_text(encoding="ascii").splitlines():
+            if line.startswith(key):
+                return int(line.split()[1]) / 1024
+    return 0.0
+
+
+def _worked() -> float:
+    return time.process_time() + sum(os.times()[2:4])
+
+
+def _children() -> float:
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+
+
+def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
+    """Make an attempt here; any exception that it lets through is a crash."""
+    gc.collect()
+    with suppress(OSError):
+        # the highest mark of this process begins anew
+        _CLEAR.write_text("5", encoding="ascii")
+    base, children, begun = _peak("VmRSS"), _children(), _worked()
+    try:
+        said = attempt()
+    except Exception as error:
+        last = error.__traceback__
+        while last is not None and last.tb_next is not None:
+            last = last.tb_next
+        place = f"{Path(last.tb_frame.f_code.co_filename).name}:{last.tb_lineno}" if last else ""
+        said = f"crash {type(error).__name__} at {place}: {' '.join(str(error).split())[:160]}"
+    worked = _worked() - begun
+    # children that read files are gone by now; their peak counts where it is a new one
+    grown = _children()
+    taken = max(0.0, _peak("VmHWM") - base) + (grown if grown > children else 0.0)
+    return Outcome(number, name, said, round(worked, 3), round(taken, 1))
+
+
+def serve(attempt: Callable[[int], Outcome]) -> int:
+    """Answer numbers on standard input with outcomes on standard output, a line each."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    # what the attempts print is no answer
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    for line in sys.stdin:
+        answers.write(json.dumps(asdict(attempt(int(line)))) + "\n")
+        answers.flush()
+    return 0
+
+
+class _Child:
+    def __init__(self, module: str, words: list[str], wall: float) -> None:
+        self.wall = wall
+        command = [sys.executable, "-m", module, "--serve", *words]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        self.buffer = b""
+        self.done = 0
+
+    def ask(self, number: int) -> Outcome:
+        self.done += 1
+        stdin, stdout = self.process.stdin, self.process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        with suppress(BrokenPipeError):
+            stdin.write(f"{number}\n".encode())
+            stdin.flush()
+        ends = time.monotonic() + self.wall
+        with selectors.DefaultSelector() as ready:
+            ready.register(stdout, selectors.EVENT_READ)
+            while b"\n" not in self.buffer:
+                if not ready.select(max(0.0, ends - time.monotonic())):
+                    return Outcome(number, "", f"hang: no answer after {self.wall:g} s", self.wall)
+                part = os.read(stdout.fileno(), 65536)
+                if not part:
+                    return Outcome(number, "", f"crash of the process: code {self.process.wait()}")
+                self.buffer += part
+        line, _, self.buffer = self.buffer.partition(b"\n")
+        return Outcome(**json.loads(line))
+
+    def end(self) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout):
+            with suppress(OSError):
+                if stream is not None:
+                    stream.close()
+
+
+def attempts(
+    module: str, words: list[str], numbers: Iterable[int], wall: float = WALL_SECONDS
+) -> Iterator[Outcome]:
+    """Make attempts in children of ``python -m module --serve words``, one after the other."""
+    child: _Child | None = None
+    try:
+        for number in numbers:
+            child = child or _Child(module, words, wall)
+            outcome = child.ask(number)
+            if not outcome.name or child.done >= RENEWED:
+                child.end()
+                child = None
+            yield outcome
+    finally:
+        if child is not None:
+            child.end()

@@ -1,0 +1,134 @@
+"""Good data files of every format, small, as bytes: what is tampered with in attacks on the readers."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.io
+from numpy.random import Generator
+
+from rsgen.measurement import HistoryRule, LevelRule, MeasuredTest, Signal
+from rsgen.surface import ResponseSurface, save_surface
+
+__all__ = ["ENDINGS", "arrays", "good", "history_plan", "power_of_ten", "table_plan", "universal"]
+
+ENDINGS = {
+    "csv": ".csv", "mat": ".mat", "hdf5": ".h5", "npy": ".npy", "npz": ".npz", "uff": ".uff",
+    "surface": ".h5",
+}  # fmt: skip
+ROWS = 40
+SAMPLES = 1200
+
+
+def arrays() -> dict[str, np.ndarray[Any, Any]]:
+    """A table of amplitudes and a history, as they stand in the files."""
+    f = np.linspace(8.0, 12.0, ROWS)
+    F = np.repeat([1.0, 3.0], ROWS // 2)
+    x = F / (5920 - 1.5 * (2 * np.pi * f) ** 2 + 40j * 2 * np.pi * f)
+    t = np.arange(SAMPLES) / 100
+    drive = 2 * np.sin(2 * np.pi * (4 * t + 0.4 * t**2))
+    return {
+        "f": f,
+        "F": F,
+        "x": x,
+        "t": t,
+        "u": drive,
+        "a": np.roll(drive, 3) * 1e-3,
+        "fs": np.array([100.0]),
+    }
+
+
+def power_of_ten(rng: Generator, low: float, high: float) -> int:
+    """A size between two powers of ten."""
+    return int(10 ** rng.uniform(low, high))
+
+
+def universal(numbers: np.ndarray[Any, Any], **keys: Any) -> bytes:
+    """A data set 58 in ASCII; ``keys`` replace fields of the head."""
+    known: dict[str, Any] = {"kind": 2, "count": len(numbers), "even": 1, "start": 0.0, "step": 0.01} | keys
+    lines = [
+        "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",
+        f"{known.get('function', 1):5d}{0:10d}    0         0" + " NONE               1   1" * 2,
+        f"{known['kind']:10d}{known['count']:10d}{known['even']:10d}{known['start']:13.5E}{known['step']:13.5E}"
+        f"{0:13.5E}",
+        "        17    0    0    0 Time                 s",
+        "         8    0    0    0 Motion               m",
+        *["         0    0    0    0 NONE                 NONE"] * 2,
+    ]  # fmt: skip
+    rows = ["".join(f"{v:13.5E}" for v in numbers[i : i + 6]) for i in range(0, len(numbers), 6)]
+    return ("\n".join([*lines, *known.get("rows", rows), "    -1"]) + "\n").encode()
+
+
+def _hdf5(parts: dict[str, np.ndarray[Any, Any]]) -> bytes:
+    file = io.BytesIO()
+    with h5py.File(file, "w") as made:
+        for name, values in parts.items():
+            checked = {"chunks": (min(16, len(values)),), "compression": "gzip", "fletcher32": True}
+            made.create_dataset(name, data=values, **(checked if name in ("f", "x", "u") else {}))
+            made[name].attrs["units"] = "Hz"
+    return file.getvalue()
+
+
+def _surface(folder: Path) -> bytes:
+    parts = arrays()
+    surface = ResponseSurface(
+        level=parts["F"], frequency=parts["f"], force=parts["F"].astype(complex), response=parts["x"]
+    )
+    path = folder / "good-surface.h5"
+    save_surface(path, surface)
+    return path.read_bytes()
+
+
+def good(form: str, folder: Path) -> bytes:
+    """A good file of a format."""
+    parts = arrays()
+    file = io.BytesIO()
+    opened: Any = file
+    if form == "csv":
+        rows = zip(parts["f"], parts["F"], parts["x"].real, parts["x"].imag, strict=True)
+        lines = ["f [Hz],F [N],x_re [m],x_im [m]", *(",".join(f"{v:.9g}" for v in row) for row in rows)]
+        return ("\n".join(lines) + "\n").encode()
+    if form == "mat":
+        scipy.io.savemat(opened, parts | {"s": {"in": parts["f"]}}, do_compression=True)
+    elif form == "npz":
+        np.savez_compressed(opened, **parts)
+    elif form == "npy":
+        np.save(opened, np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag]))
+    elif form == "hdf5":
+        return _hdf5(parts)
+    elif form == "uff":
+        return universal(parts["u"]) + universal(parts["a"])
+    else:
+        return _surface(folder)
+    return file.getvalue()
+
+
+def table_plan(path: Path, form: str) -> MeasuredTest:
+    """Read the table of amplitudes of a good file."""
+    columns: tuple[Any, Any, Signal] = ("f", "F", Signal(complex="x"))
+    if form == "npy":
+        columns = ("array[:,1]", "array[:,2]", Signal(real="array[:,3]", imaginary="array[:,4]"))
+    elif form == "csv":
+        columns = (1, 2, Signal(real=3, imaginary=4))
+    elif form == "uff":
+        columns = ("1/abscissa", "1/ordinate", Signal(amplitude="2/ordinate"))
+    f, F, x = columns
+    return MeasuredTest((path,), f, Signal(amplitude=F), x, "displacement", level=LevelRule(column=F))
+
+
+def history_plan(path: Path, form: str) -> MeasuredTest:
+    """Read the time history of a good file."""
+    columns: tuple[Any, Any, Any] = ("u", "a", "t")
+    if form == "npy":
+        columns = ("array[:,2]", "array[:,3]", "array[:,1]")
+    elif form == "csv":
+        columns = (2, 3, 1)
+    elif form == "uff":
+        columns = ("1/ordinate", "2/ordinate", "1/abscissa")
+    u, a, t = columns
+    rule = HistoryRule("swept-sine", time=t)
+    return MeasuredTest((path,), None, Signal(samples=u), Signal(samples=a), "acceleration", history=rule)

@@ -1,0 +1,194 @@
+"""Attacks on the readers: tampered data and surface files of every format, each read in a child process.
+
+``python -m tests.attacks.readers --count 5000 --seed 1`` prints counts. An attack is a number: with the seed
+it makes the same file on every machine, and ``--only NUMBER`` repeats it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from rsgen.errors import RsgenError
+from rsgen.inspection import list_contents, propose
+from rsgen.measurement import read_measurement
+from rsgen.surface import load_surface
+from tests.attacks.child import Outcome, attempts, measured, serve
+from tests.attacks.damage import CHECKED, DAMAGE
+from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
+from tests.attacks.traps import TRAPS
+from tests.attacks.traps_hdf5 import SECRET
+
+__all__ = ["attack", "main", "run"]
+
+SECONDS = 10.0
+"""Work allowed for a file under SMALL bytes."""
+SMALL = 10_000_000
+MEGABYTES = 1024.0
+"""Memory allowed beyond twice the size of the file."""
+
+Numbers = dict[str, bytes]
+
+
+class _SurpriseError(Exception):
+    """A reader gave what it must not."""
+
+
+def _numbers(path: Path, form: str) -> tuple[Numbers, int, str]:
+    """Read a file in every way: the numbers by reading, how many ways refused it, and the first refusal."""
+    ways: dict[str, Callable[[], np.ndarray]] = {}
+    if form == "surface":
+        ways["surface"] = lambda: _flat(load_surface(path))
+    else:
+        ways["table"] = lambda: _flat(read_measurement(table_plan(path, form)))
+        ways["history"] = lambda: _flat(read_measurement(history_plan(path, form)))
+    found: Numbers = {}
+    faults = []
+    for name, way in ways.items():
+        try:
+            values = way()
+        except RsgenError as fault:
+            faults.append(_sentence(str(fault)))
+            continue
+        if np.any(values == SECRET):
+            raise _SurpriseError("read outside of the file")
+        found[name] = values.tobytes()
+    return found, len(faults), faults[0] if faults else ""
+
+
+def _flat(surface: object) -> np.ndarray:
+    names = ("level", "frequency", "force", "harmonics")
+    return np.concatenate([np.ravel(np.asarray(getattr(surface, name), dtype=complex)) for name in names])
+
+
+def _sentence(text: str) -> str:
+    if not text or len(text) > 1000 or not text.replace("\n", " ").isprintable():
+        raise _SurpriseError(f"a refusal that is no sentence: {text[:80]!r}")
+    return text
+
+
+def _listed(path: Path) -> None:
+    """List a file and guess a case for it, as ``rsgen inspect`` does."""
+    try:
+        contents = list_contents(path)
+        propose(contents)
+    except RsgenError as fault:
+        _sentence(str(fault))
+
+
+@lru_cache(maxsize=8)
+def _undamaged(form: str) -> Numbers:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"good{ENDINGS[form]}"
+        path.write_bytes(good(form, Path(folder)))
+        return _numbers(path, form)[0]
+
+
+def attack(number: int, seed: int) -> Outcome:
+    """Make the file of an attack and read it: formats in turn, damage, checked parts and traps at random."""
+    rng = np.random.default_rng([seed, number])
+    form = list(ENDINGS)[number % len(ENDINGS)]
+    draw = rng.random()
+    with TemporaryDirectory(prefix="rsgen-attack-") as text:
+        folder = Path(text)
+        checked = draw > 0.8 and form in CHECKED
+        if checked:
+            damage = CHECKED[form][int(rng.integers(len(CHECKED[form])))]
+            name, content = damage.__name__, damage(good(form, folder), rng)
+        elif draw > 0.4:
+            trap = TRAPS[form][int(rng.integers(len(TRAPS[form])))]
+            name, content = trap.__name__, trap(folder, rng)
+            if draw > 0.7:
+                other = DAMAGE[int(rng.integers(len(DAMAGE)))]
+                name, content = f"{name}, {other.__name__}", other(content, rng) if content else content
+        else:
+            damage = DAMAGE[int(rng.integers(len(DAMAGE)))]
+            name, content = damage.__name__, damage(good(form, folder), rng)
+        path = folder / f"a{ENDINGS[form]}"
+        path.write_bytes(content)
+        known = _undamaged(form) if checked else None
+        size = len(content)
+        del content
+
+        def read() -> str:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                if form != "surface":
+                    _listed(path)
+                found, faults, first = _numbers(path, form)
+            if known is not None:
+                for way, values in found.items():
+                    if values != known[way]:
+                        return f"crash: other numbers after damage that a checksum shows ({way})"
+            return f"refused: {first}" if faults and not found else "result"
+
+        outcome = measured(number, f"{form}: {name}, {size} bytes", read)
+    if size < SMALL and outcome.seconds > SECONDS:
+        return Outcome(number, outcome.name, f"hang: {outcome.seconds} s", outcome.seconds, outcome.megabytes)
+    if outcome.megabytes > MEGABYTES + 2 * size / 2**20:
+        return Outcome(number, outcome.name, "memory: over the bound", outcome.seconds, outcome.megabytes)
+    return outcome
+
+
+def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+    """Make attacks and give the rows of the table: figure, asked, measured."""
+    kinds: Counter[str] = Counter()
+    slowest, largest = 0.0, 0.0
+    for outcome in attempts("tests.attacks.readers", [str(seed)], range(count)):
+        report(outcome)
+        kind = outcome.said.split()[0].rstrip(":")
+        if outcome.said.startswith("crash: other numbers"):
+            kind = "unsaid"
+        elif "read outside" in outcome.said:
+            kind = "outside"
+        kinds[kind] += 1
+        slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
+    return [
+        {
+            "figure": f"{count} tampered data and surface files: crashes, hangs, reads outside, over 1 GB",
+            "asked": "0, 0, 0, 0",
+            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['outside']}, {kinds['memory']} "
+            f"({kinds['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)",
+        },
+        {
+            "figure": "other numbers after damage in a part that the format checks, unsaid",
+            "asked": "0",
+            "measured": str(kinds["unsaid"]),
+        },
+    ]
+
+
+def _show(outcome: Outcome) -> None:
+    if outcome.said.split()[0].rstrip(":") not in ("result", "refused"):
+        print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
+
+
+def main(argv: list[str]) -> int:
+    """Run attacks from the command line; 1 where one of them got through."""
+    parser = argparse.ArgumentParser(prog="python -m tests.attacks.readers")
+    parser.add_argument("--count", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", type=int)
+    parser.add_argument("--serve", type=int)
+    chosen = parser.parse_args(argv)
+    if chosen.serve is not None:
+        return serve(lambda number: attack(number, chosen.serve))
+    if chosen.only is not None:
+        print(attack(chosen.only, chosen.seed))
+        return 0
+    rows = run(chosen.count, chosen.seed, _show)
+    print(json.dumps(rows, indent=1))
+    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,109 @@
+"""A few attacks of every kind on the readers; ``python -m tests.attacks.readers`` makes thousands."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.errors import MeasurementError
+from rsgen.inspection import list_contents
+from rsgen.measurement import Layout, read_measurement
+from rsgen.measurement.file_table import _stars
+from rsgen.measurement.sandbox import list_binary, read_binary
+from rsgen.measurement.text_cells import LONGEST_NUMBER
+from rsgen.measurement.text_columns import read_columns
+from tests.attacks import readers
+from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable
+from tests.attacks.good_files import ENDINGS, good, table_plan
+from tests.attacks.traps import npy_padded
+
+SECONDS = 2.0
+"""Work allowed for these small files, on a busy machine."""
+
+
+def refusal(act: Callable[[], object]) -> str:
+    """The sentence of a refusal, which comes soon."""
+    begun = time.process_time()
+    with pytest.raises(MeasurementError) as caught:
+        act()
+    assert time.process_time() - begun < SECONDS
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("form", [form for form in ENDINGS if form not in ("uff", "surface")])
+def test_good_files_are_read(form: str, tmp_path: Path) -> None:
+    """What is tampered with is whole before: an attack that meets a broken file shows nothing."""
+    path = tmp_path / f"a{ENDINGS[form]}"
+    path.write_bytes(good(form, tmp_path))
+    assert len(read_measurement(table_plan(path, form))) == 40
+
+
+@pytest.mark.parametrize("damage", DAMAGE, ids=lambda damage: damage.__name__)
+def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    for form in ("csv",):
+        content = good(form, tmp_path)
+        for number in range(3):
+            path = tmp_path / f"{number}{ENDINGS[form]}"
+            path.write_bytes(damage(content, rng))
+            # anything but a result or a sentence is raised here
+            readers._numbers(path, form)
+
+
+@pytest.mark.parametrize(
+    ("form", "damage"),
+    [("npz", in_archive), ("mat", in_variable), ("hdf5", in_chunk)],
+    ids=["npz", "mat", "hdf5"],
+)
+def test_damage_that_a_checksum_shows_is_said(form: str, damage: Damage, tmp_path: Path) -> None:
+    path = tmp_path / f"a{ENDINGS[form]}"
+    addresses = ["f", "F", "x", "t", "u", "a"]
+    content = good(form, tmp_path)
+    path.write_bytes(content)
+    known = [channels[0].values for channels in read_binary(path, form, addresses)]
+    said = 0
+    for seed in range(4):
+        path.write_bytes(damage(content, np.random.default_rng(seed)))
+        try:
+            found = [channels[0].values for channels in read_binary(path, form, addresses)]
+        except MeasurementError:
+            said += 1
+            continue
+        for a, b in zip(known, found, strict=True):
+            np.testing.assert_array_equal(a, b)
+    assert said
+
+
+@pytest.mark.parametrize("ending", ["", "x", ".5.5", "e5e"])
+def test_a_number_of_a_million_digits_is_refused_by_its_length(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"f,F\n1,2\n" + b"7" * 900_000 + ending.encode() + b",2\n")
+    sentence = refusal(lambda: read_columns(path, Layout(), [1]))
+    assert "line 3: column 1: '777" in sentence
+    assert f"at most {LONGEST_NUMBER}" in sentence
+
+
+def test_a_header_of_megabytes_is_refused_by_its_length(tmp_path: Path) -> None:
+    path = tmp_path / "a.npy"
+    path.write_bytes(npy_padded(tmp_path, np.random.default_rng(1)))
+    assert "bytes; at most 10000 are read" in refusal(lambda: list_binary(path, "npy"))
+
+
+def test_thousands_of_columns_are_listed_soon(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    row = ",".join(["1.5"] * 4000)
+    path.write_text("\n".join([row] * 40 + [row[:-1] + "x"]) + "\n")
+    begun = time.process_time()
+    assert len(list_contents(path).entries) == 4000
+    assert time.process_time() - begun < SECONDS
+
+
+def test_many_stars_in_an_address_take_no_time() -> None:
+    begun = time.process_time()
+    assert _stars("*a" * 90 + "b", "a" * 4000) == ("a" * 4000,)
+    assert _stars("run_*/ch*_*[2]", "run_1/ch2_3_4") == ("1", "2_3", "4")
+    assert time.process_time() - begun < 0.2

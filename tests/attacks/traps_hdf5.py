@@ -1,0 +1,164 @@
+"""HDF5 files and surfaces made to hurt a reader: declared, packed, linked, deep, or leading outside."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.random import Generator
+
+from rsgen.surface.response_surface import COLUMN_UNITS
+from tests.attacks.good_files import good, power_of_ten
+
+__all__ = ["SECRET", "hdf5_declared", "hdf5_outside", "hdf5_tree", "surface"]
+
+SECRET = 424242.0
+"""Number in a file outside, which no reader may give."""
+
+
+# ---------------------------------------------------------------- HDF5
+
+
+def _made(make: Callable[[h5py.File], None], **how: Any) -> bytes:
+    file = io.BytesIO()
+    with h5py.File(file, "w", **how) as made:
+        make(made)
+    return file.getvalue()
+
+
+def hdf5_declared(folder: Path, rng: Generator) -> bytes:
+    """Arrays of any size without a byte in the file, packed to nothing, or of a million chunks."""
+    kind, size = int(rng.integers(5)), power_of_ten(rng, 5, 12)
+
+    def make(file: h5py.File) -> None:
+        if kind == 0:
+            file.create_dataset("f", shape=(size,), dtype="f8", chunks=(1000,))
+        elif kind == 1:
+            file.create_dataset("f", shape=(size,), dtype="f8", fillvalue=1.0)
+        elif kind == 2:
+            file.create_dataset("f", data=np.zeros(min(size, 10**7)), chunks=(10**5,), compression="gzip")
+        elif kind == 3:
+            file.create_dataset("f", shape=(10**9,), dtype="f8", chunks=(10**8,), compression="gzip")
+            file["f"][0] = 1.0
+        else:
+            count = power_of_ten(rng, 3, 4.3)
+            file.create_dataset("f", data=np.zeros(count), chunks=(1,), compression="gzip")
+
+    return _made(make)
+
+
+def hdf5_outside(folder: Path, rng: Generator) -> bytes:
+    """Links, virtual and external data that lead to another file."""
+    outside = folder / "outside.h5"
+    if not outside.exists():
+        with h5py.File(outside, "w") as file:
+            file["f"] = np.full(40, SECRET)
+        (folder / "outside.bin").write_bytes(np.full(40, SECRET).tobytes())
+    kind = int(rng.integers(4))
+
+    def make(file: h5py.File) -> None:
+        for name in ("F", "x", "t", "u", "a"):
+            file[name] = np.ones(40)
+        if kind == 0:
+            file["f"] = h5py.ExternalLink(str(outside), "f")
+        elif kind == 1:
+            layout = h5py.VirtualLayout((40,), dtype="f8")
+            layout[:] = h5py.VirtualSource(str(outside), "f", shape=(40,))
+            file.create_virtual_dataset("f", layout)
+        elif kind == 2:
+            where = [(str(folder / "outside.bin"), 0, 320)]
+            file.create_dataset("f", shape=(40,), dtype="f8", external=where)
+        else:
+            file["f"] = h5py.SoftLink(str(outside))
+
+    return _made(make)
+
+
+def hdf5_tree(folder: Path, rng: Generator) -> bytes:
+    """Loops, depth, groups by the thousand, long names, huge attributes, kinds that are no numbers."""
+    kind = int(rng.integers(7))
+
+    def make(file: h5py.File) -> None:
+        if kind == 0:
+            file["a/b"] = np.ones(3)
+            file["a/c"] = file["a"]
+        elif kind == 1:
+            file["/".join("g" * power_of_ten(rng, 0.5, 2.5))] = np.ones(3)
+        elif kind == 2:
+            for number in range(power_of_ten(rng, 1, 3.7)):
+                file.create_group(str(number))
+        elif kind == 3:
+            file["n" * power_of_ten(rng, 1, 4.5)] = np.ones(3)
+            file["a\x1b[2J\u202e"] = np.ones(3)
+        elif kind == 4:
+            data = file.create_dataset("f", data=np.ones(3))
+            data.attrs["units"] = ["m" * 60000, np.bytes_(b"\xff" * 300), "m^" + "9" * 300, "m" * 20][
+                int(rng.integers(4))
+            ]
+        elif kind == 5:
+            file.create_dataset("f", data=np.ones(3, dtype=[("r", "f8"), ("i", "f4")]))
+            file.create_dataset("t", data=["a", "b"])
+            file.create_dataset("x", data=np.ones((2,) * 20, dtype="f4"))
+        else:
+            number = int(rng.integers(10, 3000))
+            file["f"] = np.array([file.ref] * number, dtype=h5py.ref_dtype)
+
+    return _made(make, libver=str(rng.choice(["earliest", "latest"])))
+
+
+# ---------------------------------------------------------------- surfaces
+
+
+def surface(folder: Path, rng: Generator) -> bytes:
+    """A surface one of whose arrays is declared, packed, linked, of another kind or length, or deep JSON."""
+    file = io.BytesIO(good("surface", folder))
+    names = [*COLUMN_UNITS, "findings"]
+    name = names[int(rng.integers(len(names)))]
+    kind = int(rng.integers(9))
+    with h5py.File(file, "r+") as made:
+        if name in made:
+            del made[name]
+        if kind == 0:
+            made.create_dataset(name, shape=(power_of_ten(rng, 3, 12),), dtype="f8", chunks=(1000,))
+        elif kind == 1:
+            made.create_dataset(name, shape=(power_of_ten(rng, 3, 12),), dtype="f8")
+        elif kind == 2:
+            made.create_dataset(name, data=np.zeros(10**6), compression="gzip")
+        elif kind == 3:
+            hdf5_outside(folder, np.random.default_rng(1))
+            made.create_dataset(
+                name, shape=(40,), dtype="f8", external=[(str(folder / "outside.bin"), 0, 320)]
+            )
+        elif kind == 4:
+            layout = h5py.VirtualLayout((40,), dtype="f8")
+            layout[:] = h5py.VirtualSource(str(folder / "outside.h5"), "f", shape=(40,))
+            made.create_virtual_dataset(name, layout)
+        elif kind == 5:
+            texts = [
+                b"[" * 100_000,
+                b'{"a":' * 9000,
+                b"9" * 9000,
+                b"[null]",
+                b'[{"code": 1}]',
+                b"\xff",
+                b"NaN",
+            ]
+            made.create_dataset(name, data=np.bytes_(texts[int(rng.integers(len(texts)))]))
+        elif kind == 6:
+            values: list[Any] = [
+                np.full(40, np.nan),
+                np.full(40, 1e308),
+                np.zeros((40, 3)),
+                np.ones(39),
+                ["a"] * 40,
+            ]
+            made.create_dataset(name, data=values[int(rng.integers(len(values)))])
+        elif kind == 7:
+            made[name] = h5py.SoftLink("/" + name)
+        else:
+            made.attrs["origin"] = ["o" * 60_000, b"\xff", 3, np.ones(1000)][int(rng.integers(4))]
+    return file.getvalue()
