@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from rsgen.measurement import sandbox
+
 ROOT = Path(__file__).resolve().parent.parent
 
 ELSEWHERE = '''
@@ -126,3 +128,13 @@ def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
     ready, header, *_ = done.stdout.split(b"\n")
     assert ready == b"ready", done.stderr.decode()
     assert json.loads(header)["entries"]
+
+
+def test_inspect_says_what_is_not_limited(run_cli, monkeypatch):
+    formats = ROOT / "cases" / "formats"
+    assert "limits" not in run_cli("inspect", formats / "table.mat").err
+    monkeypatch.setattr(sandbox, "MEMORY_STATUS", "/no/such/file")
+    assert "limits everything but the memory" in run_cli("inspect", formats / "table.mat").err
+    assert "limits" not in run_cli("inspect", formats / "table.csv").err
+    monkeypatch.setattr(sandbox, "find_spec", lambda name: None)
+    assert "limits nothing but the time" in run_cli("inspect", formats / "table.mat").err

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rsgen.cli.terminal import print_json, print_line
+from rsgen.cli.terminal import print_json, print_line, print_reading_fault
 from rsgen.cli.trial_reading import Trial, try_proposal
 from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.measurement.tree import TEXT
@@ -126,6 +126,7 @@ def trial_lines(trial: Trial) -> list[str]:
 def inspect_command(file: Path, everything: bool, json: bool) -> int:
     """Show what is in a data file and propose the [test] table."""
     contents = list_contents(file)
+    print_reading_fault(contents.format)
     proposal = propose(contents)
     trial = try_proposal(contents, proposal) if proposal else None
     if json:

@@ -26,6 +26,7 @@ __all__ = [
     "print_faults",
     "print_json",
     "print_line",
+    "print_reading_fault",
     "print_table",
     "print_verdict",
     "verdict_code",
@@ -81,6 +82,20 @@ def print_cache_fault() -> None:
     fault = cache_fault()
     if fault is not None:
         print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
+
+
+def print_reading_fault(form: str) -> None:
+    """Say at the first look into a binary file what this system does not limit while it is read."""
+    from rsgen.measurement.sandbox import reading_fault
+
+    fault = None if form == "csv" else reading_fault()
+    if fault is not None:
+        print_faults(
+            [
+                f"note: of the process that reads a binary file this system limits {fault}; "
+                "open files of strangers on Linux"
+            ]
+        )
 
 
 def print_verdict(verdict: Verdict, name: str = "") -> int:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.data_files import file_label, open_regular
+from rsgen.measurement.sandbox_worker import MEMORY_STATUS
 from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
-__all__ = ["list_binary", "read_binary"]
+__all__ = ["list_binary", "read_binary", "reading_fault"]
 
 MAX_BYTES = 2**30
 """Largest binary file that is opened."""
@@ -152,6 +153,13 @@ def _hash(file: IO[bytes]) -> str:
     digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
     file.seek(0)
     return digest
+
+
+def reading_fault() -> str | None:
+    """Say what this system does not limit while a binary file is read; None where every limit holds."""
+    if not find_spec("resource"):
+        return "nothing but the time"
+    return None if Path(MEMORY_STATUS).exists() else "everything but the memory"
 
 
 def _seconds(size: int) -> float:

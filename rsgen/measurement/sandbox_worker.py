@@ -26,7 +26,7 @@ from rsgen.errors import MeasurementError
 from rsgen.measurement.address import find, select
 from rsgen.measurement.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
 
-__all__ = ["FORMATS", "READY", "main"]
+__all__ = ["FORMATS", "MEMORY_STATUS", "READY", "main"]
 
 FORMATS = {
     "mat": ("rsgen.measurement.matlab", "walk_matlab"),
@@ -36,6 +36,8 @@ FORMATS = {
     "uff": ("rsgen.measurement.uff", "walk_universal"),
 }
 READY = b"ready\n"
+MEMORY_STATUS = "/proc/self/statm"
+"""Where Linux says how much memory a process has; other systems do not, and no limit above that is set."""
 _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 _SECONDS = 1.0
@@ -95,7 +97,7 @@ def _limit(largest: int, size: int) -> None:
     # none beyond standard input, output and error: links to other files lead nowhere
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
     try:
-        with open("/proc/self/statm", encoding="ascii") as status:  # noqa: PTH123
+        with open(MEMORY_STATUS, encoding="ascii") as status:  # noqa: PTH123
             base = int(status.read().split()[0]) * resource.getpagesize()
     except OSError:
         return
