@@ -7,6 +7,7 @@ not go on with its numbers; 2 the input is faulty (one sentence a fault on stand
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -72,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         open_streams()
         keep_from_terminal()
         single_thread()
+        # figures go to files alone, and the user's choice of windows need not be there
+        os.environ["MPLBACKEND"] = "agg"
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)

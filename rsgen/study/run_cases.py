@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import replace
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
@@ -63,10 +63,13 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
     if not isinstance(lost, Exception):
         raise lost
     text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
-    fault = (
-        f"{case.path.name}: its worker was lost, and a second one, perhaps for want of memory; try it alone "
-        f"with --jobs 1 ({text})"
-    )
+    if isinstance(lost, OSError | RuntimeError) and not isinstance(lost, BrokenExecutor):
+        fault = f"{case.path.name}: no process could be begun for it; try it with --jobs 1 ({text})"
+    else:
+        fault = (
+            f"{case.path.name}: its worker was lost, and a second one, perhaps for want of memory; try it "
+            f"alone with --jobs 1 ({text})"
+        )
     return CaseRun(case.path, case.path.stem, faults=(fault,))
 
 

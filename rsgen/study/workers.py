@@ -172,9 +172,30 @@ class _Processes(Executor):
     def _next(self) -> None:
         with self._lock:
             while self._idle and self._waiting and not self._closed:
-                pool, task = self._idle.pop() or self._begin(), self._waiting.popleft()
+                idle, task = self._idle.pop(), self._waiting.popleft()
+                try:
+                    pool, inner = self._given(idle, task.call)
+                except (OSError, RuntimeError) as fault:
+                    if self._busy:
+                        # the system has no place for one more; those that work take this call, too
+                        self._waiting.appendleft(task)
+                    else:
+                        self._idle.append(None)
+                        task.future.set_exception(fault)
+                    continue
                 self._busy.add(pool)
-                pool.submit(task.call).add_done_callback(partial(self._done, pool, task))
+                inner.add_done_callback(partial(self._done, pool, task))
+
+    def _given(
+        self, idle: ProcessPoolExecutor | None, call: Callable[[], Any]
+    ) -> tuple[ProcessPoolExecutor, Future[Any]]:
+        """Give a call to an idle pool; to a new one where its process was ended meanwhile."""
+        if idle is not None:
+            with suppress(BrokenExecutor):
+                return idle, idle.submit(call)
+            idle.shutdown(wait=False)
+        pool = self._begin()
+        return pool, pool.submit(call)
 
     def _done(self, pool: ProcessPoolExecutor, task: _Task, inner: Future[Any]) -> None:
         """Pass on what became of a call; it runs in a thread of the pool."""

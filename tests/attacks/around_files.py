@@ -250,7 +250,9 @@ def temporary_folder_read_only(place: Path) -> str:
         "mount --bind . /mnt; mount --bind out /mnt/out; "
         "mount -t tmpfs -o ro none /tmp 2> /dev/null; cd /mnt; mount -o remount,bind,ro /mnt"
     )
-    return _run_mounted(place, mounts, *DONE, jobs=2, TMPDIR=str(place / "ro"), RSGEN_CACHE="/mnt/cache")
+    return _run_mounted(
+        place, mounts, *DONE, *REFUSED, jobs=2, TMPDIR=str(place / "ro"), RSGEN_CACHE="/mnt/cache"
+    )
 
 
 @mounting

@@ -87,7 +87,7 @@ def _codes(number: signal.Signals) -> tuple[int, ...]:
 
 
 def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tally) -> None:
-    """Begin a run of two cases, end it at a random moment, look at what is left, run again, look again.
+    """Begin a run, of two cases where it is pooled, end it at a random moment, look, run again, look again.
 
     Half of the runs begin where earlier results lie, which must not be lost; a fifth compile their kernels.
     """
@@ -101,7 +101,8 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     if cold:
         shutil.rmtree(place / "cache")
     before = verified(out)
-    words = ("run", earlier / "cases", "--out", out, "--jobs", jobs)
+    cases = [earlier / "cases" / f"{name}.toml" for name in ("one", "two")[: int(jobs)]]
+    words = ("run", *cases, "--out", out, "--jobs", jobs)
     process = start((*words, "--force") if again else words, env=around)
     time.sleep(chance.uniform(0.0, _NEXT_MOMENT) * seconds)
     reached = process.poll() is None and _signal(process.pid, number, everybody)
@@ -114,11 +115,12 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     fault = _spoken(ended, number)
     tally.talk += [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
-    following = rsgen("run", earlier / "cases", "--out", out, "--jobs", "1", env=around)
+    following = rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
     fault = following.fault(0)
     tally.talk += [f"{what}, next run: {fault}"] * bool(fault)
     tally.lying += [f"{what}, next run: {name}" for name in lies(out)]
-    if again and (following.out.count("unchanged") < len(before) or len(verified(out)) < len(before)):
+    kept = [case for case in cases if case.stem in before]
+    if following.out.count("unchanged") < len(kept) or len(verified(out)) < len(before):
         tally.lost.append(what)
     tally.left += [f"{what}: {name}" for name in leftovers(out, place / "tmp", place / "cache")]
 
@@ -130,12 +132,15 @@ def _spoken(ended: Ended, number: signal.Signals) -> str:
 
 
 def _undisturbed(place: Path) -> float:
-    """Run the cases once, compiled before; give the seconds."""
+    """Run two cases, then one of them, compiled before; give the seconds of the latter."""
     (place / "cases").mkdir()
     for name, k in (("one", 5920.0), ("two", 6100.0)):
         write_case(place / "cases", name, k=k)
-    words = ("run", place / "cases", "--out", place / "out", "--jobs", "1", "--force")
-    ends = [rsgen(*words, env=environment(place)) for _ in range(2)]
+    words = ("--out", place / "out", "--jobs", "1", "--force")
+    ends = [
+        rsgen("run", which, *words, env=environment(place))
+        for which in (place / "cases", place / "cases" / "one.toml")
+    ]
     faults = [ended.fault(0) for ended in ends if ended.fault(0)]
     if faults:
         raise RuntimeError(f"an undisturbed run failed: {faults[0]}")

@@ -19,6 +19,7 @@ from tests.attacks.program import (
     row,
     rsgen,
     verified,
+    write_case,
 )
 from tests.attacks.surroundings import tried_here
 
@@ -51,6 +52,8 @@ def test_remarks_in_a_result_that_a_killed_run_moved_aside_stay(finished: Path) 
 @pytest.mark.slow
 def test_a_killed_run_is_cleared_up_by_the_next_one(finished: Path, tmp_path: Path) -> None:
     tally = kills.Tally()
+    for name in ("one", "two"):
+        write_case(finished / "cases", name)
     kills.kill_once(7, tmp_path, 4.0, finished, tally)
     assert [row["measured"] for row in tally.rows()] == ["0 of 1"] * 5
 
