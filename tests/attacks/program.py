@@ -92,10 +92,15 @@ def session(leader: int) -> list[int]:
     return found
 
 
+def listen() -> None:
+    """Let a process be interrupted; one begun by a script in the background is born deaf to that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(words: Sequence[str | Path], **options: object) -> subprocess.Popen[str]:
     """Start a command of rsgen; it leads a session, by which its processes are found again."""
     settings: dict = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    settings |= {"text": True, "errors": "replace", "start_new_session": True} | options
+    settings |= {"text": True, "errors": "replace", "start_new_session": True, "preexec_fn": listen} | options
     return subprocess.Popen(settings.pop("command", None) or [*COMMAND, *map(str, words)], **settings)
 
 
