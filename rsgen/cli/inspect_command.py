@@ -118,8 +118,8 @@ def trial_lines(trial: Trial) -> list[str]:
     lines = [f"Read so, the file gives {len(surface)} points at {levels}, {band}"]
     lines += [f"  {finding.severity}: {sentence(finding)}" for finding in trial.findings]
     lines += [f"  next: {next_step(f)}" for f in trial.findings if f.severity == "doubt"]
-    if trial.looked_for:
-        lines.append(f"  looked for: {', '.join(trial.looked_for)}")
+    if trial.not_found:
+        lines.append(f"  looked for and not found: {', '.join(trial.not_found)}")
     return lines
 
 

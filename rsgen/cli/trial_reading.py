@@ -36,8 +36,8 @@ class Trial:
         None where nothing was tried or the file could not be read so.
     findings
         About reading, sizes, and a part of the response that does not depend on the force.
-    looked_for
-        What was looked for besides, in words.
+    not_found
+        What was looked for and is not there, in words.
     fault
         Why it could not be read; "" otherwise.
     """
@@ -45,7 +45,7 @@ class Trial:
     proposal: Proposal
     surface: ResponseSurface | None = None
     findings: tuple[Finding, ...] = ()
-    looked_for: tuple[str, ...] = ()
+    not_found: tuple[str, ...] = ()
     fault: str = ""
 
 
@@ -69,15 +69,14 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     except RsgenError as fault:
         faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
         return Trial(proposal, fault=" ".join(faults[0].split()))
-    known = not set(_PLACEHOLDERS) & set(proposal.doubts)
-    findings, looked_for = list(surface.findings), []
-    if known:
-        looked_for.append("sizes that no test can have")
-        findings += plausibility_findings(surface)
-    if known and has_levels(surface):
-        looked_for.append("a part of the response that does not depend on the force")
-        findings += offset_findings(surface)
-    return Trial(proposal, surface, tuple(findings), tuple(looked_for))
+    looked_for: dict[str, tuple[Finding, ...]] = {}
+    if not set(_PLACEHOLDERS) & set(proposal.doubts):
+        looked_for["sizes that no test has"] = tuple(plausibility_findings(surface))
+        if has_levels(surface):
+            found = tuple(offset_findings(surface))
+            looked_for["a part of the response that does not depend on the force"] = found
+    findings = (*surface.findings, *(f for found in looked_for.values() for f in found))
+    return Trial(proposal, surface, findings, tuple(what for what, found in looked_for.items() if not found))
 
 
 def _read(file: Path, proposal: Proposal) -> ResponseSurface:

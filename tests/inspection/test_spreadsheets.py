@@ -211,10 +211,12 @@ def test_an_offset_of_the_response_is_seen(tmp_path: Path, run_cli: Callable[...
 
     head = "f [Hz],F [N],Re [mm],Im [mm]"
     plain = shown(write(tmp_path / "a.csv", head, columns(0.0)), run_cli)
-    assert "looked for: sizes that no test can have, a part of the response that does not depend" in plain
+    absent = "looked for and not found: sizes that no test has"
+    assert f"{absent}, a part of the response that does not depend on the force\n" in plain
     assert "phase+offset" not in plain
     picked_up = shown(write(tmp_path / "b.csv", head, columns(0.05 + 0.05j)), run_cli)
     assert 'try [identify] background = "phase+offset"' in picked_up
+    assert f"{absent}\n" in picked_up
 
 
 def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
