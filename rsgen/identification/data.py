@@ -19,7 +19,6 @@ from rsgen.oscillator import Model
 from rsgen.surface import OUTCOMES, ResponseSurface, match_level
 
 __all__ = [
-    "ASYMMETRIC",
     "JUMP",
     "Points",
     "Repeats",
@@ -31,8 +30,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-ASYMMETRIC = 0.2
+_ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""
+
+_SOME = 3
+"""At least as many points are no accident."""
 
 JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
@@ -101,6 +103,18 @@ class Points:
     def amplitude(self) -> NDArray[np.float64]:
         """(n,) X [m]."""
         return np.abs(self.harmonics[:, 1])
+
+    @property
+    def asymmetric(self) -> bool:
+        """Whether some motions have a mean or a second harmonic that no noise explains."""
+        even = np.abs(self.harmonics[:, 0:3:2]).max(axis=1) / self.amplitude
+        return int(np.count_nonzero(even > _ASYMMETRIC)) >= _SOME
+
+    @property
+    def strong(self) -> bool:
+        """Whether some motions are so far from a sine that a balance of few harmonics may miss them."""
+        higher = np.abs(self.harmonics[:, 2:]).max(axis=1, initial=0.0) / self.amplitude
+        return int(np.count_nonzero(higher > _ASYMMETRIC)) >= _SOME
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
@@ -353,7 +367,7 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
             np.minimum.at(low, group[good], part[good])
             np.maximum.at(high, group[good], part[good])
             with np.errstate(invalid="ignore"):
-                alone |= ~(high - low <= ASYMMETRIC * largest)[group]
+                alone |= ~(high - low <= _ASYMMETRIC * largest)[group]
     group[alone] = group.max() + 1 + np.arange(int(alone.sum()))
     return group
 

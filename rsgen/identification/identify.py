@@ -38,7 +38,7 @@ from rsgen.identification.result import (
     RestoringForce,
 )
 from rsgen.identification.soundness import feeds_exciter
-from rsgen.identification.start import is_asymmetric, is_strong, start_fit, with_phase
+from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
 from rsgen.law.numeric import compile_law
@@ -144,7 +144,7 @@ def _prepare(surface: ResponseSurface, model: Model) -> _Test:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
     law = compile_law(model.force)
-    if law.odd and is_asymmetric(points):
+    if law.odd and points.asymmetric:
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
     observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
@@ -170,7 +170,7 @@ def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
-    sharp = law.rough or is_strong(points)
+    sharp = law.rough or points.strong
     for order in _ORDERS:
         refined = fit_balance(few, parameters, order=order)
         parameters = refined.regression.parameters

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.asymmetric import ORDER, start_asymmetric
-from rsgen.identification.data import ASYMMETRIC, Points
+from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
@@ -27,10 +27,6 @@ from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
 
 __all__ = [
-    "QUICK",
-    "Equations",
-    "is_asymmetric",
-    "is_strong",
     "point_misfit",
     "solve_equations",
     "start_fit",
@@ -45,9 +41,6 @@ _GROSS = 5.0
 
 _TYPICAL = 0.04
 """Relative misfit of starting values that is never called gross: first order may be as wrong."""
-
-_SOME = 3
-"""At least as many points are no accident."""
 
 _GROSS_START = 0.05
 """A law that is near any other leaves more only beside a background that is far off."""
@@ -134,18 +127,6 @@ def _nonlinear_columns(
     return np.stack(columns, axis=1)
 
 
-def is_asymmetric(points: Points) -> bool:
-    """Tell whether some motions have a mean or a second harmonic that no noise explains."""
-    even = np.abs(points.harmonics[:, 0:3:2]).max(axis=1) / points.amplitude
-    return int(np.count_nonzero(even > ASYMMETRIC)) >= _SOME
-
-
-def is_strong(points: Points) -> bool:
-    """Tell whether some motions are so far from a sine that a balance of few harmonics may miss them."""
-    higher = np.abs(points.harmonics[:, 2:]).max(axis=1, initial=0.0) / points.amplitude
-    return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
-
-
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
     """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
     return start_asymmetric(problem, _start_first_order(problem))
@@ -176,7 +157,7 @@ def _start_values(points: Points, law: ForceLaw, mass: float | None) -> Solution
     """First order, or the measured waveform where that fits better."""
     some = points.select(points.spread(2 * QUICK))
     first = _linear_start(some, law, mass, 1)
-    if not is_strong(points):
+    if not points.strong:
         return first
     # in the balance of the fundamental along the measured waveform a law is as linear as it is written
     whole = _linear_start(some, law, mass, points.harmonics.shape[1] - 1)

@@ -10,7 +10,8 @@ import numpy as np
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol, write
 from rsgen.identification.data import Points
-from rsgen.identification.start import Equations, solve_equations
+from rsgen.identification.equations import Equations
+from rsgen.identification.start import solve_equations
 from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
 from rsgen.law.library import Library
 from rsgen.oscillator import Model

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cache
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -54,12 +55,20 @@ DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "time-history": lambda ax=None: figures.draw_time_history(SURFACE, ax=ax),
 }
 
+
+@cache
+def drawn(name: str) -> tuple[Drawing, bytes]:
+    """A drawing and its SVG, made once for all tests that only look at them."""
+    drawing = DRAWINGS[name]()
+    return drawing, drawing.render("svg")
+
+
 UNIT = re.compile(r"\[[^\]]+\]$")
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawing_is_whole(name: str) -> None:
-    drawing = DRAWINGS[name]()
+    drawing, _ = drawn(name)
     assert drawing.name == name
     assert drawing.caption.endswith(".")
     assert re.search(r"\d", drawing.alternative)
@@ -83,9 +92,8 @@ def test_few_or_no_resonances_are_said_as_they_are(count: int) -> None:
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_same_data_same_bytes(name: str) -> None:
-    first, second = DRAWINGS[name](), DRAWINGS[name]()
-    svg = first.render("svg")
-    assert svg == second.render("svg")
+    _, svg = drawn(name)
+    assert svg == DRAWINGS[name]().render("svg")
     ElementTree.fromstring(svg)
     assert len(svg) < 250_000  # eleven of them must fit into a page of 2 MB
 
@@ -100,7 +108,7 @@ def test_a_saved_figure_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_settings_of_the_caller_do_not_matter(name: str) -> None:
-    plain = DRAWINGS[name]().render("svg")
+    _, plain = drawn(name)
     with mpl.rc_context({"text.usetex": True, "font.size": 20, "lines.linewidth": 9, "svg.fonttype": "path"}):
         assert DRAWINGS[name]().render("svg") == plain
 
