@@ -30,9 +30,10 @@ _LEFT = 0.5
 
 
 def has_levels(surface: ResponseSurface) -> bool:
-    """Whether a test can show an offset: phases, different forces, points enough."""
+    """Whether a test can show an offset: phases, levels of different force, points enough."""
     force = np.abs(surface.force[_rows(surface)])
-    return surface.phase_known and len(force) >= _FEWEST and bool(force.max() > _SPREAD * force.min())
+    enough = surface.phase_known and len(surface.levels) > 1 and len(force) >= _FEWEST
+    return enough and bool(force.max() > _SPREAD * force.min())
 
 
 def offset_findings(surface: ResponseSurface) -> list[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rsgen.case import load_case
+from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.surface import ResponseSurface
 
@@ -217,6 +218,20 @@ def test_an_offset_of_the_response_is_seen(tmp_path: Path, run_cli: Callable[...
     picked_up = shown(write(tmp_path / "b.csv", head, columns(0.05 + 0.05j)), run_cli)
     assert 'try [identify] background = "phase+offset"' in picked_up
     assert f"{absent}\n" in picked_up
+
+
+def test_an_offset_is_not_looked_for_at_one_level() -> None:
+    frequency = np.tile(FREQUENCY, 2)
+    # a force that falls at the resonance is no second level
+    force = 1 - 0.5 * np.exp(-((frequency - 10) ** 2)) + 0j
+    response = force * receptance(frequency) + 5e-5
+    one, two = (
+        ResponseSurface(level=level, frequency=frequency, force=force, response=response)
+        for level in (np.full(66, 2.0), np.repeat([1.0, 2.0], 33))
+    )
+    assert has_levels(two)
+    assert not has_levels(one)
+    assert offset_findings(one) == []
 
 
 def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
