@@ -28,7 +28,7 @@ def _plotly() -> str:
     try:
         return str(importlib.import_module("plotly.offline").get_plotlyjs())
     except ImportError:
-        raise RsgenError("plotly is not installed; get it by: pip install 'rsgen[show]'") from None
+        raise RsgenError('plotly is not installed; get it by: pip install "rsgen[show]"') from None
 
 
 def _rounded(values: Any) -> Any:

@@ -288,7 +288,7 @@ def cluster_workers(address: str) -> Iterator[Executor]:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise RsgenError(
-            "--cluster: dask.distributed is not installed; get it by: pip install 'rsgen[cluster]'"
+            '--cluster: dask.distributed is not installed; get it by: pip install "rsgen[cluster]"'
         ) from None
     try:
         client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
