@@ -37,7 +37,6 @@ napoleon_use_rtype = False
 napoleon_attr_annotations = False
 default_role = "code"
 add_module_names = False
-python_maximum_signature_line_length = 88
 
 html_theme = "furo"
 html_title = "rsgen"

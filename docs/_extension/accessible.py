@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -31,6 +32,27 @@ def _make_reachable(
     context["body"] = _PROGRAM.sub(name_program, body)
 
 
+_NAMED = (
+    # what stands in the theme's own text, and what assistive technology needs in its place
+    ('role="heading">', 'role="heading" aria-level="2">'),
+    ('<aside class="sidebar-drawer"', '<aside class="sidebar-drawer" aria-label="All pages"'),
+    ('<aside class="toc-drawer', '<aside aria-label="On this page" class="toc-drawer'),
+)
+
+
+def _name_parts(app: Sphinx, fault: Exception | None) -> None:
+    if fault is not None or app.builder.format != "html":
+        return
+    for page in Path(app.outdir).rglob("*.html"):
+        text = named = page.read_text(encoding="utf-8")
+        for theirs, ours in _NAMED:
+            if ours not in named:
+                named = named.replace(theirs, ours)
+        if named != text:
+            page.write_text(named, encoding="utf-8")
+
+
 def register(app: Sphinx) -> None:
-    """Change every page just before it is written."""
+    """Change the body of each page before it is written, and the theme's part of it afterwards."""
     app.connect("html-page-context", _make_reachable)
+    app.connect("build-finished", _name_parts)
