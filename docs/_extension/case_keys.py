@@ -48,29 +48,32 @@ def _allowed(rule: dict[str, Any]) -> str:
     parts = [", ".join(f"`{choice}`" for choice in choices)] if choices else []
     parts += [text.format(rule[name]) for name, text in _BOUNDS.items() if name in rule]
     if rule.get("default") not in (None, "", [], {}):
-        parts.append(f"default `{rule['default']}`")
+        if not isinstance(rule["default"], dict):
+            parts.append(f"default `{rule['default']}`")
     return "; ".join(parts)
 
 
 class CaseKeys(SphinxDirective):
-    """A table of the keys under one table of a case file."""
+    """The keys of a case file under each of the names given, in one table."""
 
     required_arguments = 1
     final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
         """Write the table."""
-        wanted = self.arguments[0]
+        wanted = self.arguments[0].split()
         seen: dict[str, str] = {}
         for path, rule in table_of(case_schema()):
-            if path.split(".")[: wanted.count(".") + 1] == wanted.split("."):
-                text = " ".join(rule.get("description", "").split())
-                row = f"| `{path}` | {text} | {_allowed(rule)} |"
-                if len(row) > len(seen.get(path, "")):
-                    seen[path] = row
-        if not seen:
-            raise self.error(f"case-keys: {wanted}: there is no such table in a case file")
-        text = "| key | meaning | allowed |\n|---|---|---|\n" + "\n".join(seen.values()) + "\n"
+            if path.split(".")[0] in wanted:
+                meaning = " ".join(rule.get("description", "").split())
+                allowed = _allowed(rule)
+                row = f"| `{path}` | {meaning} {'Allowed: ' + allowed + '.' if allowed else ''} |"
+                # measured and simulated tests share some keys: the fuller description is shown
+                seen[path] = max(seen.get(path, ""), row, key=len)
+        missing = set(wanted) - {path.split(".")[0] for path in seen}
+        if missing:
+            raise self.error(f"case-keys: a case file has no {', '.join(sorted(missing))}")
+        text = "| key | meaning |\n|---|---|\n" + "\n".join(seen.values()) + "\n"
         return self.parse_text_to_nodes(text)
 
 

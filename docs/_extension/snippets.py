@@ -140,7 +140,10 @@ class Workspace:
                 if snippet.kind == "{shell}" or words[0] == "rsgen"
             )
         if snippet.kind in ("{python}", "python"):
-            return self.program(snippet.text, page)
+            printed = self.program(snippet.text, page)
+            if "figure" in snippet.options:
+                self.value(snippet.options["figure"], page)
+            return printed
         if snippet.kind == "{file}":
             self.write(snippet.argument, snippet.text)
         return ""
