@@ -47,9 +47,8 @@ def _allowed(rule: dict[str, Any]) -> str:
     choices = rule.get("enum") or ([rule["const"]] if "const" in rule else [])
     parts = [", ".join(f"`{choice}`" for choice in choices)] if choices else []
     parts += [text.format(rule[name]) for name, text in _BOUNDS.items() if name in rule]
-    if rule.get("default") not in (None, "", [], {}):
-        if not isinstance(rule["default"], dict):
-            parts.append(f"default `{rule['default']}`")
+    if rule.get("default") not in (None, "", [], {}) and not isinstance(rule["default"], dict):
+        parts.append(f"default `{rule['default']}`")
     return "; ".join(parts)
 
 
