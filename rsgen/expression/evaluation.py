@@ -71,7 +71,10 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     names = {argument: sympy.Symbol(f"p{place}", real=True) for place, argument in enumerate(arguments)}
     own = [expression.xreplace(names) for expression in expressions]
     # the printer names the functions it uses; a module here would be imported whole
-    function: Any = sympy.lambdify(list(names.values()), own, modules=[{}], printer=_printer(), cse=True)
+    constants = {"inf": np.inf, "nan": np.nan}
+    function: Any = sympy.lambdify(
+        list(names.values()), own, modules=[constants], printer=_printer(), cse=True
+    )
 
     def evaluate(*values: Any) -> tuple[NDArray[np.float64], ...]:
         with np.errstate(all="ignore"):

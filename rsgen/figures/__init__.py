@@ -12,7 +12,7 @@ from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.law_figure import draw_derivation
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
-from rsgen.figures.scale import choose_scale, count_text, number_text, quantity_text, unit_text
+from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text, unit_text
 
 __all__ = [
     "STYLE",

@@ -22,8 +22,8 @@ from rsgen.figures.equivalent import (
     values_of,
 )
 from rsgen.figures.overview import colour_bar, level_colours
-from rsgen.figures.scale import Scale, choose_scale, number_text, quantity_text
 from rsgen.identification import Identification
+from rsgen.units.scale import Scale, choose_scale, number_text, quantity_text
 
 __all__ = [
     "FIRST_ORDER",

@@ -16,9 +16,9 @@ from rsgen.expression.evaluation import compiled
 from rsgen.figures.curves import REFINED
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits
-from rsgen.figures.scale import choose_scale, number_text, quantity_text
 from rsgen.law.notation import readable
 from rsgen.law.pieces import normal_form
+from rsgen.units.scale import choose_scale, number_text, quantity_text
 
 __all__ = ["draw_derivation", "telling_amplitude"]
 

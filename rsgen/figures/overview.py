@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, new_figure, take_axes
-from rsgen.figures.scale import SWEEPS, choose_scale, count_text, quantity_text
 from rsgen.surface import ResponseSurface
+from rsgen.units.scale import SWEEPS, choose_scale, count_text, quantity_text
 
 __all__ = [
     "colour_bar",

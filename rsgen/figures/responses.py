@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
-from rsgen.figures.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.motion import Motion
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.units.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["choose_levels", "draw_held_out", "draw_responses", "draw_time_history"]
 

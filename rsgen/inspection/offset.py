@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
@@ -74,6 +73,8 @@ def _rows(surface: ResponseSurface) -> NDArray[np.intp]:
 
 def _misfit(force: ComplexArray, response: ComplexArray, rate: Array, parts: list[ComplexArray]) -> float:
     """Relative misfit of the best law, the best multiples of ``parts`` taken off the response."""
+    from scipy.optimize import least_squares  # a third of a second, and needed where there are levels
+
     typical = float(np.median(np.abs(response)))
     columns = np.array([part / np.median(np.abs(part)) for part in parts]).reshape(len(parts), len(force))
 

@@ -13,10 +13,10 @@ from markupsafe import Markup
 import rsgen
 from rsgen.errors import RsgenError
 from rsgen.figures.overview import largest_answer
-from rsgen.figures.scale import SWEEPS, choose_scale
 from rsgen.report.environment import page_environment
 from rsgen.report.index import read_result
 from rsgen.surface import ResponseSurface, load_surface
+from rsgen.units.scale import SWEEPS, choose_scale
 
 __all__ = ["render_interactive"]
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
-from rsgen.figures import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification import Estimate, Identification
 from rsgen.prediction import Prediction
 from rsgen.report.wording import sentence
 from rsgen.report.wording.page_sentences import error_text
+from rsgen.units.scale import choose_scale, number_text, quantity_text, unit_text
 
 __all__ = [
     "Cell",

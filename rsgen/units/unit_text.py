@@ -105,7 +105,7 @@ def _si_names() -> dict[str, Unit]:
     }
 
 
-_SI = _si_names()
+_SI = _si_names() | {"deg": Unit(_factor(math.pi / 180), NUMBER)}
 
 
 @lru_cache(maxsize=500)

@@ -325,6 +325,7 @@ def test_units_of_accelerances(unit: str) -> None:
 def test_names_that_need_no_registry_are_those_of_the_registry(prefix: str, name: str) -> None:
     own, theirs = read_unit(prefix + name), pint.get_application_registry()(prefix + name).to_base_units()
     assert float(own.factor) == pytest.approx(theirs.magnitude, rel=1e-15)
+    assert float(read_unit("deg").factor) == pytest.approx(math.pi / 180, rel=1e-15)
     short = {"kg": "kilogram", "m": "meter", "s": "second"}
     powers = {short[base]: power for base, power in own.dimension.powers.items() if base != "Hz"}
     spelled = {"Hz": {"second": -1}, "rad": {"radian": 1}}.get(name, powers)

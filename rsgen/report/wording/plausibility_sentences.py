@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.figures.scale import number_text, quantity_text
 from rsgen.finding import Finding
 from rsgen.report.wording.sentences import NEXT_STEPS, says
+from rsgen.units.scale import number_text, quantity_text
 
 _REASONS = {
     "frequency": (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.figures.scale import number_text
 from rsgen.finding import Finding
 from rsgen.report.wording.sentences import says, sentence
+from rsgen.units.scale import number_text
 from rsgen.verdict import State, Verdict
 
 __all__ = ["MARKED", "headline"]

@@ -1,0 +1,223 @@
+"""The files that a run leaves: surface, kernel, result.json, page, notebook."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsgen import kernel
+from rsgen.case import Case
+from rsgen.comparison import Comparison, compare
+from rsgen.errors import RsgenError, require
+from rsgen.figures import (
+    Drawing,
+    choose_levels,
+    draw_collapse,
+    draw_damping,
+    draw_forces,
+    draw_held_out,
+    draw_map,
+    draw_resonance,
+    draw_responses,
+    draw_stiffness,
+    draw_surface,
+    draw_time_history,
+)
+from rsgen.identification import Identification
+from rsgen.identification.data import held_out_mask
+from rsgen.output import write_atomic
+from rsgen.prediction import Prediction, predict
+from rsgen.ranking import Ranking
+from rsgen.report.interpretation import mean_finding
+from rsgen.report.notebook import known_results, write_notebook
+from rsgen.report.page import render_page
+from rsgen.report.provenance import collect_provenance
+from rsgen.report.result_json import build_result, result_text
+from rsgen.report.source_formulas import check_printed
+from rsgen.report.subject import Subject
+from rsgen.surface import ResponseSurface, save_surface, typical_amounts
+
+__all__ = ["draw_all", "write_report"]
+
+
+def draw_all(
+    subject: Subject, surface: ResponseSurface, identification: Identification, prediction: Prediction
+) -> list[Drawing]:
+    """Draw every figure of the report; those that it does not need are left out."""
+    drawings = [
+        draw_surface(surface),
+        draw_map(surface),
+        draw_resonance(identification),
+        draw_collapse(identification),
+        draw_stiffness(identification, subject.truth),
+        draw_damping(identification, subject.truth),
+        draw_forces(identification, subject.truth),
+        draw_responses(surface, prediction),
+    ]
+    if mean_finding(surface, identification) is not None:
+        drawings.append(draw_time_history(surface))
+    if prediction.held_out:
+        drawings.append(draw_held_out(prediction))
+    return drawings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """What a report is made of; ``loaded`` is the case as it was read, None without one."""
+
+    loaded: Case | None
+    surface: ResponseSurface
+    identification: Identification
+    comparison: Comparison
+
+    @classmethod
+    def of(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
+        """Sort the arguments of ``write_report`` by their types."""
+        kinds = {
+            "case": Case,
+            "surface": ResponseSurface,
+            "identification": Identification,
+            "comparison": Comparison,
+        }
+        parts = {name: part for name, part in named.items() if part is not None}
+        given = [*given, *(parts.pop(name) for name in [*parts] if not isinstance(parts[name], kinds[name]))]
+        for part in given:
+            if isinstance(part, Ranking):
+                raise RsgenError(
+                    "write_report: a Ranking is no result yet; give ranking.best, its best law identified"
+                )
+            name = next((name for name, kind in kinds.items() if isinstance(part, kind)), None)
+            if name is None or name in parts:
+                fault = "is none of them" if name is None else f"is a second {name}"
+                raise RsgenError(
+                    f"write_report: a {type(part).__name__} {fault}; a report is made of a ResponseSurface "
+                    "and an Identification, and of a Case and a Comparison where there are any"
+                )
+            parts[name] = part
+        missing = [name for name in ("surface", "identification") if name not in parts]
+        if missing:
+            raise RsgenError(f"write_report: {' and '.join(missing)} missing")
+        case, found = parts.get("case"), parts["identification"]
+        known = None if case is None else case.with_model(found.model)
+        judged = parts.get("comparison")
+        if judged is None:
+            judged = compare(found) if known is None else compare(found, known.truth, known.accept)
+        return cls(case, parts["surface"], found, judged)
+
+
+def write_report(
+    folder: str | Path,
+    *parts: Case | ResponseSurface | Identification | Comparison,
+    case: Case | None = None,
+    surface: ResponseSurface | None = None,
+    identification: Identification | None = None,
+    comparison: Comparison | None = None,
+    title: str = "",
+    source: str = "",
+    durations: Mapping[str, float] | None = None,
+    command: Sequence[str] = (),
+    figures: str | None = None,
+) -> None:
+    """Write surface.h5, kernel.py, result.json and report.html into a folder; with a case also a notebook.
+
+    ``write_report(folder, surface, identification)`` is enough, by position or by name;
+    ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.
+
+    Parameters
+    ----------
+    folder
+        Made if missing. Every file is written whole or not at all.
+    case
+        Its title, source, truth and text are shown, and notebook.ipynb is written from it.
+    surface, identification
+        The test, and what was identified from it.
+    comparison
+        None: made from the truth and the tolerances of the case.
+    title, source
+        Heading where there is no case; the title is otherwise the law.
+    durations
+        Seconds of the stages before, for the provenance: "surface", "identification".
+    command
+        What was called, for the provenance.
+    figures
+        "pdf", "svg" or "png": every figure is saved as ``figure-<name>.<kind>``, too, for a paper.
+
+    Raises
+    ------
+    RsgenError
+        Surface or identification are missing, a file cannot be written, or a cell of the notebook failed. The
+        notebook comes last and is saved even then, so that all files are there.
+    """
+    require(folder, (str, Path), "folder")
+    named = {"case": case, "surface": surface, "identification": identification, "comparison": comparison}
+    given = _Parts.of(parts, named)
+    started = time.perf_counter()
+    place = Path(folder)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    if given.loaded is not None:
+        subject = Subject.of_case(given.loaded, given.identification)
+    else:
+        subject = Subject.of_result(given.identification, place.resolve().name, title, source)
+    _write_files(place, subject, given, dict(durations or {}), command, figures, started)
+
+
+def _write_files(
+    place: Path,
+    subject: Subject,
+    given: _Parts,
+    spent: dict[str, float],
+    command: Sequence[str],
+    figures: str | None,
+    started: float,
+) -> None:
+    surface = given.surface
+    identification = subject.with_units(given.identification)
+    comparison = subject.with_units(given.comparison)
+    save_surface(place / "surface.h5", surface)
+    write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
+    levels = _levels(surface, identification)
+    prediction = predict(identification, levels, surface)
+    printed = check_printed(subject, identification)
+    result = build_result(subject, surface, identification, comparison, prediction, printed, spent)
+    write_atomic(place / "result.json", result_text(result))
+    drawings = draw_all(subject, surface, identification, prediction)
+    if figures is not None:
+        for drawing in drawings:
+            write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(figures))
+    spent["report"] = time.perf_counter() - started
+    provenance = collect_provenance(given.loaded, surface, spent, command)
+    page = render_page(
+        subject, surface, identification, comparison, prediction, printed, drawings, provenance
+    )
+    write_atomic(place / "report.html", page)
+    if given.loaded is None:
+        return
+    known = known_results(
+        given.loaded, surface, given.identification, given.comparison, prediction, levels, drawings
+    )
+    write_notebook(
+        place / "notebook.ipynb",
+        given.loaded.with_model(identification.model),
+        known,
+        mean=mean_finding(surface, identification) is not None,
+        held_out=bool(prediction.held_out),
+    )
+
+
+def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
+    """Choose the forces [N] to predict: those measured near the resonances of tested and held-out levels."""
+    if surface.control == "response":
+        # its levels are no forces; those that the resonances needed are
+        return [float(level) for level in identification.levels]
+    held_out = surface.level[held_out_mask(surface, identification.model)]
+    chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
+    forces = typical_amounts(surface)[chosen]
+    return sorted({float(force) for force in forces if np.isfinite(force)})
