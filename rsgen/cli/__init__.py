@@ -14,7 +14,9 @@ import threading
 import time
 from _thread import interrupt_main
 from collections.abc import Sequence
+from importlib import import_module
 from types import FrameType
+from typing import Any
 
 from rsgen.cli.streams import open_streams, output_fault
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
@@ -26,6 +28,10 @@ __all__ = ["main"]
 
 CLEARING_SECONDS = 2.0
 """For so long after an interrupt another one is the same one: clearing up must not be torn apart."""
+
+LEAST_MEGABYTES = 400
+"""Of address space. With 300 the library of linear algebra ends the process as it is loaded, with a code and
+words of its own; from 350 on what is missing becomes an error of Python."""
 
 _SOON = 0.05
 """Seconds after which an interrupt that Python threw away is repeated."""
@@ -51,6 +57,25 @@ def _repeat(lost: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(lost)
 
 
+def _check_memory() -> None:
+    """Refuse a limit under which a library would end the process itself.
+
+    Raises
+    ------
+    RsgenError
+        The address space is limited to less than ``LEAST_MEGABYTES``.
+    """
+    if os.name != "posix":
+        return
+    resource: Any = import_module("resource")
+    most, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if most != resource.RLIM_INFINITY and most < LEAST_MEGABYTES * 2**20:
+        raise RsgenError(
+            f"ulimit -v: memory is limited to {most // 2**20} MB; at least {LEAST_MEGABYTES} MB are needed, "
+            "a run takes two to three times as much"
+        )
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code.
 
@@ -73,6 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         open_streams()
         keep_from_terminal()
         single_thread()
+        _check_memory()
         # figures go to files alone, and the user's choice of windows need not be there
         os.environ["MPLBACKEND"] = "agg"
         from rsgen.cli.application import application

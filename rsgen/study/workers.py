@@ -20,7 +20,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
-from multiprocessing.context import BaseContext
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import FrameType, MappingProxyType
@@ -41,9 +40,6 @@ _CLEARING_SECONDS = 1.0
 
 _TRIES = 2
 """A case may have been the victim of another program's want of memory once, hardly twice."""
-
-_LOADED_ONCE = ("rsgen.study.workers", "rsgen.report", "rsgen.ranking", "scipy.interpolate")
-"""Two seconds of every worker's beginning, spent once for all of them."""
 
 _one_at_a_time = threading.Lock()
 """Figures are drawn, and output is captured, under settings that all threads of a process share."""
@@ -90,12 +86,7 @@ def _follow(parent: Connection) -> None:
     os._exit(1)
 
 
-def _prepare_worker(
-    parent: Connection, steps: SimpleQueue[Step] | None, surroundings: Mapping[str, str]
-) -> None:
-    # the process that this one is a copy of began earlier, perhaps under other settings
-    os.environ.clear()
-    os.environ.update(surroundings)
+def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
     keep_from_terminal()
     if steps is not None:
         _steps.append(steps)
@@ -122,15 +113,6 @@ def _beginning(share: int) -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name in added:
             del os.environ[name]
-
-
-def _context() -> BaseContext:
-    """How processes begin: as copies of one that has loaded what a case needs; anew where that cannot be."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(_LOADED_ONCE))
-    return context
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +224,9 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
         Gets a queue from each process, in which that reports how far its case has come; None where nobody
         listens. A queue that all shared would stay locked by a process that is killed while it writes.
     """
-    context = _context()
+    # copies of a server that has loaded everything would begin sooner; its socket lies in a temporary folder,
+    # which a killed run leaves for good and which may be missing or have too long a name
+    context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
     share = max(1, (os.cpu_count() or 1) // number)
 
@@ -252,7 +236,7 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
             steps.append(queue)
         with _beginning(share):
             pool = ProcessPoolExecutor(
-                1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue, dict(os.environ))
+                1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue)
             )
             # the first call begins the process
             pool.submit(os.getpid)

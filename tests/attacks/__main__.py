@@ -23,7 +23,6 @@ COUNTS = {
     "readers": 5000,
     "expressions": 20_000,
     "cases": 10_000,
-    "cases": 10_000,
     "surroundings": 60,
     "many": 500,
     "large": 1_000_000,

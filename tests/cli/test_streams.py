@@ -118,6 +118,18 @@ def test_letters_that_an_output_does_not_have_are_escaped() -> None:
     assert (done.stdout, done.stderr) == ("10 \\u03a9\n", "")
 
 
+@posix
+def test_a_limit_that_would_end_the_process_is_refused() -> None:
+    limited = subprocess.run(
+        ["bash", "-c", f"ulimit -v 300000; {sys.executable} -c 'from rsgen.cli import main; main()' laws"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (limited.returncode, limited.stdout) == (2, "")
+    assert limited.stderr.startswith("ulimit -v: memory is limited to 292 MB; at least 400 MB are needed")
+
+
 def test_what_the_system_refuses_is_no_fault_of_the_program() -> None:
     refused = program_fault(PermissionError(errno.EACCES, "Permission denied", "/here"), "small.toml")
     assert refused == "small.toml: the system refuses what this needs: Permission denied: /here"

@@ -10,7 +10,7 @@ import pytest
 
 from rsgen.case import load_case
 from rsgen.study.run_cases import _outcome
-from rsgen.study.workers import _Processes
+from rsgen.study.workers import _Processes, local_workers
 from tests.study.test_study import write_case
 
 
@@ -86,6 +86,14 @@ def test_the_last_of_two_processes_keeps_its_place() -> None:
     for _ in futures:
         pools[1].answer()
     assert [future.result(timeout=0) for future in futures] == ["0", "1"]
+
+
+@pytest.mark.slow
+def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with local_workers(1, None) as executor:
+        assert executor.submit(len, "one").result(60) == 3
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", [OSError, BrokenProcessPool])
