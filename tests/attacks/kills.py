@@ -55,7 +55,8 @@ class Tally:
         """The figures."""
         number = sum(self.tried.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
-        head = f"kills of whole runs at random moments ({kinds}; {self.ended} while they ran)"
+        head = f"kills of whole runs at random moments, {number}"
+        made = f"; {kinds}; {self.ended} reached the run before its end"
         found = {
             "results that lie": self.lying,
             "earlier results lost": self.lost,
@@ -64,8 +65,8 @@ class Tally:
             "tracebacks, hangs, wrong exit codes": self.talk,
         }
         return [
-            row(f"{head}: {what}", "0", f"{len(which)} of {number}{_examples(which)}")
-            for what, which in found.items()
+            row(f"{head}: {what}", "0", f"{len(which)} of {number}{made * first}{_examples(which)}")
+            for first, (what, which) in zip((1, 0, 0, 0, 0), found.items(), strict=True)
         ]
 
 
