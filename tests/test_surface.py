@@ -221,7 +221,8 @@ def test_a_pipe_is_no_surface(tmp_path):
         load_surface(tmp_path / "s.h5")
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+# each example starts a process; tests/attacks makes thousands
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "damaged.h5"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,9 +16,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.confined import MEMORY_STATUS, command, environment
 from rsgen.errors import MeasurementError
 from rsgen.measurement.data_files import file_label, open_regular
-from rsgen.measurement.sandbox_worker import MEMORY_STATUS
 from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
 __all__ = ["list_binary", "read_binary", "reading_fault"]
@@ -37,17 +35,8 @@ ends sooner, after a second of work, but only where the system can count that.""
 UNCOUNTED = 10.0
 """Where it cannot, waiting is shorter by this factor."""
 _READY = b"ready\n"
-_PROGRAM = (
-    "import sys, json; sys.path[:] = json.loads(sys.argv.pop(2)); "
-    "from rsgen.measurement.sandbox_worker import main; main()"
-)
+_WORKER = "rsgen.measurement.sandbox_worker"
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
-
-
-def _environment() -> dict[str, str]:
-    # threads of the algebra library reserve memory that the limit would count
-    threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMEXPR")}
-    return {**os.environ, **threads, "PYTHONDONTWRITEBYTECODE": "1", "HDF5_USE_FILE_LOCKING": "FALSE"}
 
 
 class _Process:
@@ -57,14 +46,13 @@ class _Process:
         self.name = name
         self.seconds = seconds
         self.late = False
-        # trusted words, as S603 asks: the program is a constant, the order is JSON, the file is standard
-        # input, and nothing goes through a shell
+        # trusted words, as S603 asks: the order is JSON, the file is standard input
         self.process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-I", "-c", _PROGRAM, json.dumps(order), json.dumps(sys.path)],
+            command(_WORKER, json.dumps(order)),
             stdin=file,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=_environment(),
+            env=environment(),
         )
         self.clock = self.start(START_SECONDS)
 

@@ -11,22 +11,21 @@ import codecs
 import io
 import json
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from importlib import import_module
 from itertools import islice
-from math import ceil
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.confined import confine
 from rsgen.errors import MeasurementError
 from rsgen.measurement.address import find, select
 from rsgen.measurement.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
 
-__all__ = ["FORMATS", "MEMORY_STATUS", "READY", "main"]
+__all__ = ["FORMATS", "READY", "main"]
 
 FORMATS = {
     "mat": ("rsgen.measurement.matlab", "walk_matlab"),
@@ -36,8 +35,6 @@ FORMATS = {
     "uff": ("rsgen.measurement.uff", "walk_universal"),
 }
 READY = b"ready\n"
-MEMORY_STATUS = "/proc/self/statm"
-"""Where Linux says how much memory a process has; other systems do not, and no limit above that is set."""
 _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 _SECONDS = 1.0
@@ -80,29 +77,6 @@ def _rehearse(form: str, walk: Walk) -> None:
     for name in ("ascii", "latin-1", "cp437", "utf-16", "utf-16-le", "utf-32", "utf-8-sig"):
         codecs.lookup(name)
     json.dumps(facts(np.arange(3.0)))
-
-
-def _limit(largest: int, size: int) -> None:
-    try:
-        import resource
-    except ImportError:
-        # Windows has no such limits; the time limit of the reading process holds there, too
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # seconds of work, not of waiting: a busy machine must not refuse a good file
-    seconds = ceil(time.process_time() + _SECONDS + size / _RATE)
-    # first the signal that names the reason, then the one that cannot be caught
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    # none beyond standard input, output and error: links to other files lead nowhere
-    resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
-    try:
-        with open(MEMORY_STATUS, encoding="ascii") as status:  # noqa: PTH123
-            base = int(status.read().split()[0]) * resource.getpagesize()
-    except OSError:
-        return
-    most = base + _MEMORY_BYTES + _COPIES * largest
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
@@ -169,7 +143,7 @@ def main() -> None:
     sys.stdin.buffer.seek(0)
     largest = largest_bytes(size)
     _rehearse(order["format"], walk)
-    _limit(largest, size)
+    confine(_MEMORY_BYTES + _COPIES * largest, _SECONDS + size / _RATE)
     sys.stdout.buffer.write(READY)
     sys.stdout.buffer.flush()
     wanted = order["wanted"]

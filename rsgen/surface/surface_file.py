@@ -6,13 +6,15 @@ import io
 import json
 import math
 import os
-from dataclasses import dataclass
+import subprocess
 from pathlib import Path
-from typing import Any
+from threading import Timer
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 
+from rsgen.confined import command, environment
 from rsgen.errors import MeasurementError, RsgenError, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
@@ -22,8 +24,10 @@ __all__ = ["load_surface", "save_surface"]
 
 _FORMAT, _SCHEMA = "rsgen response surface", 1
 
-_ATTRIBUTE_BYTES = 65_536
-"""The notes of earlier versions are the longest attribute; a file may declare any size."""
+_WAIT_SECONDS = 60.0
+"""For the process that describes a file, on a busy machine as well; its work has a limit of its own."""
+_LONGEST_ANSWER = 2**20
+"""Bytes: attributes have at most 64 KB each."""
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -70,52 +74,85 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
     try:
         if not place.is_file():
             raise MeasurementError(f"{path}: there is no such file")
-        with h5py.File(place, "r") as file:
-            return _surface(_Reader(file, str(path), place.stat().st_size))
+        with place.open("rb") as file:
+            return _surface(_Reader(file, str(path), _described(file, str(path))))
     except MeasurementError:
         raise
-    except (*_FAULTS, MemoryError, RsgenError) as fault:
+    except (*_FAULTS, RsgenError) as fault:
         reason = " ".join(str(fault).split())[:200]
         raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
 
 
-_FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, RuntimeError)
-"""What h5py makes of damage."""
+_FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
+"""What comes of arrays that do not belong together."""
 
 
-@dataclass(frozen=True, slots=True)
+def _described(file: BinaryIO, path: str) -> dict[str, Any]:
+    """Let another process find the arrays in the file, for damage makes the library search without end."""
+    order = json.dumps([*COLUMN_UNITS, "findings"])
+    process = subprocess.Popen(  # noqa: S603 - trusted words: the order names columns
+        command("rsgen.surface.surface_worker", order),
+        stdin=file,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment(),
+    )
+    clock = Timer(_WAIT_SECONDS, process.kill)
+    clock.daemon = True
+    clock.start()
+    try:
+        # communicate would read on and on what a process says that the file has taken over
+        said = process.stdout.read(_LONGEST_ANSWER) if process.stdout else b""
+    finally:
+        clock.cancel()
+        process.kill()
+        process.wait()
+        if process.stdout:
+            process.stdout.close()
+    try:
+        answer = json.loads(said.removeprefix(b"ready\n"))
+    except (ValueError, RecursionError):
+        answer = {
+            "fault": "cannot be read as a response surface: the HDF5 library found no end or broke down"
+        }
+    if "fault" in answer:
+        raise MeasurementError(f"{path}: {_printable(str(answer['fault']))}")
+    return dict(answer)
+
+
+def _printable(text: str) -> str:
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:1000]
+
+
 class _Reader:
-    """An open file of ``size`` bytes, in which an array may take no more than its bytes in the file."""
+    """An open file and what lies where in it; all arrays together take no more than the file."""
 
-    file: h5py.File
-    path: str
-    size: int
+    def __init__(self, file: BinaryIO, path: str, described: dict[str, Any]) -> None:
+        self.file = file
+        self.path = path
+        self.attributes: dict[str, Any] = described["attributes"]
+        self.arrays: dict[str, Any] = described["arrays"]
+        self.size = self.left = file.seek(0, os.SEEK_END)
 
     def attribute(self, name: str, default: Any = None) -> Any:
-        attributes = self.file.attrs
-        if name not in attributes:
-            return default
-        declared = attributes.get_id(name)
-        # HDF5 itself gives no size of an empty one, such as the notes of an earlier version
-        if math.prod(declared.shape) * declared.dtype.itemsize > _ATTRIBUTE_BYTES:
-            raise MeasurementError(f"{self.path}: {name}: longer than any surface has it")
-        return attributes[name]
+        return self.attributes.get(name, default)
 
     def array(self, name: str) -> Any:
-        """Read an array that lies in the file as it is: no link, no pieces, nothing to unpack."""
-        link = self.file.get(name, getlink=True)
-        data = self.file[name] if isinstance(link, h5py.HardLink) else None
-        if not isinstance(data, h5py.Dataset):
+        if name not in self.arrays:
             raise MeasurementError(f"{self.path}: {name}: missing; a surface has {', '.join(COLUMN_UNITS)}")
-        if data.external or data.is_virtual:
-            raise MeasurementError(f"{self.path}: {name}: stored outside the file; not allowed")
-        plain = data.shape is not None and data.chunks is None and data.dtype.kind in "fcibuS"
-        if not plain or math.prod(data.shape) * data.dtype.itemsize > self.size:
+        declared = self.arrays[name]
+        dtype, shape, offset = np.dtype(declared["dtype"]), tuple(declared["shape"]), int(declared["offset"])
+        count = math.prod(shape)
+        size = count * dtype.itemsize
+        self.left -= size
+        if dtype.kind not in "fcibuS" or self.left < 0 or offset < 0 or offset + size > self.size:
             raise MeasurementError(
                 f"{self.path}: {name}: is not stored as rsgen stores it: plain numbers, not in chunks, "
                 "not packed, no more than the file holds"
             )
-        return data[()]
+        self.file.seek(offset)
+        values = np.fromfile(self.file, dtype=dtype, count=count)
+        return values.reshape(shape).astype(dtype.newbyteorder("="), copy=False)[()]
 
 
 def _surface(reader: _Reader) -> ResponseSurface:
@@ -128,7 +165,7 @@ def _surface(reader: _Reader) -> ResponseSurface:
         name: reader.array(name)
         for name in (*COLUMN_UNITS, "findings")
         # surfaces of earlier versions have no such column
-        if name in reader.file or name not in ("stable", "findings")
+        if name in reader.arrays or name not in ("stable", "findings")
     }
     values["sweep"] = np.char.decode(values["sweep"], "ascii")
     if "findings" in values:
