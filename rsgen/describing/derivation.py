@@ -17,7 +17,9 @@ from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_tria
 from rsgen.describing.regimes import Reading, read
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
+from rsgen.law.character import vanishes
 from rsgen.law.element import Element, make_element
+from rsgen.law.normal_form import expanded
 from rsgen.law.notation import readable
 from rsgen.law.pieces import NormalForm, normal_form
 
@@ -126,7 +128,7 @@ def _closed_forms(law: _Law, mean: sympy.Expr, whole: Trial) -> _Closed:
     part = close(law.form, mean)
     if part is not None:
         return _proved(part, law, whole, sympy.S.Zero)
-    addends = sympy.Add.make_args(sympy.expand_mul(law.force))
+    addends = sympy.Add.make_args(expanded(law.force))
     closed = [a for a in addends if close(normal_form(a), mean) is not None]
     remainder = sympy.factor_terms(sympy.Add(*(a for a in addends if a not in closed)))
     if not closed:
@@ -314,5 +316,5 @@ def _is_homogeneous(law: _Law) -> bool:
     if law.force.has(STATE_V):
         return False
     return all(not (s.threshold is None or not s.threshold.is_zero) for s in law.form.switches) and all(
-        sympy.expand(STATE_X * p.term.diff(STATE_X) - p.term) == 0 for p in law.form.pieces
+        vanishes(STATE_X * p.term.diff(STATE_X) - p.term) for p in law.form.pieces
     )

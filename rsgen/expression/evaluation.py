@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from math import isfinite
 from typing import Any
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 from sympy.printing.numpy import SciPyPrinter
+
+from rsgen.expression.bounds import as_float
 
 __all__ = ["Numeric", "compiled"]
 
@@ -48,10 +51,20 @@ def _printer() -> Any:
         return str(general(power, **settings))
 
     def whole(number: sympy.Integer) -> str:
-        return str(int(number)) if abs(int(number)) <= _LARGEST_WHOLE else repr(float(number))
+        return str(int(number)) if abs(int(number)) <= _LARGEST_WHOLE else decimal(number)
+
+    def quotient(number: sympy.Rational) -> str:
+        small = max(abs(int(number.p)), int(number.q)) <= _LARGEST_WHOLE
+        return f"({int(number.p)}/{int(number.q)})" if small else decimal(number)
+
+    def decimal(number: sympy.Rational) -> str:
+        size = as_float(abs(number))
+        text = repr(size) if isfinite(size) else printer._module_format("numpy.inf")
+        return f"(-{text})" if number < 0 else text
 
     # SymPy finds the way to print a class by these names
     printer._print_Integer = whole
+    printer._print_Rational = quotient
     printer._print_Max = lambda expr: nested("maximum", expr.args)
     printer._print_Min = lambda expr: nested("minimum", expr.args)
     printer._print_And = lambda expr: nested("logical_and", expr.args)

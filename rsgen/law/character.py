@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
 
-__all__ = ["Character", "character", "onset"]
+__all__ = ["Character", "character", "onset", "vanishes"]
 
 Array = NDArray[np.float64]
 
@@ -134,15 +135,15 @@ def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
 
 
 def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) -> bool | None:
-    value = sympy.expand(term.subs(variable, threshold))
+    value = expanded(term.subs(variable, threshold))
     if value.is_zero:
         return False
     if value.has(sympy.nan):
         return None
     known = value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero)
     if known == value:
-        return not _vanishes(value)
-    return True if known.has(sympy.zoo) or not _vanishes(known) else None
+        return not vanishes(value)
+    return True if known.has(sympy.zoo) or not vanishes(known) else None
 
 
 def _jointly_linear(
@@ -154,7 +155,7 @@ def _jointly_linear(
         (i, j)
         for i, row in enumerate(slopes)
         for j, other in enumerate(parameters)
-        if i <= j and not all(_vanishes(slope.diff(other)) for slope in row if slope.has(other))
+        if i <= j and not all(vanishes(slope.diff(other)) for slope in row if slope.has(other))
     }
     free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
     if len(free) <= _MOST_LINEAR_SETS:
@@ -169,7 +170,7 @@ def _jointly_linear(
     return tuple(sorted(picked))
 
 
-def _vanishes(expression: sympy.Expr) -> bool:
+def vanishes(expression: sympy.Expr) -> bool:
     """Decide whether an expression is zero, from its value at random places: to simplify one may not end."""
     if expression == 0:
         return True
@@ -239,7 +240,7 @@ def _is_scaled(
     Switches may change by a positive factor only.
     """
     group = {parameters[i] for i in chosen}
-    parts = [part for part in sympy.Add.make_args(sympy.expand(piece.term)) if part.free_symbols & group]
+    parts = [part for part in sympy.Add.make_args(expanded(piece.term)) if part.free_symbols & group]
     moving = [switch.function for switch in piece.switches if switch.function.free_symbols & group]
     if not parts and not moving:
         return False

@@ -8,6 +8,7 @@ H(x - a) H(x - b) = H(x - max(a, b)) and H(-s) = 1 - H(s), sums and products of 
 from __future__ import annotations
 
 from functools import lru_cache
+from math import comb, prod
 from typing import NamedTuple
 
 import sympy
@@ -26,6 +27,7 @@ __all__ = [
     "complement",
     "constant",
     "expanded",
+    "is_long",
     "moves",
     "multiply",
     "scale",
@@ -44,6 +46,15 @@ LARGEST_FORM = 96
 
 LARGEST_EXPANSION = 2000
 """Addends beyond which a power of a sum stays as it is written."""
+
+LARGEST_PARTS = 100_000
+"""Numbers, names and functions in all of them, beyond which the same holds: a second or two of algebra."""
+
+LARGEST_FRACTION = 400
+"""Addends above or below the line beyond which quotients are not brought on one: a fraction in a fraction ten
+deep has thousands, and dividing out takes the square of their number."""
+
+_MANY = 10**9
 
 
 class Key(NamedTuple):
@@ -87,7 +98,8 @@ def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.
 def sign_of_parameter(value: sympy.Expr) -> Form:
     """Give sign(value) of something that does not move, by the signs of its factors."""
     form = constant(1)
-    for factor in sympy.Mul.make_args(sympy.factor_terms(sympy.together(value))):
+    whole = value if is_long(value) else sympy.factor_terms(sympy.together(value))
+    for factor in sympy.Mul.make_args(whole):
         base, exponent = factor.as_base_exp()
         factor = base if exponent.is_integer and exponent.is_number and exponent % 2 else factor
         known = sympy.sign(factor)
@@ -120,21 +132,52 @@ def without_signs(form: Form) -> Form:
     )
 
 
-def _addends(expression: sympy.Expr) -> int:
-    """Bound the number of addends that expanding gives, without expanding."""
+@lru_cache(maxsize=4096)
+def _growth(expression: sympy.Basic) -> tuple[int, int]:
+    """Bound what multiplying out gives, without doing it: addends, and the parts of the largest of them.
+
+    Denominators and arguments of functions are multiplied out as well, and stay one addend.
+    """
+    inner = [_growth(argument) for argument in expression.args]
+    if not inner:
+        return 1, 1
     if expression.is_Add:
-        return sum(map(_addends, expression.args))
+        return min(sum(count for count, _ in inner), _MANY), max(parts for _, parts in inner)
     if expression.is_Mul:
-        count = 1
-        for factor in expression.args:
-            count *= _addends(factor)
-        return count
-    if expression.is_Pow and expression.exp.is_Integer and expression.exp > 1:
-        inner = _addends(expression.base)
-        if inner == 1:
-            return 1
-        return int(min(sympy.binomial(inner + min(int(expression.exp), 500) - 1, inner - 1), 10**9))
-    return 1
+        return min(prod(count for count, _ in inner), _MANY), min(sum(parts for _, parts in inner), _MANY)
+    if expression.is_Pow and expression.exp.is_Integer:
+        (count, parts), power = inner[0], min(abs(int(expression.exp)), 500)
+        raised = min(comb(count + power - 1, power), _MANY)
+        parts = min(parts * min(power, count), _MANY)
+        return (raised, parts) if expression.exp > 0 else (1, min(raised * parts, _MANY))
+    return 1, min(1 + sum(count * parts for count, parts in inner), _MANY)
+
+
+@lru_cache(maxsize=4096)
+def _fraction_growth(expression: sympy.Expr) -> tuple[int, int]:
+    """Bound the addends above and below the line when an expression becomes one fraction."""
+    if expression.is_Add:
+        parts = [(sympy.fraction(term)[1], *_fraction_growth(term)) for term in expression.args]
+        below = min(prod({line: count for line, _, count in parts}.values()), _MANY)
+        return min(sum(above * below // count for _, above, count in parts), _MANY), below
+    if expression.is_Mul:
+        lines = [_fraction_growth(factor) for factor in expression.args]
+        return min(prod(above for above, _ in lines), _MANY), min(prod(below for _, below in lines), _MANY)
+    if expression.is_Pow and expression.exp.is_Integer:
+        power = min(abs(int(expression.exp)), 500)
+        above, below = (min(comb(n + power - 1, power), _MANY) for n in _fraction_growth(expression.base))
+        return (above, below) if expression.exp > 0 else (below, above)
+    return 1, 1
+
+
+def is_long(expression: sympy.Expr) -> bool:
+    """Decide whether an expression is too long to become one fraction or a polynomial: a budget in terms."""
+    return max(_fraction_growth(expression)) > LARGEST_FRACTION or _explodes(expression)
+
+
+def _explodes(expression: sympy.Expr) -> bool:
+    addends, parts = _growth(expression)
+    return addends > LARGEST_EXPANSION or addends * parts > LARGEST_PARTS
 
 
 def _tidy(addend: sympy.Expr) -> sympy.Expr:
@@ -158,7 +201,7 @@ def _tidy(addend: sympy.Expr) -> sympy.Expr:
 
 def expanded(term: sympy.Expr) -> sympy.Expr:
     """Multiply a term out, so that equal terms cancel; leave it where that would explode."""
-    if _addends(term) > LARGEST_EXPANSION:
+    if _explodes(term):
         return term
     term = sympy.expand_mul(sympy.expand_multinomial(term))
     if term.has(sympy.sign):

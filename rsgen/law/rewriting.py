@@ -23,6 +23,7 @@ from rsgen.law.normal_form import (
     complement,
     constant,
     expanded,
+    is_long,
     moves,
     multiply,
     scale,
@@ -38,6 +39,8 @@ SWITCHING = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Piecewise, sympy.Max,
 _EVEN = (sympy.cos, sympy.cosh)
 _ODD = (sympy.sin, sympy.tan, sympy.sinh, sympy.tanh, sympy.asin, sympy.atan)
 _MOST_FACTORS = 64
+_MOST_BITS = 4000
+"""Of the numbers in a law that is multiplied out, four times what the language allows to be written."""
 MOST_NESTED = 7
 """Switches inside a switch function: each may be on or off, so that the cases double with every one."""
 
@@ -61,15 +64,20 @@ def reduce_law(force: sympy.Expr) -> Form:
         _check_power(power)
     exact = {f: sympy.Rational(str(f)) for f in force.atoms(sympy.Float)}
     form = without_signs(_form(force.xreplace(exact)))
-    return {
-        key: term for key, term in ((k, _cancelled(expanded(t))) for k, t in form.items()) if not term.is_zero
-    }
+    reduced = {key: _cancelled(expanded(term)) for key, term in form.items()}
+    numbers = (number for term in reduced.values() for number in term.atoms(sympy.Rational))
+    if any(max(int(n.p).bit_length(), int(n.q).bit_length()) > _MOST_BITS for n in numbers):
+        raise ExpressionError(
+            "law: multiplied out it has a number of more than a thousand digits; use numbers and powers of "
+            "sizes that a measurement has"
+        )
+    return {key: term for key, term in reduced.items() if not term.is_zero}
 
 
 def _cancelled(term: sympy.Expr) -> sympy.Expr:
     """Divide out denominators that move where that leaves none: ``x/(x - b) - b/(x - b)`` is one."""
     divided = any(moves(power.base) and power.exp.is_negative for power in term.atoms(sympy.Pow))
-    if not divided or not term.is_rational_function(STATE_X, STATE_V):
+    if not divided or is_long(term) or not term.is_rational_function(STATE_X, STATE_V):
         return term
     quotient = sympy.cancel(term)
     return term if moves(sympy.fraction(quotient)[1]) else expanded(quotient)
@@ -343,7 +351,9 @@ def _written(form: Form) -> sympy.Expr:
         if not singles:
             continue
         distance = _function_of(singles[0])
-        slope = sympy.cancel(term / distance) if len(singles) == 1 else term
+        slope = term
+        if len(singles) == 1:
+            slope = term / distance if is_long(term) else sympy.cancel(term / distance)
         if len(singles) == 1 and not moves(slope) and not key.others:
             rest += term / 2
             total += slope * sympy.Abs(distance) / 2

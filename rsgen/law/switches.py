@@ -13,6 +13,7 @@ from rsgen.law.normal_form import (
     add,
     complement,
     constant,
+    is_long,
     moves,
     multiply,
     scale,
@@ -63,6 +64,8 @@ def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Ex
 
 def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
     """Give the sign of an irreducible polynomial in one variable, or None where its roots are not known."""
+    if is_long(factor):
+        return None
     try:
         polynomial = sympy.Poly(factor, variable)
     except sympy.PolynomialError:
@@ -133,6 +136,8 @@ def _sign_of_factor(factor: sympy.Expr) -> Form:
 
 def _factors(function: sympy.Expr) -> list[tuple[sympy.Expr, int]]:
     """Split into factors; numerator and denominator alike, since only signs matter."""
+    if is_long(function):
+        return [(function, 1)]
     listed: list[tuple[sympy.Expr, int]] = []
     for part in sympy.fraction(sympy.together(function)):
         for base in sympy.Mul.make_args(part):

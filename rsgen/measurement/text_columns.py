@@ -53,6 +53,8 @@ REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _ANY = ".{1,40}?"
 """What a * in the name of a column stands for."""
+_MOST_STARS = 2
+"""In the name of a column: what each stands for is tried in turn, against thousands of names."""
 _FORMULA = ("=", "+", "-", "@")
 
 
@@ -149,6 +151,10 @@ class _Table:
                 raise self.fail(line, f"no column {column}; the file has {self.width}")
             return [column - 1]
         found = [place for place, name in enumerate(names) if name == column]
+        if column.count("*") > _MOST_STARS and not found:
+            raise self.fail(
+                line, f"{show(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
+            )
         if "*" in column and not found:
             pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
             found = [place for place, name in enumerate(names) if pattern.fullmatch(name)]

@@ -1,8 +1,9 @@
 """The process that opens a surface file with the HDF5 library, and says where in the file its arrays lie.
 
-The library was not written for files of strangers: damage makes it search without end. So it runs here, in a
-process that can open no further file, whose memory and time are limited, and that answers with a line of
-JSON. The numbers themselves are read by who asked, as plain bytes at places that are checked against the file.
+The library was not written for files of strangers: damage makes it search without end. So it runs here, in
+a process that can open no further file, whose memory and time are limited, and that answers with a line of
+JSON. The numbers themselves are read by who asked, as plain bytes at places that are checked against the
+file.
 """
 
 from __future__ import annotations

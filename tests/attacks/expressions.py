@@ -27,6 +27,8 @@ __all__ = ["attack", "main", "run", "text_of"]
 SECONDS = 5.0
 """Work allowed until a text has its answer."""
 MEGABYTES = 1024.0
+LONGEST = 10_000
+"""Characters of a refusal, which may quote a formula of 2000 several times."""
 
 
 def text_of(number: int, seed: int) -> tuple[str, str]:
@@ -46,7 +48,7 @@ def answer(text: str) -> str:
             parameter_units(make_element("law", text).force)
         except RsgenError as fault:
             sentence = str(fault)
-            plain = len(sentence) < 1000 and sentence.replace("\n", " ").isprintable()
+            plain = len(sentence) < LONGEST and sentence.replace("\n", " ").isprintable()
             return (
                 f"refused: {sentence}"
                 if plain

@@ -1,0 +1,69 @@
+"""Texts that are hard to work out are answered soon; ``python -m tests.attacks.expressions`` tries many."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from rsgen.describing import derive
+from rsgen.errors import ExpressionError
+from rsgen.expression import parse
+from rsgen.law.normal_form import expanded, is_long
+from tests.attacks.expressions import answer, text_of
+from tests.attacks.texts import TEXTS
+
+SECONDS = 5.0
+"""Work allowed for an answer."""
+
+
+def fraction(depth: int, inner: str = "x + b") -> str:
+    text = inner
+    for number in range(depth):
+        text = f"x + k{number} + c/({text})"
+    return f"c/({text})"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [fraction(5), fraction(16), fraction(8, "c + abs(x)"), "tan(1e300)*x", "exp(1e300) + c*v", "x**(10**9)"],
+    ids=["fraction", "deep fraction", "fraction with a corner", "tan", "exp", "power"],
+)
+def test_a_hard_text_has_an_answer(text: str) -> None:
+    begun = time.process_time()
+    assert answer(text).startswith(("result", "refused"))
+    assert time.process_time() - begun < SECONDS
+
+
+def test_a_deep_fraction_is_integrated_as_it_is_written() -> None:
+    """What is too long to become one fraction is left as it is, and its numbers are right."""
+    found = derive("x*" + fraction(12).replace("x", "x**2"))
+    values = {"b": 3.0, "c": 1.0} | {f"k{number}": 2.0 for number in range(12)}
+    phi = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    x = 0.3 * np.sin(phi)
+    value = x**2 + 3.0
+    for _ in range(12):
+        value = x**2 + 2.0 + 1.0 / value
+    # the trapezoidal rule is exact to round-off for what is smooth and periodic
+    known = 2 * np.mean(x / value * np.sin(phi)) / 0.3
+    assert found.evaluate(0.3, 2.0, values).stiffness == pytest.approx(known, rel=1e-10)
+
+
+def test_numbers_of_thousands_of_digits_are_refused() -> None:
+    with pytest.raises(ExpressionError, match="more than a thousand digits"):
+        derive("(1e-300 + x)**15")
+
+
+def test_the_budget_of_algebra_is_counted_in_terms() -> None:
+    assert is_long(parse(fraction(12)))
+    assert not is_long(parse("k*x/(x**2 + b**2) + c*v/(1 + v**2)"))
+    long = parse("x + v + b + c + k + n") ** 20 * parse("x + v") ** 9
+    assert expanded(long) == long
+
+
+@pytest.mark.parametrize("make", TEXTS, ids=lambda make: make.__name__)
+def test_texts_are_the_same_for_a_seed(make: object) -> None:
+    first, second = (make(np.random.default_rng(4)) for _ in range(2))  # type: ignore[operator]
+    assert first == second
+    assert text_of(3, 1) == text_of(3, 1)
