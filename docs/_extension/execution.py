@@ -42,7 +42,8 @@ def _shown(text: str, language: str, classes: tuple[str, ...] = ()) -> nodes.lit
 
 def drawing_node(drawing: Any, name: str) -> nodes.raw:
     """A figure of rsgen inside the page, in the colours of the page."""
-    markup = inline_svg(drawing)
+    # a text: what replaces parts of a Markup is escaped
+    markup = str(inline_svg(drawing))
     # several figures of one kind stand on one page: their inner names differ
     markup = markup.replace(f'id="{drawing.name}-', f'id="{name}-')
     markup = markup.replace(f'href="#{drawing.name}-', f'href="#{name}-')

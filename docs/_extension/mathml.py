@@ -10,14 +10,24 @@ from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
 
-# latex2mathml makes operators of the names of functions, and upright text of nothing else
-_NAMES = re.compile(r"<mo>([A-Za-z]{2,})</mo>")
+# latex2mathml spaces names of functions and slashes as binary operators
+_THIN = "0.1667em"
+_MENDED = (
+    (
+        re.compile(r"<m[io]>([A-Za-z]{2,})</m[io]>(?=<mo[^>]*>(?:\(|&#x00028;))"),
+        rf'<mo lspace="{_THIN}" rspace="0">\1</mo>',
+    ),
+    (re.compile(r"<m[io]>([A-Za-z]{2,})</m[io]>"), rf'<mo lspace="{_THIN}" rspace="{_THIN}">\1</mo>'),
+    (re.compile(r"<mo>(/|&#x0002F;)</mo>"), '<mo lspace="0" rspace="0">/</mo>'),
+)
 
 
 def to_mathml(latex: str, *, block: bool) -> str:
     """Convert one formula; a formula that cannot be converted ends the build."""
     markup = convert(latex, display="block" if block else "inline")
-    return _NAMES.sub(r"<mi>\1</mi>", markup)
+    for pattern, instead in _MENDED:
+        markup = pattern.sub(instead, markup)
+    return markup
 
 
 def _visit_inline(self: HTML5Translator, node: nodes.math) -> None:

@@ -63,6 +63,18 @@ def test_pages_are_built_without_a_warning_and_ask_nobody(site: Path) -> None:
     assert "<math" in (site / "method.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["laws", "gallery"])
+def test_parts_of_figures_are_found(site: Path, name: str) -> None:
+    text = (site / f"{name}.html").read_text(encoding="utf-8")
+    drawn = text[text.index('<svg class="drawing"') :]
+    names = re.findall(r'\bid="([^"]+)"', text)
+    used = re.findall(r'<use href="#([^"]+)"|url\(#([^)]+)\)', drawn)
+    assert len(used) > 10
+    assert {one or other for one, other in used} <= set(names)
+    assert len(names) == len(set(names))
+
+
 @pytest.fixture(scope="module")
 def chromium() -> str:
     found = find_browser()
