@@ -15,12 +15,13 @@ from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
+from rsgen.units.quantities import UNKNOWN
 
 __all__ = ["Trial", "try_proposal"]
 
 _MOST_SAMPLES = 500_000
 """Longer histories are not tried: a run takes them apart in seconds to minutes, and a look may not."""
-_PLACEHOLDERS = ("test.level.value", "test.level.values", "test.time.rate")
+_PLACEHOLDERS = ("test.level.value", "test.level.values")
 """Values that a proposal asks for: until they are there no size means anything."""
 
 
@@ -55,11 +56,14 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     Parameters
     ----------
     contents, proposal
-        What the file holds, and the guess. Free decays, which need a mass, and long histories are not tried.
+        What the file holds, and the guess. Free decays, which need a mass, long
+        histories and those of unknown sampling rate are not tried.
     """
     test = proposal.tables["test"]
     longest = max((entry.size for entry in contents.entries), default=0)
-    if test.get("excitation") == "ring-down" or ("excitation" in test and longest > _MOST_SAMPLES):
+    unknown_rate = "test.time.rate" in proposal.doubts
+    long = "excitation" in test and longest > _MOST_SAMPLES
+    if test.get("excitation") == "ring-down" or long or unknown_rate:
         return Trial(proposal)
     try:
         surface = _read(contents.file, proposal)
@@ -85,7 +89,8 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface:
     from rsgen.cli.inspect_command import proposal_text
 
     tables = proposal.tables | {"test": proposal.tables["test"] | {"file": file.name}}
-    text = proposal_text(Proposal(tables))
+    # any force shows whether the file can be read
+    text = proposal_text(Proposal(tables)).replace(f'"{UNKNOWN} N"', '"1 N"')
     with TemporaryDirectory(prefix="rsgen-") as folder:
         case = Path(folder, "trial.toml")
         case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")

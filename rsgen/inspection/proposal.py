@@ -44,6 +44,7 @@ from rsgen.inspection.column_levels import levels_in_columns
 from rsgen.inspection.guess import Guess, run_of
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.tree import Contents, Entry
+from rsgen.units.quantities import UNKNOWN
 
 __all__ = ["Proposal", "propose"]
 
@@ -125,7 +126,9 @@ def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
         table: dict[str, Any] = {"column": guess.address(time)}
         guess.tables["test.time"] = table | ({"unit": time.unit} if time.unit in _SECONDS[1:] else {})
         return time.size
-    guess.tables["test.time"] = {"rate": "1000 Hz"} if rate is None else {"rate_column": guess.address(rate)}
+    guess.tables["test.time"] = (
+        {"rate": f"{UNKNOWN} Hz"} if rate is None else {"rate_column": guess.address(rate)}
+    )
     if rate is None:
         guess.doubts["test.time.rate"] = "not in the file: write the sampling rate"
     return max((max(entry.shape, default=1) for entry in guess.free), default=0)
@@ -224,9 +227,9 @@ def _level(guess: Guess, level: Entry | None, force: Entry | None, runs: int) ->
         return {}
     if runs:
         guess.doubts["test.level.values"] = "write the force amplitude of each"
-        return {"values": ["1 N"] * runs}
+        return {"values": [f"{UNKNOWN} N"] * runs}
     guess.doubts["test.level.value"] = "write the force amplitude of this file"
-    return {"value": "1 N"}
+    return {"value": f"{UNKNOWN} N"}
 
 
 def _amplitudes(guess: Guess, frequency: Entry) -> None:

@@ -17,6 +17,8 @@ _SMALLEST, _LARGEST = 1e-300, 1e300
 _NUMBER = re.compile(
     r" *([+-]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][+-]?[0-9]{1,3})?) *(.*)", re.DOTALL
 )
+UNKNOWN = "?"
+"""Begins a value that only the user knows, in a case that was proposed from a file."""
 _USAGE = 'write a number with its unit, such as "5.92 kN/m", or a bare number in SI units'
 _HERTZ = Dimension({"Hz": Fraction(1)})
 _RATE = Dimension({"s": Fraction(-1)})
@@ -39,6 +41,8 @@ def _split(text: str) -> tuple[Fraction, str]:
             f"{_shown(text)} has {len(text)} characters, at most {_LONGEST} are allowed; {_USAGE}"
         )
     match = _NUMBER.fullmatch(text)
+    if text.startswith(UNKNOWN):
+        raise RsgenError(f"{_shown(text)} is not known yet: write a number in place of the question mark")
     if match is None:
         raise RsgenError(f"{_shown(text)} is not a number with a unit; {_USAGE}")
     unit = match[2].rstrip(" ")

@@ -54,6 +54,14 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: 
         assert checked.code == 2
         assert "system.mass: is missing" in checked.err
         case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
+    text = case.read_text()
+    if "? N" in text:
+        # nothing runs until the user has said what only the user knows
+        checked = run_cli("check", case)
+        assert checked.code == 2
+        assert "write a number in place of the question mark" in checked.err
+        case.write_text(text.replace("? N", "3 N"))
+    assert ("? N" in text) is (file.name == "frf.uff" or file.name.startswith("magnitude"))
     assert len(read_case(case)) > 10
     assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
