@@ -30,23 +30,23 @@ import sys, rsgen as rs
 surface = rs.load_surface(sys.argv[1])
 assert len(surface) == int(sys.argv[2]) ** 2 and surface.settled.mean() > 0.99
 """
+STARTED = "started, worked = time.perf_counter(), time.process_time()\n"
 MEASURED = """
 import json, resource, time
-print(json.dumps([time.perf_counter() - started, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(json.dumps([time.perf_counter() - started, time.process_time() - worked, used.ru_maxrss / 1024]))
 """
 
 
-def measure(program: str, *words: str, around: dict[str, str]) -> tuple[float, float]:
-    """Run a program in a new process; give its seconds after the imports, and the largest memory [MB]."""
+def measure(program: str, *words: str, around: dict[str, str]) -> str:
+    """Run a program in a new process; say its seconds after the imports, and the largest memory."""
     first, rest = program.strip().split("\n", 1)
-    text = (
-        f"import time\n{first}\nrs.simulate, rs.load_surface\nstarted = time.perf_counter()\n{rest}{MEASURED}"
-    )
+    text = f"import time\n{first}\nrs.simulate, rs.load_surface\n{STARTED}{rest}{MEASURED}"
     done = subprocess.run(
         [sys.executable, "-c", text, *words], capture_output=True, text=True, check=True, env=around
     )
-    seconds, megabytes = json.loads(done.stdout)
-    return seconds, megabytes
+    seconds, worked, megabytes = json.loads(done.stdout)
+    return f"{seconds:.1f} s ({worked:.1f} s of the processor), {megabytes:.0f} MB"
 
 
 def run(count: int, seed: int) -> list[Row]:
@@ -62,7 +62,7 @@ def run(count: int, seed: int) -> list[Row]:
         row(
             f"surface of {side**2} points simulated and saved; loaded",
             ASKED,
-            f"{simulated[0]:.1f} s, {simulated[1]:.0f} MB; {loaded[0]:.1f} s, {loaded[1]:.0f} MB",
+            f"{simulated}; {loaded}",
         )
     ]
 
