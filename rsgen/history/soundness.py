@@ -68,12 +68,14 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
     for name, values in (("force", history.force), ("response", history.response)):
         if values is None:
             continue
-        tops = [(float(values.max()), cut_off(values, 1)), (-float(values.min()), cut_off(values, -1))]
-        samples = sum(count for _, count in tops)
+        ends = [(float(values.max()), cut_off(values, 1)), (float(values.min()), cut_off(values, -1))]
+        samples = sum(count for _, count in ends)
         if samples:
             names = {"record": history.label, "signal": name}
             unit = "N" if name == "force" else _UNITS[history.quantity]
-            limit = min(top for top, count in tops if count)
+            # of the motion, as its amplitudes are: many sensors have an offset
+            rest = float(np.median(values))
+            limit = min(abs(end - rest) for end, count in ends if count)
             numbers = {"samples": Quantity(samples), "limit": Quantity(limit, unit)}
             findings.append(Finding("record-clipped", "warning", "", numbers, names))
     stands = [] if history.force is None else _stands(history)

@@ -68,6 +68,9 @@ _MOVED = 3.0
 _NAMED = 0.01
 """A background that moves no parameter by a hundredth changes no engineering number."""
 
+_OTHERWISE = frozenset({"another-quantity", "not-passive"})
+"""Findings about sign or quantity of the response: what a background takes up then is no other mode."""
+
 _REACH = 5.0
 """Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
 
@@ -141,12 +144,10 @@ def misfit_findings(
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
         found.append(_background_proposal(points, resonances))
     trials = _with_backgrounds(fit)
-    return [
-        *found,
-        *_level_apart(points, fit.regression, surface.level_unit),
-        *_missing_background(fit, trials, wider, left),
-        *_offset_proposal(fit, trials),
-    ]
+    found += _level_apart(points, fit.regression, surface.level_unit)
+    if not any(finding.code in _OTHERWISE for finding in surface.findings):
+        found += _missing_background(fit, trials, wider, left)
+    return [*found, *_offset_proposal(fit, trials)]
 
 
 def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
@@ -200,7 +201,7 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
     kinds = (observed.kind, "residuals" + OFFSET) if offset else (observed.kind, "residuals", plain + OFFSET)
     known = dict(zip(observed.background.names, background, strict=True))
     found = {}
-    for kind in kinds:
+    for kind in dict.fromkeys(kinds):
         seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
         start = np.array([known.get(name, 0.0) for name in seen.background.names])
         trial = replace(problem, observed=replace(seen, band=observed.band))

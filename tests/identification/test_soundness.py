@@ -79,6 +79,18 @@ def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: 
         assert {finding.severity for finding in with_it.values()} <= {"info", "warning"}
 
 
+@pytest.mark.parametrize("code", ["another-quantity", "not-passive"])
+def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
+    # a background takes these up as well, but adding it would hide the mistake
+    exact = surface("cubic")
+    harmonics = np.array(exact.harmonics)
+    harmonics[:, 1] += 0.3 / 5920 * exact.force
+    table = noisy(changed(exact, harmonics=harmonics), 0.003, 1)
+    found = findings(replace(table, findings=(Finding(code, "doubt"),)))
+    assert "law-does-not-fit" in found
+    assert "background-missing" not in found
+
+
 def test_a_missing_term_is_no_missing_background(table: ResponseSurface) -> None:
     assert "background-missing" not in findings(table, "k*x + c*v")
 
