@@ -51,7 +51,7 @@ MAX_COLUMNS = 10_000
 _PLAIN = re.compile(r"[0-9eE+\-.,;|\s]*\Z", re.ASCII)
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
-_ANY = ".{1,40}"
+_ANY = ".{1,40}?"
 """What a * in the name of a column stands for."""
 _MOST_STARS = 2
 """In the name of a column: what each stands for is tried in turn, against thousands of names."""
@@ -156,10 +156,7 @@ class _Table:
                 line, f"{show(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
             )
         if "*" in column and not found:
-            first, *others, last = map(re.escape, column.split("*"))
-            # what a * before another one has found stays, so that no place is tried twice
-            middle = "".join(f"(?>{_ANY}?{literal})" for literal in others)
-            pattern = re.compile(f"{first}{middle}{_ANY}{last}")
+            pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
             found = [place for place, name in enumerate(names) if pattern.fullmatch(name)]
         if len(found) == 1 or (found and "*" in column):
             return found
