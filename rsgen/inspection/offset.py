@@ -24,6 +24,10 @@ _SPREAD = 1.3
 """Ratio of the forces above which a part that follows the force and one that does not differ."""
 _NOTICEABLE = 1e-3
 """Misfits below this, relative, change no engineering number."""
+_FAINT = 1e-6
+"""Forces, responses and frequencies below this share of the largest are none: instruments resolve no less."""
+_WEAKEST = 0.3
+"""Share of the points, those of least force, from whose median a search begins: an offset is large there."""
 _LEFT = 0.5
 """The offset must leave less than this share of the misfit, and of the misfit beside a background."""
 
@@ -52,13 +56,17 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(int)]
     force, response = surface.force[rows], surface.harmonics[rows, 1]
     rate = surface.omega[rows] / surface.omega[rows].max()
-    scale = float(np.median(np.abs(response)))
+    response = response / np.median(np.abs(response))
+    weak = response[np.abs(force) <= np.quantile(np.abs(force), _WEAKEST)]
+    # a large offset is not found from zero
+    begin = np.array([np.median(weak.real), np.median(weak.imag)])
     shares = {
         "none": [],
         "background": [force, force / rate**2],
         "offset": [np.ones_like(force)],
     }
-    left = {name: _misfit(force, response / scale, rate, parts) for name, parts in shares.items()}
+    left = {name: _misfit(force, response, rate, parts) for name, parts in shares.items()}
+    left["offset"] = min(left["offset"], _misfit(force, response, rate, shares["offset"], begin))
     if left["none"] < _NOTICEABLE or left["offset"] > _LEFT * min(left["none"], left["background"]):
         return []
     numbers = quantities(misfit=left["none"], left=left["offset"])
@@ -67,12 +75,21 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
 
 def _rows(surface: ResponseSurface) -> NDArray[np.intp]:
     """Points at which there is a force and a response."""
-    good = surface.settled & (surface.force != 0) & (surface.harmonics[:, 1] != 0)
-    return np.flatnonzero(good & np.isfinite(surface.harmonics[:, 1]))
+    good = surface.settled & np.isfinite(surface.harmonics[:, 1])
+    for values in (surface.force, surface.harmonics[:, 1], surface.omega):
+        size = np.where(good, np.abs(values), 0.0)
+        good = good & (size > max(_FAINT * size.max(initial=0.0), np.finfo(float).tiny))
+    return np.flatnonzero(good)
 
 
-def _misfit(force: ComplexArray, response: ComplexArray, rate: Array, parts: list[ComplexArray]) -> float:
-    """Relative misfit of the best law, the best multiples of ``parts`` taken off the response."""
+def _misfit(
+    force: ComplexArray,
+    response: ComplexArray,
+    rate: Array,
+    parts: list[ComplexArray],
+    begin: Array | None = None,
+) -> float:
+    """Relative misfit of the best law, the best multiples of ``parts``, sought from ``begin``, taken off."""
     from scipy.optimize import least_squares  # a third of a second, and needed where there are levels
 
     typical = float(np.median(np.abs(response)))
@@ -82,7 +99,7 @@ def _misfit(force: ComplexArray, response: ComplexArray, rate: Array, parts: lis
         taken = typical * (values[::2] + 1j * values[1::2]) @ columns
         return _unexplained(force, response - taken, rate)
 
-    start = np.zeros(2 * len(parts))
+    start = np.zeros(2 * len(parts)) if begin is None else begin
     values = least_squares(residual, start, x_scale=0.1, max_nfev=60).x if parts else start
     return float(np.linalg.norm(residual(values)) / np.sqrt(len(force)))
 
@@ -90,11 +107,13 @@ def _misfit(force: ComplexArray, response: ComplexArray, rate: Array, parts: lis
 def _unexplained(force: ComplexArray, motion: ComplexArray, rate: Array) -> Array:
     """What the best law leaves of the force, relative to it: real parts, imaginary parts."""
     size = np.abs(motion)
-    size = np.maximum(size / size.max(), np.finfo(float).tiny ** 0.25)
+    # a motion that is taken off as a whole explains nothing
+    size = np.maximum(size / (size.max() or 1.0), np.finfo(float).tiny ** 0.25)
     powers = np.stack([size**power for power in _POWERS])
     columns = np.concatenate([powers * motion, 1j * rate * powers * motion, -(rate**2 * motion)[None]])
     columns, wanted = columns / np.abs(force), force / np.abs(force)
     matrix = np.concatenate([columns.real, columns.imag], axis=1).T
     target = np.concatenate([wanted.real, wanted.imag])
-    matrix = matrix / np.linalg.norm(matrix, axis=0)
+    norm = np.linalg.norm(matrix, axis=0)
+    matrix = matrix / np.where(norm > 0, norm, 1.0)
     return np.asarray(target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-10)[0])

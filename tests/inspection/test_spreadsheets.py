@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -232,6 +233,31 @@ def test_an_offset_is_not_looked_for_at_one_level() -> None:
     assert has_levels(two)
     assert not has_levels(one)
     assert offset_findings(one) == []
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.4j, -0.15 + 0.15j])
+def test_small_and_large_offsets_are_seen(share: complex) -> None:
+    level, frequency = (g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], FREQUENCY, indexing="ij"))
+    motion = level * receptance(frequency)
+    seen = motion + share * np.abs(motion).max()
+    table = ResponseSurface(level=level, frequency=frequency, force=level + 0j, response=seen)
+    assert [finding.code for finding in offset_findings(table)] == ["offset-possible"]
+    assert offset_findings(replace(table, harmonics=table.harmonics - (seen - motion)[:, None])) == []
+
+
+@pytest.mark.parametrize(("force", "response"), [(1e-310, 1.0), (1.0, 1e-310), (1.0, 1e300)])
+def test_forces_and_responses_of_no_size_are_passed_over(force: float, response: float) -> None:
+    level, frequency = (g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], FREQUENCY, indexing="ij"))
+    odd = np.arange(len(level)) % 7 == 0
+    table = ResponseSurface(
+        level=level,
+        frequency=frequency,
+        force=np.where(odd, force, 1.0) * level + 0j,
+        response=np.where(odd, response, 1.0) * level * receptance(frequency),
+    )
+    assert offset_findings(table) == []
+    still = replace(table, harmonics=np.tile([0.0, 1e-3 + 0j], (len(level), 1)))
+    assert offset_findings(still) == []
 
 
 def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
