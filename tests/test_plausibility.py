@@ -41,6 +41,17 @@ def test_an_ordinary_test_has_nothing_to_remark() -> None:
     assert list(quantity_findings(cubic_surface())) == []
 
 
+@pytest.mark.parametrize("quantity", [None, "displacement", "acceleration"])
+@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e200])
+def test_single_forces_and_responses_of_no_size_are_passed_over(size: float, quantity: str | None) -> None:
+    surface = cubic_surface()
+    odd = np.where(np.arange(len(surface)) % 7 == 0, size, 1.0)
+    assert list(quantity_findings(changed(surface, odd * surface.harmonics[:, 1]), quantity)) == []
+    weak = changed(surface, surface.harmonics[:, 1], odd * surface.force)
+    # where a few points are all that is left, no quantity is better than another
+    assert list(quantity_findings(weak, quantity)) == []
+
+
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
 def test_undoing_a_mistake_made_backwards_gives_the_sizes_again(mistake) -> None:
     made = mistake.undo(ORDINARY)

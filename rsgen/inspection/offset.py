@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
+from rsgen.surface.plausibility import driven_points
 
 __all__ = ["has_levels", "offset_findings"]
 
@@ -24,8 +25,6 @@ _SPREAD = 1.3
 """Ratio of the forces above which a part that follows the force and one that does not differ."""
 _NOTICEABLE = 1e-3
 """Misfits below this, relative, change no engineering number."""
-_FAINT = 1e-6
-"""Forces, responses and frequencies below this share of the largest are none: instruments resolve no less."""
 _WEAKEST = 0.3
 """Share of the points, those of least force, from whose median a search begins: an offset is large there."""
 _LEFT = 0.5
@@ -34,7 +33,7 @@ _LEFT = 0.5
 
 def has_levels(surface: ResponseSurface) -> bool:
     """Whether a test can show an offset: phases, levels of different force, points enough."""
-    force = np.abs(surface.force[_rows(surface)])
+    force = np.abs(surface.force[driven_points(surface)])
     enough = surface.phase_known and len(surface.levels) > 1 and len(force) >= _FEWEST
     return enough and bool(force.max() > _SPREAD * force.min())
 
@@ -52,9 +51,10 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
     """
     if not has_levels(surface):
         return []
-    rows = _rows(surface)
+    rows = driven_points(surface)
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(int)]
     force, response = surface.force[rows], surface.harmonics[rows, 1]
+    force = force / np.abs(force).max()
     rate = surface.omega[rows] / surface.omega[rows].max()
     response = response / np.median(np.abs(response))
     weak = response[np.abs(force) <= np.quantile(np.abs(force), _WEAKEST)]
@@ -71,15 +71,6 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
         return []
     numbers = quantities(misfit=left["none"], left=left["offset"])
     return [Finding("offset-possible", "info", numbers=numbers, names={"kind": "phase+offset"})]
-
-
-def _rows(surface: ResponseSurface) -> NDArray[np.intp]:
-    """Points at which there is a force and a response."""
-    good = surface.settled & np.isfinite(surface.harmonics[:, 1])
-    for values in (surface.force, surface.harmonics[:, 1], surface.omega):
-        size = np.where(good, np.abs(values), 0.0)
-        good = good & (size > max(_FAINT * size.max(initial=0.0), np.finfo(float).tiny))
-    return np.flatnonzero(good)
 
 
 def _misfit(

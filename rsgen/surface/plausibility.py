@@ -23,6 +23,7 @@ __all__ = [
     "Limit",
     "Mistake",
     "Sizes",
+    "driven_points",
     "plausibility_findings",
     "quantity_findings",
     "size_findings",
@@ -301,7 +302,19 @@ _AS_GOOD = 1.1
 _RADIAN = 180 / np.pi
 """So much too small is a phase in radians that was read in degrees."""
 
+_FAINT = 1e-6
+"""Forces, responses and frequencies below this share of the largest are none: instruments resolve no less."""
+
 _QUANTITIES = ("displacement", "velocity", "acceleration")
+
+
+def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
+    """Find the points at which there is a force and a response to it."""
+    good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
+    for values in (surface.force, surface.harmonics[:, 1], surface.omega):
+        size = np.where(good, np.abs(values), 0.0)
+        good = good & (size > max(_FAINT * size.max(initial=0.0), np.finfo(float).tiny))
+    return np.flatnonzero(good)
 
 
 def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> Iterator[Finding]:
@@ -318,7 +331,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     quantity
         What the response was read as; None where nobody said.
     """
-    rows = _usable(surface)
+    rows = driven_points(surface)
     terms = min(_TERMS, (len(rows) // _POINTS_A_TERM - 1) // 2)
     if not surface.phase_known or terms < 1:
         return
@@ -353,7 +366,7 @@ def _fit(
     size = np.abs(response)
     powers = np.stack([(size / size.max()) ** power for power in range(terms)])
     rate = omega / omega.max()
-    response = response / size.max()
+    force, response = force / np.abs(force).max(), response / size.max()
     columns = np.concatenate([powers * response, 1j * rate * powers * response, -(rate**2 * response)[None]])
     columns = columns / np.abs(force)
     wanted = force / np.abs(force)
