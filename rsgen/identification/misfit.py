@@ -144,7 +144,9 @@ def misfit_findings(
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
         found.append(_background_proposal(points, resonances))
     trials = _with_backgrounds(fit)
-    found += _level_apart(points, fit.regression, surface.level_unit)
+    if not names:
+        # a term that is missing misses some levels more than others, as dry friction the lowest
+        found += _level_apart(points, fit.regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
         found += _missing_background(fit, trials, wider, left)
     return [*found, *_offset_proposal(fit, trials)]

@@ -63,6 +63,13 @@ def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> No
     assert found["misfit"] > 3 * found["typical"]
 
 
+def test_a_missing_term_sets_no_level_apart() -> None:
+    # dry friction decides at the lowest level, whose force and frequencies are right
+    found = findings(noisy(surface("coulomb"), 0.003, 1), "k*x + c*v")
+    assert found["law-does-not-fit"].names["term"] == "sign(v)"
+    assert "level-apart" not in found
+
+
 @pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
 def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: str) -> None:
     # a flexibility of modes above, relative to the static one of the mode
