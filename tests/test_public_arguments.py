@@ -136,3 +136,11 @@ def test_a_constant_force_without_measured_mean_is_not_identifiable():
 
 def test_figures_show_no_modules():
     assert not {"curves", "drawing", "overview"} & set(dir(rs.figures))
+
+
+def test_the_law_to_derive_is_text_an_element_or_a_law():
+    for law in (rs.laws["cubic-spring"], rs.Law("k*x + k3*x**3"), rs.make_element("spring", "k*x + k3*x**3")):
+        assert str(rs.derive(law).stiffness) == "3*X**2*k3/4 + k"
+    for wrong in (["k*x"], 3.5, None):
+        with pytest.raises(RsgenError, match=r"law: .*; must be "):
+            rs.derive(wrong)

@@ -15,10 +15,10 @@ from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limi
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
-from rsgen.errors import ExpressionError
+from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
 from rsgen.law.character import vanishes
-from rsgen.law.element import Element, make_element
+from rsgen.law.element import Element, Law, make_element
 from rsgen.law.normal_form import expanded
 from rsgen.law.notation import readable
 from rsgen.law.pieces import NormalForm, normal_form
@@ -32,13 +32,13 @@ ZERO_MEAN = 1e-12
 """Mean forces below this share of the mean absolute force, on all random cycles, are zero by symmetry."""
 
 
-def derive(law: str | Element | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
+def derive(law: str | Element | Law | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
     """Derive the describing function of a force law, with its proof.
 
     Parameters
     ----------
     law
-        The force [N] in x and v: text, an element, or an expression.
+        The force [N] in x and v: text, an element, a law, or an expression.
     assume
         What may be taken for granted, each as ``"b > 0"``. Parameters whose sign decides the form (a gap, the
         slope of a saturation) are taken as positive anyway, and ``positive`` says which.
@@ -56,6 +56,9 @@ def derive(law: str | Element | sympy.Expr, assume: Iterable[str] = ()) -> Descr
     >>> derive("Ff*sign(v)").damping
     4*Ff/(pi*X*omega)
     """
+    if isinstance(law, Law):
+        law = law.force
+    require(law, (str, Element, sympy.Expr), "law")
     element = law if isinstance(law, Element) else make_element("law", law)
     known = frozenset(_assumed(text, element) for text in assume)
     return _derive(element.force, element.parameters, known)
