@@ -23,6 +23,7 @@ _MOST_SAMPLES = 500_000
 """Longer histories are not tried: a run takes them apart in seconds to minutes, and a look may not."""
 _PLACEHOLDERS = ("test.level.value", "test.level.values")
 """Values that a proposal asks for: until they are there no size means anything."""
+_CASE = "trial.toml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,8 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
             proposal, surface = turned, _read(contents.file, turned)
     except RsgenError as fault:
         faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
-        return Trial(proposal, fault=" ".join(faults[0].split()))
+        # the case is nobody's file: its name says nothing
+        return Trial(proposal, fault=" ".join(faults[0].removeprefix(f"{_CASE}: ").split()))
     looked_for: dict[str, tuple[Finding, ...]] = {}
     if not set(_PLACEHOLDERS) & set(proposal.doubts):
         looked_for["sizes that no test has"] = tuple(plausibility_findings(surface))
@@ -92,7 +94,7 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface:
     # any force shows whether the file can be read
     text = proposal_text(Proposal(tables)).replace(f'"{UNKNOWN} N"', '"1 N"')
     with TemporaryDirectory(prefix="rsgen-") as folder:
-        case = Path(folder, "trial.toml")
+        case = Path(folder, _CASE)
         case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")
         return read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
 
