@@ -151,14 +151,18 @@ def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entr
     Each with the real part under the name that both have in common: "H" for "Re(H)" and "Im(H)".
     """
     for real, imaginary in _PARTS:
+        # the first of each name, so that thousands of columns are gone through once
+        partners: dict[tuple[int, str, str], Entry] = {}
+        for entry in entries:
+            name = last_name(entry)
+            if imaginary.search(name):
+                partners.setdefault((entry.size, entry.unit, imaginary.sub("*", name)), entry)
         for first in entries:
             name = last_name(first)
-            found = real.search(name)
-            others = (e for e in entries if e is not first and (e.size, e.unit) == (first.size, first.unit))
-            for second in others if found else ():
-                if real.sub("*", name) == imaginary.sub("*", last_name(second)):
-                    common = real.sub("", name).strip(" _-.:()[]{}")
-                    yield replace(first, title=common or name), first, second
+            second = partners.get((first.size, first.unit, real.sub("*", name)))
+            if second is not None and second is not first and real.search(name):
+                common = real.sub("", name).strip(" _-.:()[]{}")
+                yield replace(first, title=common or name), first, second
 
 
 def remarked(word: str) -> Clue:

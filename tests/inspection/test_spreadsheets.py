@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,8 +13,10 @@ import numpy as np
 import pytest
 
 from rsgen.case import load_case
+from rsgen.inspection.clues import complex_parts
 from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.measurement.tree import Entry
 from rsgen.surface import ResponseSurface
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
@@ -269,6 +272,16 @@ def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[
     assert "doubt: not possible in a vibration test: the largest" in found
     assert "a response in µm, µm/s or µV that was read as m" in found
     assert "next: Look up the units" in found
+
+
+def test_thousands_of_parts_are_paired_in_no_time() -> None:
+    names = [f"{part}_{number}" for part in ("re", "im") for number in range(1500)]
+    begun = time.process_time()
+    pairs = list(complex_parts([Entry(name, (9,), "float64") for name in [*names, *names]]))
+    assert time.process_time() - begun < 1.0
+    assert {(common.title, real.path, imaginary.path) for common, real, imaginary in pairs} == {
+        (str(number), f"re_{number}", f"im_{number}") for number in range(1500)
+    }
 
 
 def test_a_proposal_that_does_not_read_is_said_to_be_refused(
