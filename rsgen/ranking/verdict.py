@@ -90,7 +90,9 @@ def judge(
     shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
     left = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
-    significant = correlation * np.sqrt(2 * max(len(pairs), 1)) > np.sqrt(SIGNIFICANT)
+    # real and imaginary part; a mean is one number
+    counted = np.where(np.arange(len(left)) == 0, 1, 2) * max(len(pairs), 1)
+    significant = correlation * np.sqrt(counted) > np.sqrt(SIGNIFICANT)
     missing = significant & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
