@@ -147,6 +147,8 @@ def misfit_findings(
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
+    if severity != "error":
+        found += _mass_contradicted(fit, left)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
         found += _missing_background(fit, trials, wider, left)
     return [*found, *_offset_proposal(fit, trials)]
@@ -211,6 +213,42 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
             trial, trial.join(values, mass, start), order=3, reject=False, steps=_STEPS, correct=False
         )
     return found
+
+
+def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
+    """Find a given mass that the points contradict: another takes up the misfit, more than a term does.
+
+    Parameters
+    ----------
+    fit
+        What is judged.
+    left
+        The misfit that the best term would leave.
+    """
+    given = fit.problem.given
+    if given is None:
+        return []
+    chosen = fit.problem.observed.points.spread(QUICK)
+    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
+    values, _, background = problem.split(fit.regression.parameters)
+    trials = [
+        fit_balance(
+            trial, trial.join(values, given, background), order=3, reject=False, steps=_STEPS, correct=False
+        )
+        for trial in (problem, replace(problem, given=None))
+    ]
+    size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)
+    leaves = size * best / whole if whole > 0 else np.inf
+    if not best < (1 - _TAKEN) * whole or leaves > left:
+        return []
+    place, free = len(values), trials[1].regression
+    mass = float(free.parameters[place])
+    times = abs(mass - given) / float(np.sqrt(free.covariance[place, place]))
+    if not times > _MOVED:
+        return []
+    numbers = {"given": Quantity(given, "kg"), "fitted": Quantity(mass, "kg")}
+    numbers |= quantities(misfit=size, left=leaves, moved=mass / given - 1, times=times)
+    return [Finding("mass-contradicted", "doubt", "m", numbers)]
 
 
 def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: float) -> list[Finding]:

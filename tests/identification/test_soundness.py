@@ -13,7 +13,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.soundness import _negative, aside_findings
 from rsgen.observation import Observation
 from rsgen.surface import ResponseSurface
-from tests.surfaces import changed, model, noisy, surface
+from tests.surfaces import MASS, changed, model, noisy, surface
 
 
 def findings(table: ResponseSurface, law: object = "cubic") -> dict[str, Finding]:
@@ -277,3 +277,11 @@ def test_the_least_stiffness_is_one_of_those_that_are_negative() -> None:
     value, spread = np.array([-1.0, -1.0, -50.0, np.nan, 1.0]), np.array([0.01, 0.01, 100.0, 0.01, 0.01])
     found = _negative(np.arange(1.0, 6.0), value, spread[:, None], "N/m")
     assert (found["least"].value, found["low"].value, found["high"].value) == (-1.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.05, "doubt"), (1.0, "")])
+def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expected: str) -> None:
+    found = findings(noisy(surface("cubic"), 0.003, 1), model("cubic", factor * MASS))
+    assert severity(found, "mass-contradicted") == expected
+    if expected:
+        assert found["mass-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)

@@ -232,5 +232,5 @@ def test_a_mean_is_one_number_a_point() -> None:
     # in this noise neighbouring means agree by chance, as in one test of three thousand
     truth = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 3e5, "c": 3.8})
     test = SimulatedTest(np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 33), harmonics=1, accuracy=1e-7)
-    ranking = rank(add_noise(simulate(truth, test), 0.01, seed=6), ["k*x + k3*x**3 + c*v", "k*x + c*v"])
+    ranking = rank(add_noise(rsgen.simulate(truth, test), 0.01, seed=6), ["k*x + k3*x**3 + c*v", "k*x + c*v"])
     assert ranking.fits

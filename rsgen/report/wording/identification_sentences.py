@@ -46,6 +46,10 @@ say_plainly(
             'with [identify] background = "{kind}" the misfit is {left:.2p} in place of {misfit:.2p}, and '
             "{parameter} differs by {moved:+.1%}, {times:.2g} standard errors"
         ),
+        "mass-contradicted": (
+            "with a mass of {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
+            "standard errors) the misfit is {left:.2p} in place of {misfit:.2p}"
+        ),
         "response-at-limit": (
             "{at:.0f} of {points:.0f} points have a response of {limit:.3q}, as a sensor or amplifier at the "
             "end of its range has"
@@ -142,6 +146,10 @@ NEXT_STEPS.update(
         "background-missing": (
             "Identify with this background, or in a narrower band around the mode, and compare: where the "
             "values differ, the sensor sees more than the mode."
+        ),
+        "mass-contradicted": (
+            "Weigh again, and check the frequency axis and the factors of force and response; or leave the "
+            "mass out, so that it is identified."
         ),
         "response-at-limit": (
             "Measure with a wider range; until then leave these levels, or this part of the band, out."
