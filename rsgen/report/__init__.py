@@ -6,12 +6,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsgen.report.files import draw_all, write_report
     from rsgen.report.index import write_index
-    from rsgen.report.write_report import draw_all, write_report
 
 __all__ = ["draw_all", "write_index", "write_report"]
 
-_PLACES = {"draw_all": "write_report", "write_index": "index", "write_report": "write_report"}
+_PLACES = {"draw_all": "files", "write_index": "index", "write_report": "files"}
 
 
 def __getattr__(name: str) -> Any:

@@ -302,4 +302,6 @@ def test_inspect_and_init_say_which_units(
     line = next(line for line in case.read_text(encoding="utf-8").splitlines() if "unit " in line)
     assert f'"{unit}"' in line
     assert line.endswith(f"# {source}")
+    # the force of each function is not in the file
+    case.write_text(case.read_text(encoding="utf-8").replace("? N", "1 N"), encoding="utf-8")
     np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)

@@ -39,7 +39,7 @@ def test_without_plotly_one_sentence_says_how_to_get_it(
     result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(RsgenError, match=r"pip install 'rsgen\[show\]'"):
+    with pytest.raises(RsgenError, match=r'pip install "rsgen\[show\]"'):
         render_interactive(result)
 
 

@@ -69,7 +69,7 @@ def test_a_case_brings_the_truth_when_no_comparison_is_given(
     tmp_path: Path, found: rsgen.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written: list[Path] = []
-    monkeypatch.setattr("rsgen.report.write_notebook", lambda path, *_, **__: written.append(path))
+    monkeypatch.setattr("rsgen.report.files.write_notebook", lambda path, *_, **__: written.append(path))
     case = cubic_case()
     compared = rsgen.compare(found, case.truth, case.accept)
     rsgen.write_report(tmp_path / "a", case, SURFACE, found, compared)

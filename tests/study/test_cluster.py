@@ -68,5 +68,5 @@ def test_no_scheduler_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         run_cases([path], tmp_path / "out", cluster="nonsense://here")
     # as where the extra is not installed
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(RsgenError, match=r"pip install 'rsgen\[cluster\]'"):
+    with pytest.raises(RsgenError, match=r'pip install "rsgen\[cluster\]"'):
         run_cases([path], tmp_path / "out", cluster="tcp://127.0.0.1:1")
