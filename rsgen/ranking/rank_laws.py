@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.expression import symbol, write
+from rsgen.finding import Finding, quantities
 from rsgen.identification import Identification
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.fit import Problem, fit_balance
@@ -53,6 +54,12 @@ _TIE = 6.0
 
 _START_ORDER = 3
 """Harmonics while only a background to start from is sought."""
+
+_CONFIRMED = 3.0
+"""The right law leaves as much along its own motions as in the ranking, a few harmonics apart."""
+
+_CERTAINLY = 0.03
+"""Friction that sticks leaves less than this with a few harmonics."""
 
 _FLEXIBLE = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
 """Follow other laws roughly, with friction and without: where no law is given, they fit the background."""
@@ -137,7 +144,7 @@ def rank(
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
-    return _ranking(points, *rounds[best], tuple(laws), base, surface)
+    return _ranking(observed, *rounds[best], tuple(laws), base, surface)
 
 
 def _rounds(
@@ -255,8 +262,24 @@ def _compared(
     return current, list(known)
 
 
+def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: float) -> list[Finding]:
+    """Find that the best law, fitted along its own motions, leaves far more than along those of the ranking.
+
+    ``noise`` is that of the ranking, relative. Candidates share one motion, which need not be one of theirs.
+    """
+    few = observed.select(observed.points.spread(QUICK))
+    elements = best.guess.elements
+    problem = Problem(elements, compile_law(best.guess.force), few, mass)
+    fit = fit_balance(*start_fit(problem), order=_START_ORDER)
+    misfit, expected = np.sqrt(2) * fit.regression.noise, np.sqrt(2) * noise
+    if not misfit > max(_CONFIRMED * expected, _CERTAINLY):
+        return []
+    numbers = quantities(misfit=float(misfit), expected=float(expected))
+    return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.guess.name})]
+
+
 def _ranking(
-    points: Points,
+    observed: Observed,
     current: _Round,
     candidates: list[Fitted],
     given: Sequence[str],
@@ -264,6 +287,7 @@ def _ranking(
     surface: ResponseSurface,
 ) -> Ranking:
     """Order the candidates, merge given laws with their like of the library, and judge the best."""
+    points = observed.points
     candidates, own = _merged(candidates, current.rows, given)
     lowest = min(fit.bic for fit in candidates)
     tied = [fit for fit in candidates if fit.bic - lowest < _TIE]
@@ -287,7 +311,13 @@ def _ranking(
     ]
     chosen = points.select(current.reference.chosen)
     aside = len(points) - len(chosen)
-    judgement = judge(ordered[0], chosen, current.noise, current.rows, rows, aside, current.reference.feeds)
+    doubts = [
+        *implausible(ordered[0], current.rows),
+        *_unconfirmed(ordered[0], observed, base.mass, float(current.noise[1])),
+    ]
+    judgement = judge(
+        ordered[0], chosen, current.noise, rows, aside, feeds=current.reference.feeds, doubts=doubts
+    )
     return Ranking(
         tuple(rows),
         replace(base, elements=ordered[0].guess.elements),

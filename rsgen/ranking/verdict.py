@@ -59,10 +59,11 @@ def judge(
     best: Fitted,
     points: Points,
     noise: Array,
-    rows: Rows,
     candidates: Sequence[Candidate],
     aside: int,
+    *,
     feeds: bool,
+    doubts: Sequence[Finding],
 ) -> Judgement:
     """Judge a ranking.
 
@@ -74,14 +75,14 @@ def judge(
         Those that took part.
     noise
         (H+1,) relative, of mean, fundamental and harmonics.
-    rows
-        The balance that the candidates were fitted to.
     candidates
         Best first.
     aside
         Points that no law follows and that took no part.
     feeds
         True where the structure would work on the exciter over most cycles.
+    doubts
+        What speaks against the best by itself.
     """
     out = outlying(best, noise)
     pairs = points.neighbours
@@ -96,9 +97,11 @@ def judge(
     missing = significant & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
-    doubts = [*implausible(best, rows), *_flexible(best, noise, candidates)]
+    doubts = [*doubts, *_flexible(best, noise, candidates)]
     findings = list(absurd)
     if missing.any():
+        # nothing is to be confirmed
+        doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
         findings += [
             Finding(
                 "no-law-fits",

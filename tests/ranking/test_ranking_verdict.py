@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from rsgen.oscillator import Model, Oscillator
 from rsgen.ranking import Ranking, rank
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
+from rsgen.ranking.rank_laws import _unconfirmed
 from rsgen.ranking.reference import follow
 from rsgen.ranking.sums import library_terms
 from rsgen.ranking.verdict import Judgement, implausible, judge
@@ -178,9 +180,9 @@ def test_few_points_are_said_to_be_few() -> None:
 def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
-    def spy(best: Fitted, *rest: Any) -> Judgement:
-        seen.append((best.guess.name, rest[3][0].name))
-        return judge(best, *rest)
+    def spy(best: Fitted, *rest: Any, **more: Any) -> Judgement:
+        seen.append((best.guess.name, rest[2][0].name))
+        return judge(best, *rest, **more)
 
     monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
     # of those that tie the one with fewest parameters is named: not the law whose motion it is
@@ -215,10 +217,10 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
 def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
     error: float, severity: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def spoil(best: Fitted, *rest: Any) -> Judgement:
-        points, noise, rows, candidates, *others = rest
+    def spoil(best: Fitted, *rest: Any, **more: Any) -> Judgement:
+        points, noise, candidates, aside = rest
         first = replace(candidates[0], held_out_error=error)
-        return judge(best, points, noise, rows, [first, *candidates[1:]], *others)
+        return judge(best, points, noise, [first, *candidates[1:]], aside, **more)
 
     monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spoil)
     ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
@@ -234,3 +236,14 @@ def test_a_mean_is_one_number_a_point() -> None:
     test = SimulatedTest(np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 33), harmonics=1, accuracy=1e-7)
     ranking = rank(add_noise(rsgen.simulate(truth, test), 0.01, seed=6), ["k*x + k3*x**3 + c*v", "k*x + c*v"])
     assert ranking.fits
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"), [("k*x + k3*x**3 + c*v", []), ("k*x + c*v", ["law-unconfirmed"])]
+)
+def test_a_law_that_does_not_follow_the_test_by_itself_is_doubted(law: str, expected: list[str]) -> None:
+    table = measured("cubic")
+    observed = Observed.of(select_points(table, BASE), "none")
+    best = SimpleNamespace(guess=Guess(law, (make_element("law", law),), {}))
+    found = _unconfirmed(cast(Fitted, best), observed, None, NOISE)
+    assert [finding.code for finding in found] == expected

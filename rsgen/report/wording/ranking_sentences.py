@@ -82,6 +82,10 @@ NEXT_STEPS.update(
         "damping-feeds-energy": "Rank with the dampers that you expect alone, and check the background.",
         "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
         "phase-turned": "Check the sign of the sensor and the sense of the phase, then fit the background.",
+        "law-unconfirmed": (
+            "Identify the law that you expect, and those near the top of the table, one by one, and take the "
+            "one that leaves least."
+        ),
         "levels-predicted-worse": (
             "Test more levels between those that there are, or take the law that predicts levels best."
         ),
@@ -131,6 +135,14 @@ def _(f: Finding) -> str:
 @says("laws-add-nothing")
 def _(f: Finding) -> str:
     return f"these contain it and fit no better: {_listed(f.names['laws'])}"
+
+
+@says("law-unconfirmed")
+def _(f: Finding) -> str:
+    return (
+        f"{f.names['law']} does not follow the test by itself: fitted along its own motions it misses force "
+        f"and response by {_percent(f['misfit'])}, in the ranking by {_percent(f['expected'])}"
+    )
 
 
 @says("levels-predicted-worse")
