@@ -271,6 +271,9 @@ def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: fl
         return []
     kind, best = min(more.items(), key=lambda item: item[1].regression.noise)
     whole, size = relative_misfit(without), relative_misfit(fit)
+    if not whole > 0:
+        # the trial follows no point
+        return []
     taken = relative_misfit(best) < (1 - _TAKEN) * whole
     leaves = size * relative_misfit(best) / whole
     if not (taken or not is_systematic(best.problem.observed.points, best.regression)) or leaves > left:

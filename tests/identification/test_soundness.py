@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rsgen.finding import Finding, Quantity
-from rsgen.identification import identify
+from rsgen.identification import identify, misfit
 from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit
 from rsgen.identification.soundness import _negative, aside_findings
 from rsgen.observation import Observation
 from rsgen.surface import ResponseSurface
@@ -285,3 +286,16 @@ def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expec
     assert severity(found, "mass-contradicted") == expected
     if expected:
         assert found["mass-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
+
+
+def test_a_trial_that_follows_no_point_is_no_missing_background(
+    table: ResponseSurface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try_them = misfit._with_backgrounds
+
+    def lost(fit: Fit) -> dict[str, Fit]:
+        trials, own = try_them(fit), fit.problem.observed.kind
+        return trials | {own: replace(trials[own], regression=replace(trials[own].regression, noise=0.0))}
+
+    monkeypatch.setattr(misfit, "_with_backgrounds", lost)
+    assert "background-missing" not in findings(table, "k*x + c*v")
