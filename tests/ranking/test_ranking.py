@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -319,7 +320,7 @@ def test_a_case_asks_for_a_ranking(tmp_path: Path, run_cli: Callable[..., Answer
     # the case's own law won, so that its truth still holds
     assert {row["name"]: row["true"] for row in result["parameters"]}["kn"] == -2.2e5
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert result["ranking"]["verdict"][0] in page
+    assert result["ranking"]["verdict"][0] in unescape(page)
     assert "rsgen.rank(surface, case.model)" in (folder / "notebook.ipynb").read_text(encoding="utf-8")
 
 
