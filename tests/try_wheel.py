@@ -236,7 +236,7 @@ def environments(only_this: bool) -> tuple[list[Environment], list[str]]:
     if lowest:
         # newer versions of Python have no binary packages of the oldest versions of the dependencies
         made.append(Environment("lowest versions", lowest, lowest=True))
-    pinned = ("--constraints", str(ROOT / "constraints.txt"))
+    pinned = ("--constraint", str(ROOT / "constraints.txt"))
     made.append(Environment("constraints.txt", sys.executable, pinned))
     return made, [version for version in versions if version not in found]
 
