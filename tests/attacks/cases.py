@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +18,7 @@ from numpy.random import Generator
 
 from rsgen.case import load_case
 from rsgen.errors import RsgenError
-from tests.attacks.child import Outcome, attempts, measured, serve
+from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown
 
@@ -119,52 +117,25 @@ def attack(number: int, seed: int) -> Outcome:
             return "result"
 
         outcome = measured(number, f"{source.name}: {way.__name__}", load)
-    if outcome.seconds > SECONDS:
-        return Outcome(number, outcome.name, f"hang: {outcome.seconds} s", outcome.seconds, outcome.megabytes)
-    if outcome.megabytes > MEGABYTES:
-        return Outcome(number, outcome.name, "memory: over the bound", outcome.seconds, outcome.megabytes)
-    return outcome
+    return judged(outcome, SECONDS, MEGABYTES)
 
 
 def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
     """Load case files and give the rows of the table: figure, asked, measured."""
-    kinds: Counter[str] = Counter()
-    slowest = largest = 0.0
-    for outcome in attempts("tests.attacks.cases", [str(seed)], range(count)):
-        report(outcome)
-        kinds[outcome.said.split()[0].rstrip(":")] += 1
-        slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
+    found = tally(attempts("tests.attacks.cases", [str(seed)], range(count)), report)
+    kinds = found.kinds
     return [
         {
             "figure": f"fuzz of case files, {count}: crashes, over 10 s, over 1 GB",
             "asked": "0, 0, 0",
-            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} "
-            f"({kinds['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)",
+            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} {found.text}",
         }
     ]
 
 
-def _show(outcome: Outcome) -> None:
-    if outcome.said.split()[0].rstrip(":") not in ("result", "refused"):
-        print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
-
-
 def main(argv: list[str]) -> int:
     """Run attacks from the command line; 1 where one of them got through."""
-    parser = argparse.ArgumentParser(prog="python -m tests.attacks.cases")
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", type=int)
-    parser.add_argument("--serve", type=int)
-    chosen = parser.parse_args(argv)
-    if chosen.serve is not None:
-        return serve(lambda number: attack(number, chosen.serve))
-    if chosen.only is not None:
-        print(attack(chosen.only, chosen.seed))
-        return 0
-    rows = run(chosen.count, chosen.seed, _show)
-    print(json.dumps(rows, indent=1))
-    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1
+    return command(argv, "tests.attacks.cases", 10_000, attack, run)
 
 
 if __name__ == "__main__":

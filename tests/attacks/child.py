@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import json
 import os
@@ -10,12 +11,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-__all__ = ["Outcome", "attempts", "measured", "serve"]
+__all__ = ["Outcome", "Tally", "attempts", "command", "judged", "kind_of", "measured", "tally"]
 
 WALL_SECONDS = 180.0
 """An attempt without an answer for so long hangs, whatever it does meanwhile."""
@@ -151,3 +153,81 @@ def attempts(
     finally:
         if child is not None:
             child.end()
+
+
+def judged(outcome: Outcome, seconds: float, megabytes: float) -> Outcome:
+    """Call what took longer a hang, and what took more memory by its name."""
+    if outcome.seconds > seconds:
+        return replace(outcome, said=f"hang: {outcome.seconds} s")
+    if outcome.megabytes > megabytes:
+        return replace(outcome, said="memory: over the bound")
+    return outcome
+
+
+@dataclass
+class Tally:
+    """How many outcomes there were of each kind, and the most that one took."""
+
+    kinds: Counter[str] = field(default_factory=Counter)
+    slowest: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """What did no harm, and the most that one took."""
+        refused = self.kinds["refused"]
+        return f"({refused} refused, slowest {self.slowest:.1f} s, at most {self.largest:.0f} MB)"
+
+
+def kind_of(outcome: Outcome) -> str:
+    """Give the first word of what an attempt came to."""
+    return outcome.said.split()[0].rstrip(":")
+
+
+def tally(
+    outcomes: Iterable[Outcome],
+    report: Callable[[Outcome], None],
+    kind: Callable[[Outcome], str] = kind_of,
+) -> Tally:
+    """Count outcomes by their kind; ``report`` hears each."""
+    found = Tally()
+    for outcome in outcomes:
+        report(outcome)
+        found.kinds[kind(outcome)] += 1
+        found.slowest = max(found.slowest, outcome.seconds)
+        found.largest = max(found.largest, outcome.megabytes)
+    return found
+
+
+def command(
+    argv: list[str],
+    module: str,
+    count: int,
+    attack: Callable[[int, int], Outcome],
+    run: Callable[[int, int, Callable[[Outcome], None]], list[dict[str, str]]],
+    content: Callable[[int, int], object] = lambda number, seed: "",
+) -> int:
+    """Run attacks from the command line; 1 where one of them got through.
+
+    ``content`` gives what attack ``number`` consists of, to be shown where it got through.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {module}")
+    parser.add_argument("--count", type=int, default=count)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", type=int)
+    parser.add_argument("--serve", type=int)
+    chosen = parser.parse_args(argv)
+    if chosen.serve is not None:
+        return serve(lambda number: attack(number, chosen.serve))
+    if chosen.only is not None:
+        print(content(chosen.only, chosen.seed), attack(chosen.only, chosen.seed))
+        return 0
+
+    def show(outcome: Outcome) -> None:
+        if kind_of(outcome) not in ("result", "refused"):
+            text = f"{outcome.number}: {outcome.name}: {outcome.said} {content(outcome.number, chosen.seed)}"
+            print(text, file=sys.stderr, flush=True)
+
+    rows = run(chosen.count, chosen.seed, show)
+    print(json.dumps(rows, indent=1))
+    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1

@@ -6,13 +6,11 @@ it makes the same file on every machine, and ``--only NUMBER`` repeats it.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +20,7 @@ from rsgen.errors import RsgenError
 from rsgen.inspection import list_contents, propose
 from rsgen.measurement import read_measurement
 from rsgen.surface import load_surface
-from tests.attacks.child import Outcome, attempts, measured, serve
+from tests.attacks.child import Outcome, attempts, command, judged, kind_of, measured, tally
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
 from tests.attacks.traps import TRAPS
@@ -132,32 +130,26 @@ def attack(number: int, seed: int) -> Outcome:
             return f"refused: {first}" if faults and not found else "result"
 
         outcome = measured(number, f"{form}: {name}, {size} bytes", read)
-    if size < SMALL and outcome.seconds > SECONDS:
-        return Outcome(number, outcome.name, f"hang: {outcome.seconds} s", outcome.seconds, outcome.megabytes)
-    if outcome.megabytes > MEGABYTES + 2 * size / 2**20:
-        return Outcome(number, outcome.name, "memory: over the bound", outcome.seconds, outcome.megabytes)
-    return outcome
+    seconds = SECONDS if size < SMALL else inf
+    return judged(outcome, seconds, MEGABYTES + 2 * size / 2**20)
+
+
+def _kind(outcome: Outcome) -> str:
+    if outcome.said.startswith("crash: other numbers"):
+        return "unsaid"
+    return "outside" if "read outside" in outcome.said else kind_of(outcome)
 
 
 def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
     """Make attacks and give the rows of the table: figure, asked, measured."""
-    kinds: Counter[str] = Counter()
-    slowest, largest = 0.0, 0.0
-    for outcome in attempts("tests.attacks.readers", [str(seed)], range(count)):
-        report(outcome)
-        kind = outcome.said.split()[0].rstrip(":")
-        if outcome.said.startswith("crash: other numbers"):
-            kind = "unsaid"
-        elif "read outside" in outcome.said:
-            kind = "outside"
-        kinds[kind] += 1
-        slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
+    found = tally(attempts("tests.attacks.readers", [str(seed)], range(count)), report, _kind)
+    kinds = found.kinds
     return [
         {
             "figure": f"{count} tampered data and surface files: crashes, hangs, reads outside, over 1 GB",
             "asked": "0, 0, 0, 0",
             "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['outside']}, {kinds['memory']} "
-            f"({kinds['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)",
+            f"{found.text}",
         },
         {
             "figure": "other numbers after damage in a part that the format checks, unsaid",
@@ -167,27 +159,9 @@ def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: Non
     ]
 
 
-def _show(outcome: Outcome) -> None:
-    if outcome.said.split()[0].rstrip(":") not in ("result", "refused"):
-        print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
-
-
 def main(argv: list[str]) -> int:
     """Run attacks from the command line; 1 where one of them got through."""
-    parser = argparse.ArgumentParser(prog="python -m tests.attacks.readers")
-    parser.add_argument("--count", type=int, default=5000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", type=int)
-    parser.add_argument("--serve", type=int)
-    chosen = parser.parse_args(argv)
-    if chosen.serve is not None:
-        return serve(lambda number: attack(number, chosen.serve))
-    if chosen.only is not None:
-        print(attack(chosen.only, chosen.seed))
-        return 0
-    rows = run(chosen.count, chosen.seed, _show)
-    print(json.dumps(rows, indent=1))
-    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1
+    return command(argv, "tests.attacks.readers", 5000, attack, run)
 
 
 if __name__ == "__main__":
