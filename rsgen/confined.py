@@ -56,7 +56,7 @@ def confine(memory: int, seconds: float) -> None:
     # none beyond standard input, output and error: links to other files lead nowhere
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
     try:
-        with open(MEMORY_STATUS, encoding="ascii") as status:  # noqa: PTH123
+        with open(MEMORY_STATUS, encoding="ascii") as status:  # noqa: PTH123 - the module needs pathlib for nothing else
             base = int(status.read().split()[0]) * resource.getpagesize()
     except OSError:
         return

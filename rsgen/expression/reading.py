@@ -37,6 +37,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[..., Any]] = {
     ast.GtE: sympy.Ge,
 }
 _SYMPY_FAULTS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError)
+"""What SymPy raises while it builds an expression of values that a function is not defined for."""
 
 
 def parse(text: str, names: Collection[str] | None = None) -> sympy.Expr:

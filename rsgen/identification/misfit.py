@@ -147,9 +147,9 @@ def misfit_findings(
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
-    if severity != "error":
-        found += _mass_contradicted(fit, left)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
+        if severity != "error":
+            found += _mass_contradicted(fit, left)
         found += _missing_background(fit, trials, wider, left)
     return [*found, *_offset_proposal(fit, trials)]
 

@@ -86,7 +86,7 @@ def sensor_factor(text: str, unit: str, target: str) -> float:
     ----------
     text
         What the numbers are multiplied by, "10 g/V", or a sensitivity, "100 mV/g", by which they are divided:
-        the dimension tells them apart.
+        the dimension shows which it is.
     unit, target
         Of the numbers, and the SI unit to come out.
 
