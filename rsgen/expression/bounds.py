@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import sympy
 
+from rsgen.expression.memory import Masing, Structural
+
 __all__ = [
     "EXPONENT",
     "EXTREMES",
@@ -33,7 +35,7 @@ _ALLOWED = (
     sympy.Symbol, sympy.Rational, sympy.core.numbers.Pi, sympy.core.numbers.Exp1, sympy.Add, sympy.Mul,
     sympy.Pow, sympy.Abs, sympy.sign, sympy.Min, sympy.Max, sympy.Heaviside, sympy.exp, sympy.log, sympy.sin,
     sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
-    sympy.besselj, sympy.besseli, sympy.gamma, sympy.Piecewise,
+    sympy.besselj, sympy.besseli, sympy.gamma, sympy.Piecewise, Masing, Structural,
     sympy.functions.elementary.piecewise.ExprCondPair,
     sympy.StrictLessThan, sympy.LessThan, sympy.StrictGreaterThan, sympy.GreaterThan, sympy.And, sympy.Or,
     sympy.logic.boolalg.BooleanTrue,

@@ -10,6 +10,7 @@ from typing import Any
 import sympy
 
 from rsgen.expression.bounds import EXPONENT, EXTREMES, Value, as_float
+from rsgen.expression.memory import Masing, Structural
 
 __all__ = ["FUNCTION_TABLE", "Function", "check_arguments", "constant_number"]
 
@@ -51,6 +52,10 @@ def _sign(value: float) -> float:
 
 def _step(value: float) -> float:
     return 0.5 * (1.0 + _sign(value))
+
+
+def _no_number(value: float) -> float:
+    raise ValueError(f"a law with memory of the number {value} has no value")
 
 
 def _bessel(name: str, usage: str) -> Function:
@@ -114,6 +119,8 @@ FUNCTION_TABLE: dict[str, Function] = {
     "besselj": _bessel("besselj", "besselj(order, a)"),
     "besseli": _bessel("besseli", "besseli(order, a)"),
     "gamma": _one("gamma", sympy.gamma, math.gamma),
+    "masing": _one("masing", Masing, _no_number),
+    "structural": _one("structural", Structural, _no_number),
 }
 
 

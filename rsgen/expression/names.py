@@ -16,6 +16,7 @@ __all__ = ["CONSTANTS", "FUNCTIONS", "STATES", "check_name", "closest", "shown",
 FUNCTIONS = (
     "abs", "Abs", "sign", "Piecewise", "Min", "Max", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos",
     "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "besselj", "besseli", "gamma",
+    "masing", "structural",
 )  # fmt: skip
 """Everything that may be called, in the order in which messages list it."""
 

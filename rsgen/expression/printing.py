@@ -10,6 +10,7 @@ from typing import ClassVar
 import sympy
 
 from rsgen.errors import ExpressionError
+from rsgen.expression.memory import Masing, State, Structural
 from rsgen.expression.names import shown
 from rsgen.expression.ordering import (
     common_denominator,
@@ -30,7 +31,7 @@ _NAMES: dict[type[sympy.Basic], str] = {
     sympy.exp: "exp", sympy.log: "log", sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan",
     sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan", sympy.atan2: "atan2", sympy.sinh: "sinh",
     sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.besselj: "besselj", sympy.besseli: "besseli",
-    sympy.gamma: "gamma",
+    sympy.gamma: "gamma", Masing: "masing", Structural: "structural",
 }  # fmt: skip
 
 
@@ -102,7 +103,7 @@ class Printer(ABC):
         return self.parenthesised(text) if own < level else text
 
     def _form(self, expr: sympy.Basic) -> tuple[str, Level]:
-        if isinstance(expr, sympy.Symbol):
+        if isinstance(expr, sympy.Symbol | State):
             return self.name(expr.name), Level.ATOM
         if expr.is_Float:
             expr = sympy.Rational(repr(float(expr)))

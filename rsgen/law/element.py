@@ -9,6 +9,7 @@ import sympy
 
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
+from rsgen.law.memory import equations_of, memory_form, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
 from rsgen.text_table import TextTable
@@ -49,8 +50,15 @@ class Element(_Summand):
     force: sympy.Expr
     parameters: tuple[str, ...]
 
+    @property
+    def memory(self) -> dict[str, str]:
+        """g of z' = g(x, v, z) for every state z of the law, as text; empty where it has none."""
+        return equations_of(self.force)
 
-def make_element(name: str, force: str | sympy.Expr) -> Element:
+
+def make_element(
+    name: str, force: str | sympy.Expr, memory: Mapping[str, str | sympy.Expr] | None = None
+) -> Element:
     """Make a spring or damper from a law in x and v; every other name in it is a parameter.
 
     Parameters
@@ -59,19 +67,24 @@ def make_element(name: str, force: str | sympy.Expr) -> Element:
         Any name that may stand in a case file.
     force
         The law [N], as text in the expression language or as an expression of ``expression.symbol`` symbols.
+    memory
+        g(x, v, z) of z' = g for every state z of the law; z is zero at the start.
 
     Raises
     ------
     ExpressionError
         The text is no formula, a parameter is named X, X0 or omega, or the law has no normal form: it is not
-        real for negative x or v, not defined everywhere, or has hundreds of switches.
+        real for negative x or v, not defined everywhere, or has hundreds of switches. An equation of a state
+        is none, or a virgin curve is none.
 
     Examples
     --------
     >>> make_element("damper", "c*v + Ff*sign(v)").parameters
     ('Ff', 'c')
+    >>> make_element("joint", "k*x + z", {"z": "a*v - b*abs(v)*z"}).parameters
+    ('a', 'b', 'k')
     """
-    law = parse(force) if isinstance(force, str) else sympy.sympify(force)
+    law = with_memory(parse(force) if isinstance(force, str) else sympy.sympify(force), memory or {})
     names = sorted(free.name for free in law.free_symbols)
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))
     if foreign:
@@ -85,6 +98,9 @@ def make_element(name: str, force: str | sympy.Expr) -> Element:
             "describing function; a law is written in x and v"
         )
     normal_form(law)
+    remembered = memory_form(law)
+    for rate in () if remembered is None else remembered.rates:
+        normal_form(rate.rate)
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")))
 
 
@@ -175,11 +191,13 @@ class Law(_Summand):
         How a ranking tries it in sums; None: only alone.
     elements
         The springs and dampers that it consists of; by default one element with all of the formula.
+    memory
+        g(x, v, z) of z' = g for every state z in the formula, which is zero at the start.
 
     Raises
     ------
     ExpressionError
-        As for ``make_element``.
+        As for ``make_element``; elements that are added have different states of one name.
 
     Examples
     --------
@@ -198,10 +216,13 @@ class Law(_Summand):
     own: bool = False
     search: Search | None = None
     elements: tuple[Element, ...] = ()
+    memory: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not self.elements:
-            object.__setattr__(self, "elements", (make_element(self.name or UNNAMED, self.formula),))
+            element = make_element(self.name or UNNAMED, self.formula, self.memory)
+            object.__setattr__(self, "elements", (element,))
+        object.__setattr__(self, "memory", equations_of(self.force))
         if not isinstance(self.formula, str):
             object.__setattr__(self, "formula", write(self.formula))
 
@@ -273,7 +294,8 @@ class Law(_Summand):
         return formula + TextTable(("parameter", "meaning", "unit"), rows, caption, notes).html()
 
     def __repr__(self) -> str:
-        return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''})"
+        memory = f", memory={self.memory}" if self.memory else ""
+        return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''}{memory})"
 
 
 LawLike = str | Element | Law

@@ -15,6 +15,7 @@ import sympy
 
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
+from rsgen.expression.memory import Inner
 
 __all__ = [
     "ALWAYS",
@@ -24,6 +25,7 @@ __all__ = [
     "Form",
     "Key",
     "add",
+    "apart",
     "complement",
     "constant",
     "expanded",
@@ -75,8 +77,15 @@ Form = dict[Key, sympy.Expr]
 
 
 def moves(expression: sympy.Basic) -> bool:
-    """Decide whether an expression depends on x or v."""
-    return bool(expression.free_symbols & STATES)
+    """Decide whether an expression depends on x, v or the state of a memory."""
+    return any(free in STATES or isinstance(free, Inner) for free in expression.free_symbols)
+
+
+def apart(expression: sympy.Expr, *, as_Add: bool) -> tuple[sympy.Expr, sympy.Expr]:
+    """Split a sum or product into what does not move and what does."""
+    moving = [free for free in expression.free_symbols if isinstance(free, Inner)]
+    split: tuple[sympy.Expr, sympy.Expr] = expression.as_independent(STATE_X, STATE_V, *moving, as_Add=as_Add)
+    return split
 
 
 def constant(value: sympy.Expr | int) -> Form:

@@ -80,6 +80,7 @@ class _LatexPrinter(Printer):
     functions: ClassVar[dict[str, str]] = {
         "sign": r"\operatorname{sgn}", "Heaviside": r"\operatorname{H}", "Min": r"\min", "Max": r"\max",
         "log": r"\ln", "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan", "gamma": r"\Gamma",
+        "masing": r"\operatorname{masing}", "structural": r"\operatorname{structural}",
         "atan2": r"\mathrm{atan2}",
     } | {name: f"\\{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp")}  # fmt: skip
 

@@ -17,6 +17,7 @@ import sympy
 
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
@@ -107,6 +108,12 @@ def _mapped(key: Key, change: Callable[[sympy.Expr], sympy.Expr]) -> Key:
     )
 
 
+def _along_states(force: sympy.Expr) -> sympy.Expr:
+    """Give a law with memory as f(x, v, z): the states stand for what is remembered."""
+    memory = memory_form(force)
+    return force if memory is None else memory.force
+
+
 @lru_cache(maxsize=512)
 def _all_switches(pieces: tuple[Piece, ...]) -> tuple[Switch, ...]:
     outer = [switch for piece in pieces for switch in piece.switches]
@@ -135,6 +142,8 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
         Names of parameters known to be positive. A law whose pieces depend on the sign of a parameter has
         fewer pieces then; without, the form holds for either sign.
 
+    The form of a law with memory is that of f(x, v, z); its states are ``Inner`` symbols (``memory_form``).
+
     Raises
     ------
     ExpressionError
@@ -152,7 +161,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     def renamed(expression: sympy.Expr) -> sympy.Expr:
         return expression.xreplace(back)
 
-    form = reduce_law(force.xreplace(known))
+    form = reduce_law(_along_states(force).xreplace(known))
     return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
 
 
@@ -228,7 +237,7 @@ def _resolved(force: sympy.Expr, taken: tuple[int, ...]) -> NormalForm:
     def threshold(expression: sympy.Expr) -> sympy.Expr:
         return sympy.expand_mul(resolved(expression))
 
-    form = reduce_law(force)
+    form = reduce_law(_along_states(force))
     return _sorted(add(*({_mapped(key, threshold): expanded(resolved(term))} for key, term in form.items())))
 
 

@@ -20,6 +20,7 @@ from rsgen.law.normal_form import (
     Form,
     Key,
     add,
+    apart,
     complement,
     constant,
     expanded,
@@ -111,7 +112,7 @@ def _form(expression: sympy.Expr) -> Form:
 def _check_power(expression: sympy.Pow) -> None:
     if expression.exp.is_integer or not moves(expression.base):
         return
-    _, rest = expression.base.as_independent(STATE_X, STATE_V, as_Add=False)
+    _, rest = apart(expression.base, as_Add=False)
     if rest in (STATE_X, STATE_V):
         raise ExpressionError(
             f"law: {expression}: not real for negative {rest}; write abs({rest})**p*sign({rest}) for an odd "
@@ -137,7 +138,7 @@ def _power(power: sympy.Pow) -> Form:
     if moves(exponent) or not exponent.is_real:
         return constant(_within(power))
     if isinstance(base, sympy.Abs) and not _switches(base.args[0]):
-        coefficient, rest = base.args[0].as_independent(STATE_X, STATE_V, as_Add=False)
+        coefficient, rest = apart(base.args[0], as_Add=False)
         return constant(sympy.Abs(coefficient) ** exponent * sympy.Abs(rest) ** exponent)
     if base.is_Mul:
         signless = [f for f in base.args if f.is_nonnegative]
@@ -165,7 +166,7 @@ def _power_of(base: sympy.Expr, exponent: sympy.Expr) -> Form:
 
 
 def _absolute(inner: sympy.Expr) -> Form:
-    coefficient, rest = inner.as_independent(STATE_X, STATE_V, as_Add=False)
+    coefficient, rest = apart(inner, as_Add=False)
     if _switches(rest):
         return scale(multiply(_form(rest), _sign(rest)), sympy.Abs(coefficient))
     return scale(scale(sign_of_smooth(rest), rest), sympy.Abs(coefficient))
@@ -189,11 +190,11 @@ def _step(inner: sympy.Expr) -> Form:
 
 def _step_of_distance(inner: sympy.Expr) -> Form | None:
     """Give H(a abs(g) + c) with the two thresholds +-max(0, -c/a), which holds for either sign of c."""
-    offset, moving = inner.as_independent(STATE_X, STATE_V, as_Add=True)
-    slope, distance = moving.as_independent(STATE_X, STATE_V, as_Add=False)
+    offset, moving = apart(inner, as_Add=True)
+    slope, distance = apart(moving, as_Add=False)
     if not isinstance(distance, sympy.Abs) or _switches(distance.args[0]):
         return None
-    factor, function = distance.args[0].as_independent(STATE_X, STATE_V, as_Add=False)
+    factor, function = apart(distance.args[0], as_Add=False)
     reach = sympy.expand_mul(-offset / (slope * sympy.Abs(factor)))
     if reach.is_nonpositive:
         outside = constant(1)
@@ -300,7 +301,7 @@ def _function(function: sympy.Expr) -> Form:
     """Take apart f(g) where that is exact and harmless: parity, or one term behind steps; else keep it."""
     if len(function.args) == 1:
         (argument,) = function.args
-        coefficient, rest = argument.as_independent(STATE_X, STATE_V, as_Add=False)
+        coefficient, rest = apart(argument, as_Add=False)
         if isinstance(rest, sympy.Abs) and isinstance(function, _EVEN):
             return _form(function.func(coefficient * rest.args[0]))
         if isinstance(rest, sympy.Abs) and isinstance(function, _ODD):

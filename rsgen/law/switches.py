@@ -11,6 +11,7 @@ from rsgen.law.normal_form import (
     STATE_X,
     Form,
     add,
+    apart,
     complement,
     constant,
     is_long,
@@ -93,8 +94,8 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
 
 def _monotone(factor: sympy.Expr) -> Form | None:
     """Give the sign of a f(g) + c for an increasing f, by g against the inverse of f at -c/a."""
-    offset, moving = factor.as_independent(STATE_X, STATE_V, as_Add=True)
-    slope, inner = moving.as_independent(STATE_X, STATE_V, as_Add=False)
+    offset, moving = apart(factor, as_Add=True)
+    slope, inner = apart(moving, as_Add=False)
     known = _INVERSE.get(type(inner))
     if known is None:
         return None

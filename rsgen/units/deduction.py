@@ -9,6 +9,7 @@ from fractions import Fraction
 import sympy
 
 from rsgen.errors import RsgenError
+from rsgen.expression.memory import Masing, State, Structural
 from rsgen.units.dimension import FORCE, NUMBER, Dimension
 from rsgen.units.unit_text import read_unit
 
@@ -90,6 +91,7 @@ class _Law:
         self.faults: list[str] = []
         self.later: list[tuple[_Form, ...]] = []
         self.fresh = 0
+        self.states: set[sympy.Symbol] = set()
 
     def unknown(self) -> _Form:
         self.fresh += 1
@@ -167,9 +169,24 @@ class _Law:
         if isinstance(part, sympy.atan2):
             self._alike(part, part.args)
             return _Form()
+        if isinstance(part, Masing):
+            return self.form(part.args[0])
+        if isinstance(part, Structural):
+            return (self.form(part.args[0]) or _Form()) * _Form(_LENGTH)
+        if isinstance(part, State):
+            return self._state_form(part)
         for argument in part.args:
             self._plain(argument, f"a plain number is needed in {part.func.__name__}")
         return _Form()
+
+    def _state_form(self, state: State) -> _Form:
+        """The dimension of a state z: its equation gives z a second."""
+        for z, rate in state.equations.items():
+            form = self.form(rate)
+            if form is not None and z not in self.states:
+                self.states.add(z)
+                self.equal(rate, form, self.named(str(z)) / _Form(_TIME), f"{z}' is needed")
+        return self.named(state.name)
 
     def _plain(self, argument: sympy.Expr, need: str) -> None:
         form = self.form(argument)

@@ -1,0 +1,193 @@
+"""Laws with memory: states with their equations, virgin curves, and the force as a function of their values.
+
+A law with memory is  n = f(x, v, z; p),  where every z is one of three kinds: z' = g(x, v, z; p) with z = 0
+at the start; a Masing law, given by its virgin curve; or the displacement a quarter of a period later
+(structural damping). ``memory_form`` takes a law apart into f and these; all later stages work on the parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy
+
+from rsgen.errors import ExpressionError
+from rsgen.expression import check_name, parse, symbol, write
+from rsgen.expression.evaluation import compiled
+from rsgen.expression.memory import Inner, Masing, State, Structural, remembers
+
+__all__ = ["Curve", "Inner", "MemoryForm", "Rate", "equations_of", "memory_form", "with_memory"]
+
+_TYPICAL = (1.0, 0.3, 2.5)
+"""Values of all parameters, and displacements, at which the sign of a virgin curve is looked at."""
+
+_FIXED = ("t", "X", "X0", "omega", "F")
+"""Names with a fixed meaning on which a law cannot depend."""
+
+
+def _inner(name: str) -> Inner:
+    return Inner(name, real=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """A state with an equation: z' = g(x, v, z; p), all states in g as ``Inner``."""
+
+    symbol: Inner
+    rate: sympy.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A Masing law: its force is ``symbol``, its virgin curve n(x; p) holds for x >= 0."""
+
+    symbol: Inner
+    virgin: sympy.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryForm:
+    """A law with memory, taken apart.
+
+    Parameters
+    ----------
+    force
+        f(x, v, z; p) [N]; every z is an ``Inner`` symbol.
+    rates
+        States with equations, in the order of their names.
+    curves
+        Masing laws, in a stable order.
+    lag
+        Stands for the displacement a quarter of a period later [m]; None without structural damping.
+    """
+
+    force: sympy.Expr
+    rates: tuple[Rate, ...]
+    curves: tuple[Curve, ...]
+    lag: Inner | None
+
+    @property
+    def states(self) -> tuple[Inner, ...]:
+        """All z: those of ``rates``, then those of ``curves``, then ``lag``."""
+        last = () if self.lag is None else (self.lag,)
+        return (*(r.symbol for r in self.rates), *(c.symbol for c in self.curves), *last)
+
+
+def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sympy.Expr:
+    """Give the states of a law their equations.
+
+    Parameters
+    ----------
+    force
+        n(x, v, z; p), states by their names.
+    memory
+        g of z' = g(x, v, z; p) for every state, as text or as expression.
+
+    Raises
+    ------
+    ExpressionError
+        A state cannot have its name, stands neither in the force nor in another equation, or its equation
+        depends on time or on itself in no way at all; the force is no formula.
+    """
+    if not memory:
+        return force
+    rates = {symbol(check_name(name)): _rate(name, text) for name, text in memory.items()}
+    used = force.free_symbols
+    for _ in rates:
+        used = used.union(*(rates[z].free_symbols for z in rates if z in used))
+    for z, rate in rates.items():
+        if z not in used:
+            raise ExpressionError(
+                f"memory.{z}: {z} stands neither in the force nor in the equation of a state that does"
+            )
+        if not rate.free_symbols & {symbol("x"), symbol("v"), *rates}:
+            raise ExpressionError(
+                f"memory.{z}: {write(rate)} depends on neither x, v nor a state; {z} would grow without end"
+            )
+    ordered = sorted(rates, key=str)
+    equations = sympy.Tuple(*(sympy.Tuple(z, rates[z]) for z in ordered))
+    return force.xreplace({z: State(z, equations) for z in ordered})
+
+
+def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
+    try:
+        rate = parse(text) if isinstance(text, str) else sympy.sympify(text)
+    except ExpressionError as fault:
+        raise ExpressionError(f"memory.{name}: {fault}") from None
+    if remembers(rate):
+        raise ExpressionError(f"memory.{name}: {write(rate)}: masing and structural stand in the force only")
+    foreign = [fixed for fixed in _FIXED if rate.has(symbol(fixed))]
+    if foreign:
+        raise ExpressionError(
+            f"memory.{name}: depends on {', '.join(foreign)}; an equation of a state is written in x, v, "
+            "states and parameters"
+        )
+    return rate
+
+
+def equations_of(force: sympy.Expr) -> dict[str, str]:
+    """Give the equations of all states of a law as text, by name; empty where it has none."""
+    found = {z: rate for state in force.atoms(State) for z, rate in state.equations.items()}
+    return {str(z): write(found[z]) for z in sorted(found, key=str)}
+
+
+@lru_cache(maxsize=256)
+def memory_form(force: sympy.Expr) -> MemoryForm | None:
+    """Take a law with memory apart; None for a law without.
+
+    Raises
+    ------
+    ExpressionError
+        Two states of one name have different equations, a state has the name of a parameter, or a virgin
+        curve is none: it depends on v or on a memory, is not zero at zero, or negative.
+    """
+    if not remembers(force):
+        return None
+    rates: dict[sympy.Symbol, sympy.Expr] = {}
+    for state in sorted(force.atoms(State), key=sympy.default_sort_key):
+        for z, rate in state.equations.items():
+            if rates.setdefault(z, rate) != rate:
+                raise ExpressionError(
+                    f"the state {z} has two different equations; give one of them another name"
+                )
+    clash = sorted(str(z) for z in rates if z in force.free_symbols)
+    if clash:
+        raise ExpressionError(f"{', '.join(clash)}: a state and a parameter have this name; rename one")
+    places: dict[sympy.Expr, sympy.Expr] = {}
+    inner = {z: _inner(str(z)) for z in rates}
+    for state in force.atoms(State):
+        places[state] = inner[state.args[0]]
+    curves = []
+    for number, curve in enumerate(sorted(force.atoms(Masing), key=sympy.default_sort_key), start=1):
+        _check_virgin(curve.args[0])
+        curves.append(Curve(_inner(f"masing_{number}"), curve.args[0]))
+        places[curve] = curves[-1].symbol
+    lag = _inner("lag") if force.has(Structural) else None
+    for damping in force.atoms(Structural):
+        if damping.args[0].free_symbols & {symbol("x"), symbol("v")} or remembers(damping.args[0]):
+            raise ExpressionError(f"{write(damping)}: structural(h) takes a stiffness h, without x and v")
+        places[damping] = damping.args[0] * lag
+    ordered = tuple(Rate(inner[z], rates[z].xreplace(inner)) for z in sorted(rates, key=str))
+    return MemoryForm(force.xreplace(places), ordered, tuple(curves), lag)
+
+
+def _check_virgin(curve: sympy.Expr) -> None:
+    text, x = write(curve), symbol("x")
+    if curve.has(symbol("v")) or remembers(curve):
+        raise ExpressionError(f"masing({text}): a virgin curve is written in x and parameters only")
+    if not curve.has(x):
+        raise ExpressionError(f"masing({text}): a virgin curve depends on x")
+    names = tuple(sorted(curve.free_symbols - {x}, key=str))
+    law = compiled((curve,), (x, *names))
+    places = np.array([0.0, 1e-9, *(1e-3 * size for size in _TYPICAL)])
+    (forces,) = law(places, *np.full((len(names), len(places)), _TYPICAL[0]))
+    forces = np.broadcast_to(forces, places.shape)
+    if not abs(forces[0]) <= 1e-12 * max(1.0, float(np.nanmax(np.abs(forces)))):
+        raise ExpressionError(f"masing({text}): a virgin curve must be zero at x = 0")
+    if np.all(forces[2:] < 0):
+        raise ExpressionError(
+            f"masing({text}): a virgin curve must be positive for x > 0; the sign stands before it"
+        )
