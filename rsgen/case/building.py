@@ -17,6 +17,7 @@ from rsgen.errors import CaseError, ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
+from rsgen.law.memory import memory_form
 from rsgen.oscillator import KNOWN_MASS, Model, Oscillator
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
@@ -29,12 +30,24 @@ FORCES = ("stiffness_force", "damping_force")
 def _make(table: ElementTable) -> Element:
     """Make a spring or damper from its formula, or from a law of the library."""
     if table.law is not None:
+        if table.memory:
+            raise RsgenError("'memory' belongs to a 'force'; a law of the library has its own")
         return laws[table.law].element(table.name, table.parameters)
     if table.force is None:
         raise RsgenError("is missing; a formula in x and v, or 'law' with the name of a law (rsgen laws)")
     if table.parameters:
         raise RsgenError("'parameters' renames those of a 'law'; a formula names its own")
-    return make_element(table.name, table.force)
+    return make_element(table.name, table.force, table.memory)
+
+
+def _place(element: Element, name: str) -> str:
+    """Key of an element in which a parameter stands: the force, else the equation of a state."""
+    remembered = memory_form(element.force)
+    if remembered is not None and symbol(name) not in remembered.force.free_symbols:
+        for rate in remembered.rates:
+            if symbol(name) in rate.rate.free_symbols:
+                return f"memory.{rate.symbol}"
+    return "force"
 
 
 def _key(name: str) -> str:
@@ -104,7 +117,9 @@ class _Builder:
             try:
                 element = _make(table)
             except RsgenError as error:
-                self.fault(f"{place}.{key}", reason(error))
+                text = reason(error)
+                # what is wrong with an equation says its own key
+                self.faults.append(f"{place}.{text if text.startswith('memory.') else f'{key}: {text}'}")
                 continue
             if MASS in element.parameters:
                 self.fault(f"{place}.{key}", "'m' is the mass; name the parameter otherwise")
@@ -115,6 +130,8 @@ class _Builder:
         """Give the unit of every parameter, and note where its dimension contradicts itself."""
         force = sympy.Add(*(element.force for element in elements))
         try:
+            # states of one name in two elements, or a state with the name of another's parameter
+            memory_form(force)
             units = dict(parameter_units(force))
         except RsgenError as fault:
             self.fault("element", reason(fault))
@@ -131,11 +148,13 @@ class _Builder:
         """Turn every true value into SI; its unit must make every term of the law a force."""
         before = len(self.faults)
         table = self.document.truth or {}
+        states = {name for element in elements for name in element.memory}
         force = sympy.Add(*(element.force for element in elements))
         values: dict[str, float] = {}
         for name, value in table.items():
             if name not in units:
-                self.fault(f"truth.{_key(name)}", _unknown(name, units))
+                why = f"is a state; it is 0 at the start, known: {', '.join(units)}"
+                self.fault(f"truth.{_key(name)}", why if name in states else _unknown(name, units))
                 continue
             try:
                 values[name] = quantity(value, units[name] or None)
@@ -147,7 +166,10 @@ class _Builder:
             for name in element.parameters:
                 if name not in table and name != MASS:
                     known = f"known: {', '.join(sorted(k for k in table if k in units)) or 'none'}"
-                    self.fault(f"element.{number}.force", f"{quote(name)} has no value in [truth]; {known}")
+                    neither = f"has neither a value in [truth] nor an equation in element.{number}.memory"
+                    self.fault(
+                        f"element.{number}.{_place(element, name)}", f"{quote(name)} {neither}; {known}"
+                    )
         if len(self.faults) == before and self.units_fit:
             # where the law alone does not determine the units, those of the values must at least fit together
             given = {name: unit_of(value) for name, value in table.items()}

@@ -38,14 +38,21 @@ class ElementTable(Table):
 
     name: Text = Field(description="A plain name, unique in the case.")
     force: Formula | None = Field(
-        default=None, description="The force law in x [m] and v [m/s]; every other name is a parameter."
+        default=None,
+        description="The force law in x [m] and v [m/s], states by their names; every other name is a "
+        "parameter.",
+    )
+    memory: dict[str, Formula] = Field(
+        default_factory=dict,
+        description="With force: for each state z of it the right side of z' = g(x, v, z), as in "
+        '{ z = "alpha*v - beta*abs(v)*z" }; z is 0 at the start.',
     )
     law: Text | None = Field(
         default=None, description="Instead of force: a law of the library by its name; rsgen laws lists them."
     )
     parameters: dict[str, Text] = Field(
         default_factory=dict,
-        description='With law: new names of its parameters, such as { k3 = "kn1" }.',
+        description='With law: new names of its parameters and states, such as { k3 = "kn1" }.',
     )
 
 

@@ -24,6 +24,9 @@ class Masing(sympy.Function):  # type: ignore[misc]  # sympy has no types
     nargs = 1
     is_real = True
 
+    def _sympystr(self, printer: Any) -> str:
+        return f"masing({printer.doprint(self.args[0])})"
+
 
 class Structural(sympy.Function):  # type: ignore[misc]
     """structural(h) [N]: h times the displacement a quarter of a period later, for every harmonic; h in N/m.
@@ -34,6 +37,9 @@ class Structural(sympy.Function):  # type: ignore[misc]
 
     nargs = 1
     is_real = True
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"structural({printer.doprint(self.args[0])})"
 
 
 class Inner(sympy.Symbol):  # type: ignore[misc]

@@ -100,7 +100,10 @@ def make_element(
     normal_form(law)
     remembered = memory_form(law)
     for rate in () if remembered is None else remembered.rates:
-        normal_form(rate.rate)
+        try:
+            normal_form(rate.rate)
+        except ExpressionError as fault:
+            raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")))
 
 
@@ -261,7 +264,7 @@ class Law(_Summand):
         name
             Name of the element; that of the law by default.
         renames
-            New names of parameters, by their name in the law; the others keep theirs.
+            New names of parameters and states, by their name in the law; the others keep theirs.
 
         Raises
         ------
@@ -274,7 +277,7 @@ class Law(_Summand):
         ('k', 'kn1')
         """
         renames = dict(renames or {})
-        unknown = sorted(set(renames) - set(self.parameters))
+        unknown = sorted(set(renames) - {*self.parameters, *self.memory})
         if unknown:
             raise RsgenError(
                 f"law {self.name or self.formula!r} has no parameter {', '.join(unknown)}; "

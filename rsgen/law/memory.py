@@ -94,7 +94,7 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
     """
     if not memory:
         return force
-    rates = {symbol(check_name(name)): _rate(name, text) for name, text in memory.items()}
+    rates = {_state(name): _rate(name, text) for name, text in memory.items()}
     used = force.free_symbols
     for _ in rates:
         used = used.union(*(rates[z].free_symbols for z in rates if z in used))
@@ -110,6 +110,13 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
     ordered = sorted(rates, key=str)
     equations = sympy.Tuple(*(sympy.Tuple(z, rates[z]) for z in ordered))
     return force.xreplace({z: State(z, equations) for z in ordered})
+
+
+def _state(name: str) -> sympy.Symbol:
+    try:
+        return symbol(check_name(name))
+    except ExpressionError as fault:
+        raise ExpressionError(f"memory.{name}: {fault}") from None
 
 
 def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:

@@ -163,7 +163,10 @@ OF_SIMULATED: list[Row] = [
     ),
     ({"truth.c1": math.inf}, ["truth.c1: is inf; a finite number in SI units"]),
     ({"truth": GONE}, ["truth: is missing; a simulated case needs a value for each of c1, k1, kn1"]),
-    ({"truth.kn1": GONE}, ["element.1.force: 'kn1' has no value in [truth]; known: c1, k1"]),
+    (
+        {"truth.kn1": GONE},
+        ["element.1.force: 'kn1' has neither a value in [truth] nor an equation in element.1.memory"],
+    ),
     ({"truth.c1": "3.8 parrots"}, ["truth.c1: '3.8 parrots': the unit 'parrots' is not known"]),
     (
         {
@@ -188,7 +191,7 @@ OF_SIMULATED: list[Row] = [
         {"name": "a/b", "system.mass": 0, "truth.kn1": GONE},
         [
             "name: 'a/b' is not a plain name",
-            "element.1.force: 'kn1' has no value in [truth]",
+            "element.1.force: 'kn1' has neither a value in [truth] nor an equation",
             "system.mass: is 0 kg",
         ],
     ),
@@ -204,6 +207,56 @@ OF_SIMULATED: list[Row] = [
     (
         {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
         ["test.frequency: is missing", "test.frequncy: is not a key here; did you mean 'frequency'?"],
+    ),
+    *(
+        (
+            {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0},
+            [f"element.2.{text}"],
+        )
+        for memory, text in (
+            (
+                {"z": "a*v - b*abs(v)*z", "y": "a*v - b*abs(v)*y"},
+                "memory.y: y stands neither in the force nor in the equation of a state that does",
+            ),
+            ({"z": "a*v - b*abs(v)*z + sin(t)"}, "memory.z: depends on t; an equation of a state is written"),
+            (
+                {"z": "a*v - b*abs(v)*z + y"},
+                "memory.z: 'y' has neither a value in [truth] nor an equation in element.2.memory; known: a",
+            ),
+            ({"z": "a*b"}, "memory.z: a*b depends on neither x, v nor a state"),
+            ({"z": "a*b*(v"}, "memory.z: column 6: 1 parenthesis not closed"),
+            ({"z": "b*(-v)**a"}, "memory.z: law: (-v)**a: not real for negative v"),
+            ({"z": 5}, "memory.z: is 5; a text in quotes"),
+            (
+                {"z": "b*masing(a*x)"},
+                "memory.z: b*masing(a*x): masing and structural stand in the force only",
+            ),
+        )
+    ),
+    (
+        {"element.2.force": "c1*v + z"},
+        ["element.2.force: 'z' has neither a value in [truth] nor an equation in element.2.memory"],
+    ),
+    (
+        {"element.2.memory": {"z": "v"}, "element.2.law": "linear-damper", "element.2.force": GONE},
+        ["element.2.law: 'memory' belongs to a 'force'; a law of the library has its own"],
+    ),
+    (
+        {"element.2.force": "c1*v + z", "element.2.memory": {"z": "a*v - abs(v)*z/b"}}
+        | {"truth.a": 1.0, "truth.b": 1.0, "truth.z": 1.0},
+        ["truth.z: is a state; it is 0 at the start, known: a, b, c1, k1, kn1"],
+    ),
+    (
+        {"element.2.force": "c1*v + k1", "element.2.memory": {"k1": "a*v - a*abs(v)*k1"}, "truth.a": 1.0},
+        ["element: k1: a state and a parameter have this name; rename one"],
+    ),
+    (
+        {"element.2.force": "masing(-c1*x)"},
+        ["element.2.force: masing(-c1*x): a virgin curve must be positive"],
+    ),
+    (
+        {"element.2.force": "masing(c1*x + kn1)"},
+        ["element.2.force: masing(kn1 + c1*x): a virgin curve must be zero at x = 0"],
     ),
     ({"truth.c1": Literal("9" * 400)}, ["truth.c1: an integer of"]),
     ({"truth.c1": Literal("1e-400")}, ["truth.c1: too small for a number"]),

@@ -21,6 +21,8 @@ from rsgen.case import case_schema, find_cases, load_case, name_clashes
 from rsgen.case.data_paths import path_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.expression import check_name
+from rsgen.expression import write as write_formula
+from rsgen.law import Law, make_element
 from rsgen.measurement import MeasuredTest
 from rsgen.simulation import SimulatedTest
 from tests.case.faults import FAULTS, HISTORY, SIMULATED, TABLE, Fault, changed
@@ -171,6 +173,23 @@ def test_no_file_no_regular_file_too_large(tmp_path: Path) -> None:
 def test_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
     text = "\ufeff" + good().replace("\n", "\r\n")
     assert load_case(write(tmp_path, text)).name == "good"
+
+
+def test_memory_is_declared_beside_the_force_or_comes_with_a_law(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    formula = "a*v - b*abs(v)*z - d*v*abs(z)"
+    library = Law("c*v + z", "joint-law", memory={"z": formula})
+    monkeypatch.setattr("rsgen.case.building.laws", {"joint-law": library})
+    other = """\n[[element]]\nname = "joint"\nlaw = "joint-law"\nparameters = { a = "a2", z = "w" }\n"""
+    text = good(force="k1*x + z", truth="k1 = 1\na = 1\na2 = 1\nb = 1\nc = 1\nd = 1\n")
+    text = text.replace('z"\n', f'z"\nmemory = {{ z = "{formula}" }}\n{other}', 1)
+    spring, joint = load_case(write(tmp_path, text)).model.elements
+    assert spring == make_element("spring", "k1*x + z", {"z": formula})
+    assert joint == make_element("joint", "c*v + w", {"w": formula.replace("a*", "a2*").replace("z", "w")})
+    # what is written of an element reads back as the same element
+    for element in (spring, joint):
+        assert make_element(element.name, write_formula(element.force), element.memory) == element
 
 
 def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
