@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
-
-from markupsafe import Markup
 
 import rsgen
 from rsgen.errors import RsgenError
@@ -21,12 +21,14 @@ from rsgen.report.result_json import SCHEMA
 from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.report.wording.verdict_sentences import MARKED
-from rsgen.surface import load_surface
+from rsgen.surface import ResponseSurface, load_surface
 from rsgen.verdict import STATES, StatedVerdict
 
 __all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 
 _MOST_BYTES = 50_000_000
+_AHEAD = 4
+"""Surfaces in memory at once: enough that two cores do not wait for one another."""
 _FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
@@ -69,19 +71,25 @@ def read_results(folder: Path) -> list[_Entry]:
     return [entry for path in paths if (entry := read_result(path)) is not None]
 
 
-def _thumbnail(entry: _Entry, number: int) -> Markup | None:
+def _load(entry: _Entry) -> ResponseSurface | None:
     try:
-        surface = load_surface(entry.folder / "surface.h5")
+        return load_surface(entry.folder / "surface.h5")
     except RsgenError:
         return None
-    return inline_svg(draw_thumbnail(surface, name=f"thumbnail-{number}"))
+
+
+def _surfaces(entries: Sequence[_Entry]) -> Iterator[ResponseSurface | None]:
+    """Load the surfaces one after the other, a few ahead: each waits for a process that opens its file."""
+    with ThreadPoolExecutor(_AHEAD) as pool:
+        for start in range(0, len(entries), _AHEAD):
+            yield from pool.map(_load, entries[start : start + _AHEAD])
 
 
 def _quantity(value: Any, unit: Any) -> str:
     return "–" if value is None else quantity_text(float(value), str(unit), 6)
 
 
-def _context(entry: _Entry, number: int) -> dict[str, Any]:
+def _context(entry: _Entry, number: int, surface: ResponseSurface | None) -> dict[str, Any]:
     points, verdict = entry.result["surface"], entry.verdict
     return {
         "name": entry.folder.name,
@@ -92,7 +100,9 @@ def _context(entry: _Entry, number: int) -> dict[str, Any]:
         "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
         "points": points["points"],
         "origin": points["origin"],
-        "thumbnail": _thumbnail(entry, number),
+        "thumbnail": inline_svg(draw_thumbnail(surface, name=f"thumbnail-{number}"))
+        if surface is not None
+        else None,
         "warnings": len(entry.result.get("warnings", [])),
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
         "rows": [
@@ -166,7 +176,10 @@ def write_index(folder: Path | str) -> None:
     """
     place = Path(folder)
     entries = read_results(place)
-    contexts = [_context(entry, number) for number, entry in enumerate(entries)]
+    contexts = [
+        _context(entry, number, surface)
+        for number, (entry, surface) in enumerate(zip(entries, _surfaces(entries), strict=True))
+    ]
     page = page_environment().get_template("index/index.html")
     counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
     counts = {state: count for state, count in counts.items() if count}
