@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.kernel.generation import generate, parameter_order
 from rsgen.kernel.store import load_kernel
+from rsgen.law.memory import memory_form
 
 __all__ = ["Integrated", "Kernel", "compile_kernel"]
 
@@ -31,9 +32,9 @@ class Integrated:
     Parameters
     ----------
     state
-        (2, k) y = (x, v/omega) [m], so that both parts weigh the same.
+        (D, k) y = (x, v/omega) [m], so that both parts weigh the same; then the states of a law with memory.
     history
-        (2, 2, k) the states two periods and one period before.
+        (2, D, k) the states two periods and one period before.
     harmonics
         (k, H+1) complex displacement of the last period [m]; (k, 0) where none was recorded.
     peak
@@ -73,10 +74,18 @@ class Kernel:
     ----------
     parameters
         Names in the order in which ``integrate`` takes their values.
+    states
+        Names of the states of the law, in the order of the rows after x and v/omega.
     """
 
     parameters: tuple[str, ...]
+    states: tuple[str, ...]
     _enter: Callable[..., Any]
+
+    @property
+    def size(self) -> int:
+        """D, how many numbers the state of a point has."""
+        return 2 + len(self.states)
 
     def integrate(
         self,
@@ -99,7 +108,7 @@ class Kernel:
         points
             (k,) rows of ``force`` and ``omega``; a row may occur more than once.
         state
-            (2, k) y = (x, v/omega) [m] at the start; left as it is.
+            (D, k) y = (x, v/omega) [m], then the states of the law, at the start; left as it is.
         force, omega
             (n, 2) real and imaginary part of F [N], and (n,) angular frequency [rad/s].
         mass
@@ -120,9 +129,9 @@ class Kernel:
         RsgenError
             Shapes or types of the arrays do not belong together.
         """
-        k, columns = len(points), 0 if harmonics is None else harmonics + 1
+        k, size, columns = len(points), self.size, 0 if harmonics is None else harmonics + 1
         after = np.array(state, dtype=np.float64, order="C")
-        history = np.empty((2, 2, k))
+        history = np.empty((2, size, k))
         waves = np.empty((k, columns), dtype=np.complex128)
         peak = np.empty((k if peaks and columns else 0, 2))
         rows = np.ascontiguousarray(points, dtype=np.int64)
@@ -130,14 +139,14 @@ class Kernel:
         p = np.ascontiguousarray(values)
         # machine code checks nothing: shapes and types must be right here
         if (
-            after.shape != (2, k) or F.shape != (len(w), 2) or p.shape != (len(self.parameters),)
+            after.shape != (size, k) or F.shape != (len(w), 2) or p.shape != (len(self.parameters),)
             or not all(a.dtype == np.float64 for a in (F, w, p))
             or (k and not (rows.min() >= 0 and rows.max() < len(w)))
         ):  # fmt: skip
             raise RsgenError(
                 f"integrate: {k} points, states {after.shape}, forces {F.shape}, {len(w)} frequencies, "
-                f"{len(p)} values do not belong together; (k,), (2, k), (n, 2), (n,) and (P,) of float64 are "
-                "needed"
+                f"{len(p)} values do not belong together; (k,), ({size}, k), (n, 2), (n,) and (P,) of "
+                "float64 are needed"
             )
         self._enter(
             _address(rows), k, _address(after), _address(history), _address(F), _address(w), len(w),
@@ -165,4 +174,6 @@ def compile_kernel(
         The law holds a function that no law may use.
     """
     source = generate(force, values=values, locate_all=locate_all)
-    return Kernel(parameter_order(force), load_kernel(source))
+    memory = memory_form(force)
+    states = () if memory is None else tuple(rate.symbol.name for rate in memory.rates)
+    return Kernel(parameter_order(force), states, load_kernel(source))

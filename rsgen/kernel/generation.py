@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -12,11 +12,18 @@ import sympy
 from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
 from rsgen.law.character import onset
+from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
 
 __all__ = ["generate", "parameter_order"]
 
 _TEMPLATE = "kernel/kernel.py.j2"
+
+_FIXED_ROWS, _EVENT_ROWS = 9, 4
+"""Rows of the lane table that every law has, and that laws with events have as well; see the template."""
+
+_OF_STATES = {"zs": "z", "zn": "zn", "zm": "zm", "bs": "b"}
+"""Values of the states, at the end of a step and within it, and their rates, as the template names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +37,22 @@ class _Located:
     rate_code: str
     threshold: str
     jumps: bool
+    holds_still: bool
 
     @property
     def rests(self) -> bool:
-        """Dry friction that holds the mass at rest, not against something that moves."""
-        return self.jumps and self.threshold == "0.0"
+        """Dry friction that holds the mass at rest by a bound that stays, against nothing that moves."""
+        return self.jumps and self.threshold == "0.0" and self.holds_still
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """A state with an equation, as the template writes it."""
+
+    index: int
+    name: str
+    text: str
+    body: list[str]
 
 
 def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
@@ -44,34 +62,47 @@ def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
 
 def _onsets(form: NormalForm, switch: Switch) -> tuple[bool, bool]:
     """Decide whether the law may jump at a switch, and whether it may have a corner there."""
-    jumps, corners = zip(
-        *(onset(piece, switch) for piece in form.pieces if switch in piece.switches), strict=True
-    )
+    found = [onset(piece, switch) for piece in form.pieces if switch in piece.switches]
+    if not found:
+        return False, False
+    jumps, corners = zip(*found, strict=True)
     # what an unknown exponent decides is taken for a jump and a corner
     return any(jump is not False for jump in jumps), any(corner is not False for corner in corners)
 
 
-def _located(form: NormalForm, names: dict[sympy.Symbol, str], every: bool) -> dict[Switch, _Located]:
+def _located(
+    forms: Sequence[NormalForm],
+    names: dict[sympy.Symbol, str],
+    states: Sequence[sympy.Symbol],
+    every: bool,
+) -> dict[Switch, _Located]:
+    """Find the switches whose zeros are located; ``forms`` are those of the force and of the equations."""
     x, v, a = symbol("x"), symbol("v"), sympy.Dummy("a", real=True)
-    switches = dict.fromkeys(switch for piece in form.pieces for switch in piece.switches)
+    rates = {z: sympy.Dummy(f"b{number}", real=True) for number, z in enumerate(states)}
+    known = {**names, a: "a", **{rate: rate.name for rate in rates.values()}}
+    switches = dict.fromkeys(switch for form in forms for piece in form.pieces for switch in piece.switches)
     found: dict[Switch, _Located] = {}
     for switch in switches:
-        jumps, corners = _onsets(form, switch)
-        if not (every or jumps or corners):
+        onsets = [_onsets(form, switch) for form in forms]
+        if not (every or any(jumps or corners for jumps, corners in onsets)):
             continue
-        rate = sympy.diff(switch.function, x) * v + sympy.diff(switch.function, v) * a
+        moving = [(x, v), (v, a), *rates.items()]
+        rate = sympy.Add(*(sympy.diff(switch.function, place) * speed for place, speed in moving))
 
-        def code(expression: sympy.Expr, x_name: str, v_name: str) -> str:
-            return Body({**names, x: x_name, v: v_name, a: "a"}, inline=True).write(expression)
+        def code(expression: sympy.Expr, after: str = "") -> str:
+            places = {z: f"z{after}{number}" for number, z in enumerate(states)}
+            return Body({**known, x: f"x{after}", v: f"v{after}", **places}, inline=True).write(expression)
 
         found[switch] = _Located(
             index=len(found),
             text=write(switch.function),
-            code=code(switch.function, "x", "v"),
-            code_new=code(switch.function, "xn", "vn"),
-            rate_code=code(rate, "x", "v"),
-            threshold=code(switch.threshold, "x", "v") if switch.threshold is not None else "0.0",
-            jumps=jumps and switch.variable == "v",
+            code=code(switch.function),
+            code_new=code(switch.function, "n"),
+            rate_code=code(rate),
+            threshold=code(switch.threshold) if switch.threshold is not None else "0.0",
+            # only the force itself can hold the mass
+            jumps=onsets[0][0] and switch.variable == "v",
+            holds_still=not states,
         )
     return found
 
@@ -86,7 +117,7 @@ def _force_body(
     form: NormalForm, names: dict[sympy.Symbol, str], located: dict[Switch, _Located]
 ) -> list[str]:
     x, v = symbol("x"), symbol("v")
-    body = Body({**names, x: "x", v: "v"})
+    body = Body({x: "x", v: "v", **names})
     terms = [_factored(piece.term, x, v) for piece in form.pieces]
     shared, terms = sympy.cse(terms, symbols=sympy.numbered_symbols("s", real=True), order="canonical")
     for number, (stand_in, expression) in enumerate(shared):
@@ -136,32 +167,53 @@ def generate(
     ExpressionError
         The law holds a function that no law may use.
     """
-    form = normal_form(force) if values is None else normal_form_at(force, values)
-    return _source(form, parameter_order(force), locate_all)
+    memory = memory_form(force)
+    equations = () if memory is None else tuple(rate.rate for rate in memory.rates)
+    forms = tuple(
+        normal_form(law) if values is None else normal_form_at(law, values) for law in (force, *equations)
+    )
+    return _source(forms, memory, parameter_order(force), locate_all)
 
 
 @lru_cache(maxsize=64)
-def _source(form: NormalForm, order: tuple[str, ...], locate_all: bool) -> str:
+def _source(
+    forms: tuple[NormalForm, ...], memory: MemoryForm | None, order: tuple[str, ...], locate_all: bool
+) -> str:
     import jinja2  # only generation needs it
 
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
-    located = _located(form, names, locate_all)
+    symbols = [] if memory is None else [rate.symbol for rate in memory.rates]
+    located = _located(forms, names, symbols, locate_all)
+    inside = names | {z: f"z{number}" for number, z in enumerate(symbols)}
+    states = [
+        _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, located))
+        for number, (z, form) in enumerate(zip(symbols, forms[1:], strict=True))
+    ]
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
         loader=jinja2.FileSystemLoader(Path(__file__).parent.parent / "templates"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
-    parameters = "".join(f", p{number}" for number in range(len(order)))
-    gates = "".join(f", g{entry.index}" for entry in located.values())
+    first = _FIXED_ROWS + (_EVENT_ROWS if located else 0)
     return environment.get_template(_TEMPLATE).render(
-        law=_comment(write(form.expression)),
+        law=_comment(write(forms[0].expression)),
         parameters=[(f"p{number}", name) for number, name in enumerate(order)],
         names=[f"p{number}" for number in range(len(order))],
-        arguments=parameters,
-        gates=gates,
+        arguments=_listed("p", len(order)),
+        gates=_listed("g", len(located)),
         located=list(located.values()),
-        force_body=_force_body(form, names, located),
+        force_body=_force_body(forms[0], inside, located),
+        states=states,
+        size=2 + len(states),
+        first=first,
+        gate=first + 2 * len(states),
+        **{name: _listed(letters, len(states)) for name, letters in _OF_STATES.items()},
     )
+
+
+def _listed(letters: str, count: int) -> str:
+    """Arguments of a function after others."""
+    return "".join(f", {letters}{number}" for number in range(count))
 
 
 def _comment(text: str) -> str:

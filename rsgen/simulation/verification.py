@@ -67,7 +67,7 @@ def verify(
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     F, omega = surface.force[points], surface.omega[points]
     force = np.column_stack([F.real, F.imag])
-    state = np.zeros((2, len(points)))
+    state = np.zeros((kernel.size, len(points)))
     repeats = np.zeros(len(points), dtype=bool)
     found = np.full(len(points), complex(np.nan, np.nan))
     active = np.arange(len(points))
@@ -79,8 +79,8 @@ def verify(
                 active, state[:, active], force, omega, oscillator.mass, values,
                 steps=_STEPS, periods=_PERIODS, harmonics=1,
             )  # fmt: skip
-            change = np.abs(moved.state - moved.history[1]).max(axis=0)
-            size = np.abs(moved.state).max(axis=0)
+            change = np.abs(moved.state - moved.history[1])[:2].max(axis=0)
+            size = np.abs(moved.state[:2]).max(axis=0)
         state[:, active] = moved.state
         # a mass that friction holds does not move at all: nothing changes, and the size is none
         done = change <= _REPEATS * size

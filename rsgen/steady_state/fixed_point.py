@@ -19,7 +19,7 @@ _SINGULAR = 1e-12  # determinant of I - J that is rounding
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedPoints:
-    """What Newton's method made of k points: ``y`` (2, k), ``jacobian`` (2, 2, k), ``found`` (k,)."""
+    """What Newton's method made of k points: ``y`` (D, k), ``jacobian`` (D, D, k), ``found`` (k,)."""
 
     y: Array
     jacobian: Array
@@ -27,12 +27,16 @@ class FixedPoints:
 
 
 def norm(y: Array) -> Array:
-    """Length of k states (2, k)."""
+    """Length of k states (D, k)."""
+    if len(y) > 2:
+        return np.asarray(np.sqrt(np.einsum("ik,ik->k", y, y)))
     return np.asarray(np.sqrt(y[0] * y[0] + y[1] * y[1]))
 
 
 def correction(jacobian: Array, residual: Array) -> Array:
     """Solve (I - J) d = P(y) - y for k points; where it is singular, d = the residual itself."""
+    if len(residual) > 2:
+        return _correction(jacobian, residual)
     a, b = 1 - jacobian[0, 0], jacobian[0, 1]
     c, d = jacobian[1, 0], 1 - jacobian[1, 1]
     det = a * d - b * c
@@ -49,6 +53,8 @@ def correction(jacobian: Array, residual: Array) -> Array:
 
 def attraction(jacobian: Array) -> Array:
     """How far inside the unit circle the eigenvalues of J are (Jury's conditions); negative: outside."""
+    if len(jacobian) > 2:
+        return _schur_cohn(_characteristic(jacobian)[0])
     trace = jacobian[0, 0] + jacobian[1, 1]
     det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
     return np.asarray(np.minimum(1 - np.abs(det), 1 + det - np.abs(trace)))
@@ -58,11 +64,11 @@ def jacobians(
     period_map: PeriodMap, points: Indices, y: Array, steps: NDArray[np.int64], offset: Array
 ) -> tuple[Array, Array]:
     """Images P(y) and Jacobians of k points, from neighbouring orbits ``offset`` (k,) [m] away."""
-    k = len(points)
-    trial = np.concatenate([y, y, y], axis=1)
-    trial[0, k : 2 * k] += offset
-    trial[1, 2 * k :] += offset
-    after = period_map.carry(points, trial, steps, 1).state.reshape(2, 3, k)
+    size, k = y.shape
+    trial = np.concatenate([y] * (1 + size), axis=1)
+    for row in range(size):
+        trial[row, (1 + row) * k : (2 + row) * k] += offset
+    after = period_map.carry(points, trial, steps, 1).state.reshape(size, 1 + size, k)
     image = after[:, 0]
     slope = after[:, 1:] - image[:, None]
     slope /= offset
@@ -71,10 +77,56 @@ def jacobians(
 
 def times(jacobian: Array, y: Array) -> Array:
     """J y for k points."""
+    if len(y) > 2:
+        return np.asarray(np.einsum("ijk,jk->ik", jacobian, y))
     product = np.empty_like(y)
     product[0] = jacobian[0, 0] * y[0] + jacobian[0, 1] * y[1]
     product[1] = jacobian[1, 0] * y[0] + jacobian[1, 1] * y[1]
     return product
+
+
+def _characteristic(matrix: Array) -> tuple[list[Array], Array]:
+    """Coefficients c of det(s - A) = s^D + c1 s^(D-1) + ... + cD, and the M with A M = -cD.
+
+    Leverrier's method for k matrices (D, D, k); D is small.
+    """
+    size = len(matrix)
+    unit = np.eye(size)[:, :, None]
+    coefficients = [np.ones(matrix.shape[2])]
+    auxiliary = np.broadcast_to(unit, matrix.shape)
+    for order in range(1, size + 1):
+        product = np.einsum("ijk,jlk->ilk", matrix, auxiliary)
+        coefficients.append(-np.einsum("iik->k", product) / order)
+        if order < size:
+            auxiliary = product + coefficients[-1] * unit
+    return coefficients, auxiliary
+
+
+def _correction(jacobian: Array, residual: Array) -> Array:
+    """As ``correction``, for laws with states of their own."""
+    coefficients, adjugate = _characteristic(np.eye(len(residual))[:, :, None] - jacobian)
+    last = coefficients[-1]
+    regular = np.abs(last) > _SINGULAR
+    move = times(adjugate, residual) / -np.where(regular, last, 1.0)
+    return np.asarray(np.where(regular, move, residual))
+
+
+def _schur_cohn(coefficients: list[Array]) -> Array:
+    """Smallest 1 - |k| of the reflection coefficients of polynomials; positive: all roots inside the circle.
+
+    Schur, J. reine angew. Math. 148 (1918) 122.
+    """
+    inside = np.full_like(coefficients[0], np.inf)
+    while len(coefficients) > 1:
+        reflection = coefficients[-1]
+        inside = np.minimum(inside, 1 - np.abs(reflection))
+        # a root outside ends it: the sign is known, and nothing is divided by zero
+        rest = np.where(np.abs(reflection) < 1, 1 - reflection**2, 1.0)
+        coefficients = [
+            (mine - reflection * other) / rest
+            for mine, other in zip(coefficients[:-1], coefficients[:0:-1], strict=True)
+        ]
+    return inside
 
 
 def find_fixed_points(
@@ -91,7 +143,7 @@ def find_fixed_points(
     """
     k = len(points)
     y = y.copy()
-    jacobian = np.zeros((2, 2, k))
+    jacobian = np.zeros((len(y), len(y), k))
     found = np.zeros(k, dtype=bool)
     reach = 10 * (norm(y) + least)
     active, here, everybody = np.arange(k), y, True

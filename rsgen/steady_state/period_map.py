@@ -19,8 +19,9 @@ Indices = NDArray[np.intp]
 class PeriodMap:
     """The period maps of n test points of one oscillator.
 
-    States are y = (x, v/omega) [m], so that both parts weigh the same; k of them are an array (2, k).
-    ``force`` (n, 2) holds the real and imaginary part of F [N].
+    States are y = (x, v/omega) [m], so that both parts weigh the same, followed by the states of a law with
+    memory over ``units``, (D - 2,) or None: k of them are an array (D, k). ``force`` (n, 2) holds the real
+    and imaginary part of F [N].
     """
 
     kernel: Kernel
@@ -28,6 +29,7 @@ class PeriodMap:
     values: Array
     force: Array
     omega: Array
+    units: Array | None = None
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""
@@ -49,7 +51,7 @@ class PeriodMap:
     ) -> Integrated:
         """Carry states over periods.
 
-        ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (2, k), or (2, r k) with the
+        ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (D, k), or (D, r k) with the
         points r times in a row.
         """
         several = y.shape[1] // max(len(points), 1)
@@ -61,8 +63,8 @@ class PeriodMap:
             steps = np.concatenate([steps] * several)
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
         whole = Integrated(
-            np.empty((2, k)),
-            np.empty((2, 2, k)),
+            np.empty((len(y), k)),
+            np.empty((2, len(y), k)),
             np.empty((k, columns), np.complex128),
             np.empty((k if peaks else 0, 2)),
         )
@@ -78,7 +80,13 @@ class PeriodMap:
     def _integrate(
         self, points: Indices, y: Array, steps: int, periods: int, harmonics: int | None, peaks: bool
     ) -> Integrated:
-        return self.kernel.integrate(
+        if self.units is not None:
+            y = np.concatenate([y[:2], y[2:] * self.units[:, None]])
+        moved = self.kernel.integrate(
             points, y, self.force, self.omega, self.mass, self.values,
             steps=steps, periods=periods, harmonics=harmonics, peaks=peaks,
         )  # fmt: skip
+        if self.units is not None:
+            moved.state[2:] /= self.units[:, None]
+            moved.history[:, 2:] /= self.units[:, None]
+        return moved

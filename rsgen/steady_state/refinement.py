@@ -30,7 +30,7 @@ _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:
-    """Steady states of n points: ``y`` (2, n), harmonics, peaks, residual and error relative to X."""
+    """Steady states of n points: ``y`` (D, n), harmonics, peaks, residual and error relative to X."""
 
     y: Array
     harmonics: ComplexArray

@@ -38,7 +38,7 @@ _FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settling:
-    """Where n points settled on the coarse map: ``y`` (2, n), ``jacobian`` (2, 2, n), steps, outcome."""
+    """Where n points settled on the coarse map: ``y`` (D, n), ``jacobian`` (D, D, n), steps, outcome."""
 
     y: Array
     jacobian: Array
@@ -47,11 +47,11 @@ class Settling:
 
 
 def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE) -> Settling:
-    """Carry n points from ``start`` (2, n) until each has settled or is known not to."""
-    n = start.shape[1]
+    """Carry n points from ``start`` (D, n) until each has settled or is known not to."""
+    size, n = start.shape
     result = Settling(
         y=start.copy(),
-        jacobian=np.zeros((2, 2, n)),
+        jacobian=np.zeros((size, size, n)),
         steps=np.full(n, steps),
         outcome=np.full(n, UNSETTLED, dtype=np.int8),
     )
@@ -146,7 +146,8 @@ def _is_linear_around(
 
     The last periods only show one direction; in another one a stop or a gap may still be met.
     """
-    turned = np.array([-away[1], away[0]])
+    turned = np.zeros_like(away)
+    turned[0], turned[1] = -away[1], away[0]
     along, across = times(jacobian, away), times(jacobian, turned)
     rays = np.concatenate([center - away, center + turned, center - turned], axis=1)
     predicted = np.concatenate([center - along, center + across, center - across], axis=1)

@@ -26,7 +26,8 @@ class SteadyStates:
     peak
         (n, 2) largest and smallest displacement in a period [m].
     state
-        (n, 2) displacement [m] and velocity [m/s] at t = 0, the start of a period.
+        (n, D) displacement [m] and velocity [m/s] at t = 0, the start of a period; then, for a law with
+        memory, what it remembers there [SI].
     residual
         (n,) how far the state is from repeating after one period, relative to the amplitude [1].
     outcome

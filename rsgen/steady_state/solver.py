@@ -11,6 +11,7 @@ from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state.batches import map_batches
+from rsgen.steady_state.memory_units import units_of_states
 from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
@@ -44,7 +45,8 @@ def solve_steady_states(
     accuracy
         Largest relative error of the fundamental, 1e-9 to 1e-2.
     start
-        (n, 2) displacement [m] and velocity [m/s] at t = 0 from which each point starts; None: from rest.
+        (n, 2) displacement [m] and velocity [m/s] at t = 0 from which each point starts, memories at rest; or
+        (n, D) as ``SteadyStates.state``. None: from rest.
 
     Raises
     ------
@@ -55,17 +57,18 @@ def solve_steady_states(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     _check(F, f, harmonics, accuracy)
     y = None if start is None else np.asarray(start, dtype=np.float64)
-    if y is not None and y.shape != (len(f), 2):
+    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
+    if y is not None and y.shape not in {(len(f), 2), (len(f), kernel.size)}:
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f
+    units = units_of_states(oscillator, F, omega)
 
     def solve(batch: slice) -> SteadyStates:
-        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch])
+        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch], units)
         return _solve_batch(period_map, None if y is None else y[batch], harmonics, accuracy)
 
     done = map_batches(solve, len(f))
@@ -85,8 +88,13 @@ def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: floa
 
 
 def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, accuracy: float) -> SteadyStates:
-    omega = period_map.omega
-    y = np.zeros((2, len(omega))) if start is None else np.array([start[:, 0], start[:, 1] / omega])
+    omega, units = period_map.omega, period_map.units
+    y = np.zeros((period_map.kernel.size, len(omega)))
+    if start is not None:
+        y[: start.shape[1]] = start.T
+        y[1] /= omega
+        if units is not None:
+            y[2:] /= units[:, None]
     # far unstable motions overflow on their way; their outcome is not settled
     with np.errstate(over="ignore", invalid="ignore"):
         settling = settle(period_map, y, from_rest=start is None)
@@ -98,7 +106,10 @@ def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, acc
                 period_map.of(lost), y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE
             )
             refined.replace(lost, refine(period_map.of(lost), again, harmonics, accuracy))
-    state = np.column_stack([refined.y[0], refined.y[1] * omega])
+    state = refined.y.T.copy()
+    state[:, 1] *= omega
+    if units is not None:
+        state[:, 2:] *= units
     unsettled = np.flatnonzero(refined.outcome)
     refined.harmonics[unsettled] = complex(np.nan, np.nan)
     refined.peak[unsettled] = np.nan

@@ -1,0 +1,50 @@
+"""By what the states of a law are divided, so that they weigh as displacement and velocity do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsgen.arrays import Array, ComplexArray
+from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
+from rsgen.law.memory import memory_form
+from rsgen.oscillator import Oscillator
+
+__all__ = ["units_of_states"]
+
+_SMALL = 1e-3
+"""Of the displacement that the force gives the mass alone: there states follow without their limits."""
+
+
+def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:
+    """What one metre of displacement makes of each state [its unit/m], (D - 2,); None without states.
+
+    From the equations z' = g(x, v, z) at rest: |dg/dv| + |dg/dx|/omega; what depends on neither follows the
+    other states. Only norms and the distances of neighbouring orbits depend on it.
+    """
+    memory = memory_form(oscillator.force)
+    if memory is None or not memory.rates:
+        return None
+    names, states = oscillator.parameters, [rate.symbol for rate in memory.rates]
+    rates = compiled(
+        tuple(rate.rate for rate in memory.rates),
+        (symbol("x"), symbol("v"), *states, *(symbol(name) for name in names)),
+    )
+    w = float(np.median(omega))
+    size = float(np.median(np.abs(force))) / (oscillator.mass * w * w)
+    x = _SMALL * size if size > 0 else _SMALL
+    count = len(states)
+    offsets = np.zeros((2 + count, 2 + count))
+    offsets[0, 0], offsets[1, 1] = x, w * x
+    values = [oscillator.values[name] for name in names]
+    units = np.zeros(count)
+    for _ in range(1 + count):
+        offsets[2:, 2:] = np.diag(units * x)
+        up, down = (
+            np.array([np.broadcast_to(rate, 2 + count) for rate in rates(*places, *values)])
+            for places in (offsets, -offsets)
+        )
+        steps = np.abs(up - down) / (2 * x)
+        direct = steps[:, :2].sum(axis=1) / w
+        units = np.where(direct > 0, direct, steps[:, 2:].sum(axis=1) / w)
+    return np.where(np.isfinite(units) & (units > 0), units, 1.0)

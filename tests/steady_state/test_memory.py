@@ -1,0 +1,97 @@
+"""Steady states of laws with memory against DOP853 from event to event, and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.kernel import compile_kernel, generate
+from rsgen.oscillator import Oscillator
+from rsgen.steady_state import solve_steady_states
+from tests.oracles import hysteresis
+
+BOUC_WEN = rs.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
+BENCHMARK = {"c": 10.0, "k": 5e4, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
+"""The hysteretic benchmark of Noel and Schoukens (2016), mass 2 kg."""
+
+RESONANCE = (np.array([8.0, 20.0, 45.0, 60.0, 80.0]), np.array([34.0, 33.0, 31.5, 29.0, 46.0]))
+"""Levels [N] and frequencies [Hz] on both sides of the peak, from nearly linear to full hysteresis."""
+
+
+def _errors(oscillator: Oscillator, structure: hysteresis.Structure, accuracy: float) -> np.ndarray:
+    """Relative errors of the fundamental; the reference starts close by and goes on until it repeats."""
+    F, f = RESONANCE
+    asked = solve_steady_states(oscillator, F, f, accuracy=accuracy)
+    near = solve_steady_states(oscillator, F, f, accuracy=1e-8)
+    assert asked.settled.all()
+    errors = []
+    for i, omega in enumerate(2 * np.pi * f):
+        y = near.state[i]
+        X, _ = hysteresis.settle(structure, F[i], omega, start=y, mode=tuple(np.sign(y[1:3])))
+        errors.append(abs(asked.harmonics[i, 1] / X - 1))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
+def test_bouc_wen_agrees_with_dop853(accuracy: float) -> None:
+    structure = hysteresis.bouc_wen(2.0, **BENCHMARK)
+    assert _errors(Oscillator(2.0, BOUC_WEN, BENCHMARK), structure, accuracy).max() < accuracy
+
+
+@pytest.mark.slow
+def test_bouc_wen_from_rest_ends_where_the_motion_itself_ends() -> None:
+    F, f = np.array([12.0, 70.0]), np.array([36.5, 27.0])
+    found = solve_steady_states(Oscillator(2.0, BOUC_WEN, BENCHMARK), F, f, accuracy=1e-6)
+    structure = hysteresis.bouc_wen(2.0, **BENCHMARK)
+    X = [hysteresis.settle(structure, F[i], 2 * np.pi * f[i])[0] for i in range(2)]
+    assert np.abs(found.harmonics[:, 1] / X - 1).max() < 1e-6
+
+
+def test_linear_states_have_the_exact_receptance() -> None:
+    # a Maxwell element, and a low-pass filter that sees the displacement only
+    law = rs.Law("c*v + k*x + z + k2*y", memory={"z": "k1*v - z/tau", "y": "a*(x - y)"})
+    values = {"c": 4.0, "k": 5000.0, "k1": 2000.0, "tau": 0.02, "k2": 800.0, "a": 30.0}
+    f = np.linspace(5, 15, 7)
+    s = 2j * np.pi * f
+    z, y = 2000 * s / (s + 1 / 0.02), 30 / (s + 30)
+    exact = 3.0 / (1.5 * s**2 + 4 * s + 5000 + z + 800 * y)
+    found = solve_steady_states(Oscillator(1.5, law, values), np.full(7, 3.0), f, accuracy=1e-8)
+    np.testing.assert_allclose(found.harmonics[:, 1], exact, rtol=1e-8)
+    np.testing.assert_allclose(found.harmonics[:, 0], 0, atol=1e-8 * np.abs(exact).max())
+
+
+def test_located_switches_of_states_keep_the_fourth_order() -> None:
+    o = Oscillator(2.0, BOUC_WEN, BENCHMARK)
+    kernel = compile_kernel(o.force, values=o.values)
+    values = np.array([o.values[name] for name in kernel.parameters])
+    omega = 2 * np.pi * np.linspace(27, 49, 24)
+    F = np.tile([50.0, 0.0], (24, 1))
+
+    def state(steps: int) -> np.ndarray:
+        start = np.zeros((3, 24))
+        return kernel.integrate(
+            np.arange(24), start, F, omega, 2.0, values, steps=steps, periods=3
+        ).state[:2]  # fmt: skip
+
+    exact = state(4096)
+    coarse, fine = (np.median(np.linalg.norm(state(steps) - exact, axis=0)) for steps in (64, 256))
+    assert np.log(coarse / fine) / np.log(4) > 3.7
+
+
+def test_laws_without_memory_have_no_rows_for_it() -> None:
+    source = generate(rs.Law("c*v + k*x + Ff*sign(v)").force)
+    assert "growth" not in source
+    assert "Z_OLD" not in source
+    assert "GATE = 13" in source
+
+
+def test_a_state_goes_on_with_its_memory() -> None:
+    o = Oscillator(2.0, BOUC_WEN, BENCHMARK)
+    F, f = np.full(3, 60.0), np.array([28.0, 30.0, 45.0])
+    first = solve_steady_states(o, F, f, accuracy=1e-6)
+    again = solve_steady_states(o, F, f, accuracy=1e-6, start=first.state)
+    assert first.state.shape == (3, 3)
+    np.testing.assert_allclose(again.harmonics[:, 1], first.harmonics[:, 1], rtol=1e-6)
+    with pytest.raises(rs.RsgenError, match="start"):
+        solve_steady_states(o, F, f, start=np.zeros((3, 4)))
