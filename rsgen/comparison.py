@@ -8,26 +8,37 @@ from math import isfinite, nan
 from typing import Any
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
+from rsgen.expression.memory import remembers
 from rsgen.finding import Finding, quantities
 from rsgen.identification import Estimate, Identification
 from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.prediction import Prediction
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.verdict import Verdict, reach_verdict
 
-__all__ = ["FORCE_KEYS", "Comparison", "Row", "compare", "verdict_of"]
+__all__ = ["FORCE_KEYS", "Comparison", "Row", "compare", "force_keys", "verdict_of"]
 
 Array = NDArray[np.float64]
 
-FORCE_KEYS = ("stiffness_force", "damping_force")
-"""Keys of ``accept`` that judge a whole force: its largest deviation over the tested range, relative to its
-largest value. The stiffness force is n(x, 0), the damping force n(0, v)."""
+FORCE_KEYS = {
+    "stiffness_force": "stiffness force",
+    "damping_force": "damping force",
+    "loop_force": "loop force",
+}
+"""Keys of ``accept`` that judge a whole force, and its name: its largest deviation over the tested range,
+relative to its largest value. The stiffness force is n(x, 0), the damping force n(0, v); the force of a law
+with memory is that of its loops."""
 
 _FORCE_POINTS = 401
+
+_LOOPS = 9
+"""Amplitudes from the smallest to the largest tested one, evenly spaced by ratio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +48,7 @@ class Row:
     Parameters
     ----------
     name
-        Parameter, "m", "stiffness_force" or "damping_force".
+        Parameter, "m", or a key of FORCE_KEYS.
     unit
         SI unit, "" where unknown.
     true
@@ -138,6 +149,11 @@ class Comparison(Printed):
         return TextTable(heads, rows)
 
 
+def force_keys(force: sympy.Expr) -> tuple[str, ...]:
+    """Give the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
+    return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")
+
+
 def compare(
     identification: Identification,
     truth: Mapping[str, float] | Oscillator | None = None,
@@ -175,18 +191,19 @@ def compare(
     truth, accept = dict(truth or {}), dict(accept or {})
     estimates = identification.refined
     names = [estimate.name for estimate in estimates]
+    whole = force_keys(identification.model.force)
     foreign = sorted(map(repr, set(truth) - known))
     if foreign:
         allowed = ", ".join(sorted(known))
         raise RsgenError(f"truth: {', '.join(foreign):.200}: no parameter of the law; allowed are {allowed}")
-    unknown = sorted(set(accept) - set(names) - set(FORCE_KEYS))
+    unknown = sorted(set(accept) - set(names) - set(whole))
     if unknown:
         raise RsgenError(
-            f"accept: {', '.join(unknown)}: not identified; allowed are {', '.join([*names, *FORCE_KEYS])}"
+            f"accept: {', '.join(unknown)}: not identified; allowed are {', '.join([*names, *whole])}"
         )
     blind = sorted(name for name in accept if name in names and name not in truth)
     missing = [name for name in identification.model.parameters if name not in truth]
-    if set(accept) & set(FORCE_KEYS) and missing:
+    if set(accept) & set(whole) and missing:
         blind += missing
     if blind:
         raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
@@ -200,7 +217,7 @@ def compare(
     if not missing:
         rows += [
             row
-            for key in FORCE_KEYS
+            for key in whole
             if (row := _force_row(identification, truth, key, accept.get(key))) is not None
         ]
     return Comparison(tuple(rows), all(row.passed for row in rows))
@@ -267,12 +284,17 @@ def _force_row(
 
 
 def _force(identification: Identification, key: str, values: Mapping[str, float]) -> Array:
-    """Stiffness force n(x, 0) or damping force n(0, v), both without n(0, 0), over the tested range."""
+    """Stiffness force n(x, 0), damping force n(0, v), both without n(0, 0), or loops, over the tests."""
     law = compile_law(identification.model.force)
     point = np.array([values[name] for name in law.parameters])
     curve = identification.curve
     chosen = curve.used if curve.used.any() else np.ones(len(curve.used), dtype=bool)
     size = curve.amplitude[chosen]
+    if key == "loop_force":
+        amplitude = np.geomspace(float(size.min()), float(size.max()), _LOOPS)
+        omega = np.full(_LOOPS, 2 * np.pi * float(np.median(curve.frequency[chosen])))
+        sines = Motion(omega, np.stack([np.zeros(_LOOPS), amplitude], axis=1).astype(complex))
+        return law.along(sines, point, _FORCE_POINTS - 1).force
     rest = np.zeros(_FORCE_POINTS)
     if key == "stiffness_force":
         reach = np.linspace(-1, 1, _FORCE_POINTS) * float(size.max())

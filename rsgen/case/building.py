@@ -13,6 +13,7 @@ from rsgen.case.declared_test import make_measured, make_observation, make_simul
 from rsgen.case.document import Document, ElementTable
 from rsgen.case.naming import name_fault, quote, suggest, text_fault
 from rsgen.case.tables import Maker, reason
+from rsgen.comparison import force_keys
 from rsgen.errors import CaseError, ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
@@ -24,7 +25,6 @@ from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 __all__ = ["build"]
 
 MASS = "m"
-FORCES = ("stiffness_force", "damping_force")
 
 
 def _make(table: ElementTable) -> Element:
@@ -198,7 +198,7 @@ class _Builder:
                 self.fault(f"printed.{key}", reason(fault))
         return formulas
 
-    def accept(self, units: dict[str, str]) -> dict[str, float]:
+    def accept(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
         table = self.document.accept
         if table and self.document.model == "rank":
             self.fault(
@@ -208,7 +208,7 @@ class _Builder:
         if table and not self.simulated:
             self.fault("accept", "a measured case has no truth to be compared with; leave [accept] out")
             return {}
-        known = [*units, MASS, *FORCES]
+        known = [*units, MASS, *force_keys(sympy.Add(*(element.force for element in elements)))]
         for name in table:
             if name not in known:
                 hint = f"{suggest(name, known)}known: {', '.join(known)}"
@@ -238,7 +238,7 @@ class _Builder:
         mass = self.mass()
         values = self.truth_given(elements, units, complete)
         printed = self.printed(units) if complete else {}
-        accept = self.accept(units) if complete else {}
+        accept = self.accept(elements, units) if complete else {}
         calibrated = document.identify is None or document.identify.calibrated
         test = (
             make_simulated(document.test, self.maker)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
+from rsgen.arrays import Array
 from rsgen.case import Case
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
-from rsgen.expression import write
+from rsgen.expression import symbol, write
+from rsgen.expression.evaluation import compiled
+from rsgen.expression.memory import Structural
 from rsgen.kernel import generate
 from rsgen.law.element import Element
+from rsgen.law.memory import memory_form
 from rsgen.law.numeric import compile_law
+from rsgen.measurement import MeasuredTest
+from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.simulation import SimulatedTest
 
@@ -31,6 +37,13 @@ _SAMPLES = 256
 _ROUND_OFF = 1e-14
 """Work, relative to that of the largest forces on the way, that is only round-off of a sum of 256."""
 
+_SAME = 1e-6
+"""A state that differs by less after a cycle, relative to its largest value, is where it was: the error of
+the rule at 256 steps is smaller."""
+
+_FORGETS = 1e-9
+"""Least relative fall, from cycle to cycle, of what a state is far from where it was: above round-off."""
+
 
 def law_faults(case: Case) -> list[str]:
     """Say what would keep the laws of a case from being used; nothing where they can be.
@@ -45,19 +58,26 @@ def law_faults(case: Case) -> list[str]:
     """
     faults = []
     for number, element in enumerate(case.model.elements, start=1):
+        place = f"element.{number}"
         try:
             derive(element)
-            generate(element.force)
+            if _in_time(case) or not element.force.has(Structural):
+                generate(element.force)
         except RsgenError as fault:
-            faults.append(f"element.{number}.force: {' '.join(str(fault).split())}")
+            faults.append(f"{place}.force: {' '.join(str(fault).split())}")
             continue
         if case.oscillator is not None:
-            faults += [
-                f"element.{number}.force: {text}" for text in _near_rest(element, case.oscillator.values)
-            ]
+            values = case.oscillator.values
+            faults += [f"{place}.force: {text}" for text in _near_rest(element, values)]
+            faults += [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
+            faults += [f"{place}.memory.{text}" for text in _open_loops(element, values, case.test)]
     if not faults and case.oscillator is not None and isinstance(case.test, SimulatedTest):
         faults += [f"element: {text}" for text in _never_settles(case.oscillator, case.test)]
     return [f"{case.path.name}: {fault}" for fault in faults]
+
+
+def _in_time(case: Case) -> bool:
+    return isinstance(case.test, SimulatedTest) and case.test.method == "time"
 
 
 def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
@@ -73,11 +93,9 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
             f"dry friction of {min(held[0], -held[1]):.4g} N holds the mass at every level; a level above it "
             "is needed"
         ]
-    size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.frequency[[0, -1]], indexing="ij")
-    size, omega = size.reshape(-1, 1), omega.reshape(-1, 1)
-    phase = 2 * np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    x, v = size * np.cos(phase), -size * omega * np.sin(phase)
-    force = law.force(x, v, values)
+    motion = _sines(test)
+    x, v, _ = motion.waveforms(_SAMPLES)
+    force = law.along(motion, values, _SAMPLES).force
     # no number, where the law overflows, is no evidence
     with np.errstate(over="ignore", invalid="ignore"):
         work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
@@ -93,6 +111,83 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
             "a spring whose force has the sign of x, at small or at large amplitudes, is needed"
         ]
     return []
+
+
+def _sines(test: SimulatedTest) -> Motion:
+    """Sines of all sizes at the ends of the band; no sample is at rest or at a turning point."""
+    size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.frequency[[0, -1]], indexing="ij")
+    start = np.exp(1j * np.pi / _SAMPLES)
+    harmonics = np.stack([np.zeros(size.size), start * size.ravel()], axis=1)
+    return Motion(omega.ravel(), harmonics)
+
+
+def _wrong_virgins(element: Element, values: Mapping[str, float]) -> list[str]:
+    """Say which virgin curves are negative at first, or not zero at zero, with the values of a case."""
+    form = memory_form(element.force)
+    places = np.append(0.0, _SIZES)
+    faults = []
+    for curve in () if form is None else form.curves:
+        names = sorted(free.name for free in curve.virgin.free_symbols if free.name != "x")
+        law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
+        with np.errstate(all="ignore"):
+            (found,) = law(places, *(np.full(places.shape, values[name]) for name in names))
+        force = np.nan_to_num(np.broadcast_to(found, places.shape))
+        first = int(np.argmax(force[1:] != 0)) + 1
+        text = (
+            f"masing({write(curve.virgin)[:200]}) is {{:.4g}} N at x = {{:.4g}} m with the values of [truth]"
+        )
+        if force[0] != 0:
+            faults.append(f"{text.format(force[0], 0.0)}; a virgin curve must be zero at x = 0")
+        elif force[first] < 0:
+            faults.append(f"{text.format(force[first], places[first])}; a virgin curve must not be negative")
+    return faults
+
+
+def _open_loops(
+    element: Element, values: Mapping[str, float], test: SimulatedTest | MeasuredTest
+) -> list[str]:
+    """Say which states never come back to where they were, on a sine of any size.
+
+    Two cycles from rest are integrated (Runge-Kutta of order four). A state has a closed loop where it is
+    back after the first, or has moved less in the second.
+    """
+    form = memory_form(element.force)
+    if form is None or not form.rates or not isinstance(test, SimulatedTest):
+        return []
+    names = sorted(element.parameters)
+    states = [rate.symbol for rate in form.rates]
+    law = compiled(tuple(rate.rate for rate in form.rates), (*map(symbol, ("x", "v", *names)), *states))
+    parameters = [values[name] for name in names]
+    motion = _sines(test)
+    size, omega = np.abs(motion.harmonics[:, 1]), motion.omega
+    step = 2 * np.pi / omega / _SAMPLES
+
+    def rates(phase: float, z: Array) -> Array:
+        x, v = size * np.sin(phase), size * omega * np.cos(phase)
+        return np.stack([np.broadcast_to(g, x.shape) for g in law(x, v, *parameters, *z)])
+
+    z = np.zeros((len(states), len(size)))
+    largest, ends = np.zeros(z.shape), [z]
+    with np.errstate(all="ignore"):
+        for _ in range(2):
+            for i in range(_SAMPLES):
+                now, half, then = (2 * np.pi * (i + part) / _SAMPLES for part in (0.0, 0.5, 1.0))
+                first = rates(now, z)
+                second = rates(half, z + step / 2 * first)
+                third = rates(half, z + step / 2 * second)
+                z = z + step / 6 * (first + 2 * second + 2 * third + rates(then, z + step * third))
+                largest = np.maximum(largest, np.abs(z))
+            ends.append(z)
+        first, second = (np.abs(late - early) for early, late in pairwise(ends))
+        # no number, where the rule is unstable, is no evidence
+        opens = (first > _SAME * largest) & (second >= (1 - _FORGETS) * first)
+        unknown = ~np.isfinite(first + second)
+    return [
+        f"{state}: the loop does not close: {state} moves on from cycle to cycle at every amplitude; an "
+        "equation under which it comes back is needed"
+        for state, each, lost in zip(states, opens, unknown, strict=True)
+        if np.all(each | lost) and not lost.all()
+    ]
 
 
 def _near_rest(element: Element, values: Mapping[str, float]) -> list[str]:

@@ -14,7 +14,8 @@ from rsgen.case.data_paths import path_fault
 from rsgen.case.naming import name_fault
 from rsgen.cli.terminal import print_json, print_line
 from rsgen.errors import RsgenError
-from rsgen.expression import write
+from rsgen.expression import symbol, write
+from rsgen.expression.memory import remembers
 from rsgen.law.element import make_element
 from rsgen.output import write_atomic
 from rsgen.units import parameter_units
@@ -43,9 +44,8 @@ def _value(unit: str) -> str:
 
 def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
     force = make_element("law", law).force
-    velocity = next((symbol for symbol in force.free_symbols if symbol.name == "v"), None)
     terms = sympy.Add.make_args(force)
-    damper = [term for term in terms if velocity is not None and term.has(velocity)]
+    damper = [term for term in terms if term.has(symbol("v")) or remembers(term)]
     spring = [term for term in terms if term not in damper]
     parts = [("spring", spring), ("damper", damper)]
     units = dict(parameter_units(force))
@@ -60,7 +60,7 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     name
         The case's name.
     law
-        A force law in x and v; terms with v go to the damper, the others to the spring.
+        A force law in x and v; terms with v or a memory go to the damper, the others to the spring.
     measured
         The data file of a measured case; None for a simulated one.
     test
@@ -80,7 +80,7 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     elements, units = _elements(law)
     if measured is None and all(element != "damper" for element, _ in elements):
         raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
-    names = sorted({symbol.name for _, part in elements for symbol in part.free_symbols} - {"x", "v"})
+    names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
     width = max(map(len, names), default=0)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(rsgen.__file__).parent / "templates"),

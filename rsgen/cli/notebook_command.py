@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rsgen.case import load_case
 from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
+from rsgen.figures.cycles import shows_loops
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.notebook import write_notebook
 from rsgen.report.notebook_cells import KnownResults
@@ -35,6 +36,7 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
         results,
         mean=mean_finding(surface) is not None,
         held_out=bool(case.model.observation.hold_out),
+        loops=shows_loops(surface, case.model),
         surface_file=beside.name if beside else "surface.h5",
     )
     if json:

@@ -10,6 +10,7 @@ from rsgen.figures.curves import draw_collapse, draw_damping, draw_resonance, dr
 from rsgen.figures.drawing import STYLE, Drawing
 from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.law_figure import draw_derivation
+from rsgen.figures.loops import draw_energy, draw_loops
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text, unit_text
@@ -23,8 +24,10 @@ __all__ = [
     "draw_collapse",
     "draw_damping",
     "draw_derivation",
+    "draw_energy",
     "draw_forces",
     "draw_held_out",
+    "draw_loops",
     "draw_map",
     "draw_resonance",
     "draw_responses",

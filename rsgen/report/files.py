@@ -14,13 +14,16 @@ from rsgen import kernel
 from rsgen.case import Case
 from rsgen.comparison import Comparison, compare
 from rsgen.errors import RsgenError, require
+from rsgen.expression.memory import Structural, remembers
 from rsgen.figures import (
     Drawing,
     choose_levels,
     draw_collapse,
     draw_damping,
+    draw_energy,
     draw_forces,
     draw_held_out,
+    draw_loops,
     draw_map,
     draw_resonance,
     draw_responses,
@@ -28,6 +31,7 @@ from rsgen.figures import (
     draw_surface,
     draw_time_history,
 )
+from rsgen.figures.cycles import shows_loops
 from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
 from rsgen.output import write_atomic
@@ -56,9 +60,13 @@ def draw_all(
         draw_collapse(identification),
         draw_stiffness(identification, subject.truth),
         draw_damping(identification, subject.truth),
-        draw_forces(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
+    if not remembers(identification.model.force):
+        drawings.append(draw_forces(identification, subject.truth))
+    if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
+        drawings.append(draw_loops(surface, identification, subject.truth))
+        drawings.append(draw_energy(surface, identification, subject.truth))
     if mean_finding(surface, identification) is not None:
         drawings.append(draw_time_history(surface))
     if prediction.held_out:
@@ -182,7 +190,9 @@ def _write_files(
     identification = subject.with_units(given.identification)
     comparison = subject.with_units(given.comparison)
     save_surface(place / "surface.h5", surface)
-    write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
+    if not identification.model.force.has(Structural):
+        # structural damping exists under periodic motion only, so that nothing simulates it
+        write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
     levels = _levels(surface, identification)
     prediction = predict(identification, levels, surface)
     printed = check_printed(subject, identification)
@@ -209,6 +219,7 @@ def _write_files(
         known,
         mean=mean_finding(surface, identification) is not None,
         held_out=bool(prediction.held_out),
+        loops=any(drawing.name == "loops" for drawing in drawings),
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 import rsgen
+from rsgen.comparison import FORCE_KEYS
 from rsgen.errors import RsgenError
 from rsgen.figures import draw_thumbnail, quantity_text
 from rsgen.output import write_atomic
@@ -29,7 +30,6 @@ __all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 _MOST_BYTES = 50_000_000
 _AHEAD = 4
 """Surfaces in memory at once: enough that two cores do not wait for one another."""
-_FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
 
@@ -107,7 +107,7 @@ def _context(entry: _Entry, number: int, surface: ResponseSurface | None) -> dic
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
         "rows": [
             {
-                "name": _FORCE_NAMES.get(row["name"], row["name"]),
+                "name": FORCE_KEYS.get(row["name"], row["name"]),
                 "true": _quantity(row["true"], row["unit"]),
                 "refined": _quantity((row["refined"] or {"value": None})["value"], row["unit"]),
                 "paper": error_text(row.get("paper_error")),
@@ -146,7 +146,7 @@ def table_of_results(entries: list[_Entry]) -> str:
             if state in MARKED:
                 # what a value is within says nothing where the result as a whole is doubted
                 verdict = f"**{state}**" if not known else f"{verdict}, result **{state}**"
-            parameter = plain_text(_FORCE_NAMES.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
+            parameter = plain_text(FORCE_KEYS.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
             cells = (
                 name,
                 parameter,

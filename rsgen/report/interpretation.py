@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rsgen.describing import derive
 from rsgen.expression import symbol
+from rsgen.expression.memory import remembers
 from rsgen.figures.equivalent import NORMAL_95, standard_errors
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
+from rsgen.report.dissipation import slip_findings
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
@@ -194,8 +196,9 @@ def _courses(element: Element, identification: Identification, values: dict[str,
         element.parameters,
         lambda changed: np.diff(evaluate(changed)[:, [0, -1]])[:, 0],
     ).tolist()
-    lines = _linear_within(element, values, high, omega * high, float(mean[-1]))
-    spring = element.force.subs(symbol("v"), 0)
+    memory = remembers(element.force)
+    lines = (False, False) if memory else _linear_within(element, values, high, omega * high, float(mean[-1]))
+    spring = element.force if memory else element.force.subs(symbol("v"), 0)
     findings = []
     # an element has a share in stiffness or damping when it is not round-off of the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
@@ -208,9 +211,10 @@ def _courses(element: Element, identification: Identification, values: dict[str,
     ):
         if np.abs(value).max() * rate > 1e-9 * size and np.isfinite(value).all():
             frequency = middle if formula.has(symbol("omega")) else None
-            shape = "" if linear else _shape(part)
+            shape = "hysteretic" if memory else "" if linear else _shape(part)
             course = _Course(kind, unit, amplitude, value, error, shape, linear, frequency)
             findings.append(_course_finding(course))
+    findings += slip_findings(element, values, high)
     if abs(mean[-1]) > 1e-6 * high and np.abs(parts[0]).max() > 1e-9 * size:
         numbers = {
             "mean": Quantity(float(mean[-1]), "m"),

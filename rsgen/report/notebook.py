@@ -109,7 +109,12 @@ def _environment() -> jinja2.Environment:
 
 
 def build_notebook(
-    case: Case, *, mean: bool = False, held_out: bool = False, surface_file: str = _SURFACE_FILE
+    case: Case,
+    *,
+    mean: bool = False,
+    held_out: bool = False,
+    loops: bool = False,
+    surface_file: str = _SURFACE_FILE,
 ) -> nbformat.NotebookNode:
     """Write the lesson on a case, not yet executed.
 
@@ -119,6 +124,8 @@ def build_notebook(
         Show one period of the motion: for laws that push the mean off zero.
     held_out
         Show the levels that identification has not seen.
+    loops
+        Show the loops of the restoring force and the energy that they dissipate.
     surface_file
         Where a measured case finds its surface: a file beside the notebook.
     """
@@ -134,6 +141,7 @@ def build_notebook(
             known=case.truth is not None,
             mean=mean,
             held_out=held_out,
+            loops=loops,
             ranked=case.ranked,
             surface_file=surface_file,
         )
@@ -178,6 +186,8 @@ def known_results(
         "resonance": (identification,),
         "stiffness": fitted,
         "damping": fitted,
+        "loops": (surface, *fitted),
+        "energy": (surface, *fitted),
         "responses": (surface, prediction),
         "held-out": (prediction,),
     }
@@ -202,6 +212,7 @@ def write_notebook(
     *,
     mean: bool = False,
     held_out: bool = False,
+    loops: bool = False,
     surface_file: str = _SURFACE_FILE,
 ) -> None:
     """Write, execute and save the lesson; it is saved even where a cell fails.
@@ -216,7 +227,7 @@ def write_notebook(
     RsgenError
         A cell failed; the notebook with its traceback is on disk.
     """
-    notebook = build_notebook(case, mean=mean, held_out=held_out, surface_file=surface_file)
+    notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops, surface_file=surface_file)
     fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.writes  # has no types

@@ -14,8 +14,10 @@ from rsgen.expression import parse
 from rsgen.figures import Drawing
 from rsgen.identification import Identification
 from rsgen.law.element import Element
+from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.prediction import Prediction
+from rsgen.report.dissipation import dissipation_findings
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, mean_finding
@@ -55,9 +57,12 @@ def _formula(expression: Any, display: bool = False) -> Markup:
 
 def _element(element: Element) -> dict[str, Any]:
     function = derive(element)
+    remembered = memory_form(element.force)
+    rates = () if remembered is None else remembered.rates
     return {
         "name": element.name,
         "force": _formula(element.force, display=True),
+        "memory": [(str(rate.symbol), _formula(rate.rate, display=True)) for rate in rates],
         "stiffness": _formula(function.stiffness, display=True),
         "damping": _formula(function.damping, display=True),
         "mean": None if function.mean in (None, 0) else _formula(function.mean, display=True),
@@ -100,6 +105,8 @@ def render_page(
     mean = mean_finding(surface, identification)
     meaning = describe_elements(subject.elements, identification)
     verdict = verdict_of(identification, comparison, prediction)
+    shown = {drawing.name: _drawing(drawing) for drawing in drawings}
+    energy = dissipation_findings(surface, identification) if "energy" in shown else []
     stated = state_verdict(verdict)
     # what comes from the case stays as it is written there
     warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
@@ -119,7 +126,8 @@ def render_page(
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in stated["sentences"]],
         "surface_sentence": surface_sentence(surface),
-        "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
+        "drawings": shown,
+        "energy_sentences": [full_sentence(finding) for finding in energy],
         "prediction_remarks": [full_sentence(found) for found in prediction.findings],
         "held_out_table": held_out_table(prediction),
         "elements": [_element(element) for element in subject.elements],

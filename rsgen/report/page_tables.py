@@ -24,7 +24,6 @@ __all__ = [
     "verdict_table",
 ]
 
-_FORCE_NAMES = {"stiffness_force": "stiffness force", "damping_force": "damping force"}
 _BACKGROUND_NAMES = {
     "psi": "lead of the force in the phase of the response",
     "b0_re": "response per force in the middle of the band, real",
@@ -115,7 +114,7 @@ def verdict_table(comparison: Comparison) -> Table:
 
 
 def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
-    cells: list[str | Cell] = [_FORCE_NAMES.get(row.name, row.name)]
+    cells: list[str | Cell] = [FORCE_KEYS.get(row.name, row.name)]
     if known:
         note = "largest over the tested range" if row.name in FORCE_KEYS else ""
         cells.append(Cell(quantity_text(row.true, row.unit, 6) if math.isfinite(row.true) else "–", note))

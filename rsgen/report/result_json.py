@@ -18,6 +18,7 @@ from rsgen.identification import Estimate, Identification
 from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
+from rsgen.report.dissipation import dissipation_entry
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
@@ -79,6 +80,7 @@ def _elements(subject: Subject) -> list[dict[str, Any]]:
             {
                 "name": element.name,
                 "force": write(element.force),
+                "memory": element.memory,
                 "stiffness": _written(function.stiffness),
                 "damping": _written(function.damping),
                 "closed_form": function.closed_form,
@@ -162,6 +164,7 @@ def build_result(
             name: _numbers(getattr(curve, name))
             for name in ("amplitude", "frequency", "stiffness", "damping")
         },
+        "dissipation": dissipation_entry(surface, identification),
         "resonances": [_resonance(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),

@@ -50,6 +50,8 @@ DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "damping": lambda ax=None: figures.draw_damping(IDENTIFICATION, TRUTH, ax=ax),
     "collapse": lambda ax=None: figures.draw_collapse(IDENTIFICATION, ax=ax),
     "forces": lambda ax=None: figures.draw_forces(IDENTIFICATION, TRUTH, ax=ax),
+    "loops": lambda ax=None: figures.draw_loops(SURFACE, IDENTIFICATION, TRUTH, ax=ax),
+    "energy": lambda ax=None: figures.draw_energy(SURFACE, IDENTIFICATION, TRUTH, ax=ax),
     "responses": lambda ax=None: figures.draw_responses(SURFACE, PREDICTION, ax=ax),
     "held-out": lambda ax=None: figures.draw_held_out(PREDICTION, ax=ax),
     "time-history": lambda ax=None: figures.draw_time_history(SURFACE, ax=ax),

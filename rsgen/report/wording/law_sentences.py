@@ -10,6 +10,11 @@ say_plainly(
     {
         "mean-moves": "the mean moves to {mean:.2q} at {amplitude:.2q}, {share:.2p} of the amplitude",
         "element-not-identifiable": "not identifiable from this test: {parameters}",
+        "energy-measured": "as measured near the resonances, at {points:.6g} points, the energy of a "
+        "cycle grows with the power {exponent:.3g} ± {half_width:.1g} of the amplitude",
+        "energy-identified": "as identified it grows with the power {first:.3g} of the amplitude at "
+        "{amplitude_first:.2q} and {last:.3g} at {amplitude_last:.2q} (2 is viscous damping, 2.2 to 3 "
+        "micro-slip, 1 macro-slip)",
         "element-without-force": "no force over the tested amplitudes",
     }
 )
@@ -106,6 +111,15 @@ def _(found: Finding) -> str:
 def _(found: Finding) -> str:
     share = f"{number_text(100 * found['share'], 2)} %"
     return f"{_head(found)} {_verb(found)} by {share}, {_from_to(found)}{_frequency(found)}"
+
+
+@says("slides-as-a-whole")
+def _(found: Finding) -> str:
+    below = "it sticks below" if found.names["below"] == "sticks" else "micro-slip below"
+    beyond = "" if found.names["tested"] == "yes" else ", beyond the tested amplitudes"
+    return (
+        f"macro-slip from {_quantity(found, 'amplitude')} on{beyond}, at {_quantity(found, 'force')}; {below}"
+    )
 
 
 @says("swing-about-mean")

@@ -1,0 +1,148 @@
+"""Loops and the energy of a cycle, against closed forms of joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen import figures
+from rsgen.errors import RsgenError
+from rsgen.expression import parse
+from rsgen.figures.cycles import (
+    branch_mean,
+    estimate_mass,
+    measured_energy,
+    measured_loops,
+    shows_loops,
+    slip_limits,
+)
+from rsgen.motion import project
+from rsgen.oscillator import Model
+
+M, KT, FS = 1.5, 4e4, 8.0
+SLIP = FS / KT
+
+
+def jenkins(phase: np.ndarray, amplitude: float) -> np.ndarray:
+    """Force of a spring KT that slides at FS along x = amplitude cos(phase), from Masing's rule."""
+    x = amplitude * np.cos(phase)
+    top = min(KT * amplitude, FS)
+    falling = top - 2 * np.minimum(KT * (amplitude - x) / 2, FS)
+    return np.where(phase % (2 * np.pi) < np.pi, falling, -top + 2 * np.minimum(KT * (amplitude + x) / 2, FS))
+
+
+def sines(stiffness: np.ndarray, damping: np.ndarray, amplitude: np.ndarray) -> rs.ResponseSurface:
+    """Sines at and around their resonance, under the force that stiffness [N/m] and damping [N s/m] need."""
+    parts = []
+    for detuned in (0.99, 1.0, 1.01):
+        omega = detuned * np.sqrt(stiffness / M)
+        force = (stiffness - M * omega**2 + 1j * omega * damping) * amplitude
+        parts.append((omega / 2 / np.pi, force, amplitude))
+    frequency, force, response = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return rs.ResponseSurface(np.abs(force), frequency, force, response.astype(complex))
+
+
+def test_a_measured_loop_is_the_force_that_moved_the_mass() -> None:
+    phase = 2 * np.pi * np.arange(512) / 512
+    # any periodic force of the joint: its harmonics move the mass, whose fundamental the test drives
+    wanted = np.array(
+        [project(jenkins(phase, 3 * SLIP) + 5e3 * 3 * SLIP * np.cos(phase), h) for h in range(10)]
+    )
+    omega = 60.0
+    orders = np.arange(10)
+    harmonics = np.where(orders > 1, wanted / (M * (np.maximum(orders, 1) * omega) ** 2), 0)
+    harmonics[1] = 3 * SLIP
+    force = wanted[1] - M * omega**2 * harmonics[1]
+    surface = rs.ResponseSurface(1.0, [omega / 2 / np.pi], force, harmonics=harmonics[None])
+    loop = measured_loops(surface, np.array([0]), M, noise=0.0)
+    expected = sum((w * np.exp(1j * h * phase)).real for h, w in enumerate(wanted) if h)
+    np.testing.assert_allclose(loop.force[0], expected, atol=1e-9 * FS)
+    # the loop of the fundamental has the area of the force that was measured: 4 Fs (X - x_s)
+    found = measured_energy(surface)
+    assert found.energy == pytest.approx([4 * FS * (3 * SLIP - SLIP)], rel=1e-4)
+
+
+@pytest.mark.parametrize("power", [1.4, 2.0, 2.6])
+def test_the_slope_of_a_power_law_is_its_power_plus_one(power: float) -> None:
+    amplitude = np.geomspace(1e-4, 1e-3, 12)
+    energy = 3e4 * amplitude ** (power + 1)
+    stiffness = np.full(12, 6e3)
+    omega = np.sqrt(stiffness / M)
+    surface = sines(stiffness, energy / (np.pi * omega * amplitude**2), amplitude)
+    found = measured_energy(surface.select(np.arange(12, 24)))
+    assert found.exponent == pytest.approx(power + 1, abs=1e-9)
+    np.testing.assert_allclose(found.course, power + 1, rtol=1e-9)
+
+
+def test_points_off_resonance_say_little_about_the_energy() -> None:
+    surface = sines(np.full(4, 6e3), np.full(4, 0.5), np.geomspace(1e-4, 1e-3, 4))
+    # two thirds of the points are beyond the half-power points of so light a damping
+    assert len(measured_energy(surface).amplitude) == 4
+
+
+def test_the_mass_is_read_without_a_law() -> None:
+    amplitude = np.geomspace(1e-5, 1e-3, 40)
+    stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
+    surface = sines(stiffness, np.full(40, 30.0), amplitude)
+    assert estimate_mass(surface) == pytest.approx(M, rel=1e-3)
+    with pytest.raises(RsgenError, match="16 settled points with phases"):
+        estimate_mass(surface.select(np.arange(8)))
+
+
+def test_the_mean_of_both_branches_is_the_part_without_memory() -> None:
+    phase = 2 * np.pi * (np.arange(2048) + 0.5) / 2048
+    x = 3 * SLIP * np.cos(phase)
+    cubic = 6e3 * x + 4e9 * x**3
+    # friction that is the same on both branches with the other sign
+    found = branch_mean(x, cubic + FS * np.cos(x / SLIP) * np.sign(np.sin(phase)))
+    assert found is not None
+    place, force = found
+    np.testing.assert_allclose(force[2:-2], (6e3 * place + 4e9 * place**3)[2:-2], rtol=0, atol=1e-3 * FS)
+    assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
+
+
+def test_a_joint_slides_where_its_virgin_curve_ends() -> None:
+    values = {"kt": KT, "Fs": FS, "K": 2e4, "p": 1.5, "k": 6e3}
+    joints = {
+        "k*x + masing(Min(kt*x, Fs))": (SLIP, True),
+        # Iwan's model with uniform density: a parabola up to 2 Fs/kt
+        "masing(Piecewise((kt*x - kt**2*x**2/(4*Fs), x < 2*Fs/kt), (Fs, True)))": (2 * SLIP, False),
+    }
+    for law, (amplitude, sticks) in joints.items():
+        (slip,) = slip_limits(parse(law), values, 1e-3)
+        assert slip.amplitude == pytest.approx(amplitude, rel=1e-5), law
+        assert slip.force == pytest.approx(FS, rel=1e-9)
+        assert slip.sticks is sticks
+    for law in ("k*x", "masing(kt*x - K*x**p)", "masing(Fs*(1 - exp(-x*kt/Fs)) + k*x)"):
+        assert slip_limits(parse(law), values, 1e-3) == ()
+
+
+def test_loops_are_shown_where_they_say_something() -> None:
+    surface = sines(np.full(4, 6e3), np.full(4, 30.0), np.geomspace(1e-4, 1e-3, 4))
+    joint, spring = Model("k*x + masing(Min(kt*x, Fs))"), Model("k*x + c*v")
+    assert shows_loops(surface, joint)
+    assert not shows_loops(surface, spring)
+    harmonics = np.concatenate([surface.harmonics, 0.1 * surface.harmonics[:, 1:]], axis=1)
+    assert shows_loops(replace_harmonics(surface, harmonics), spring)
+    unknown = rs.ResponseSurface(
+        surface.level, surface.frequency, np.abs(surface.force), surface.amplitude, phase_known=False
+    )
+    assert not shows_loops(unknown, joint)
+    with pytest.raises(RsgenError, match="no settled point with a phase"):
+        figures.draw_loops(unknown)
+
+
+def replace_harmonics(surface: rs.ResponseSurface, harmonics: np.ndarray) -> rs.ResponseSurface:
+    """The same forces with other motions."""
+    return rs.ResponseSurface(surface.level, surface.frequency, surface.force, harmonics=harmonics)
+
+
+def test_loops_are_drawn_before_any_law() -> None:
+    surface = sines(np.full(20, 6e3), np.full(20, 30.0), np.geomspace(1e-4, 1e-3, 20))
+    drawing = figures.draw_loops(surface)
+    assert "Loops with a mass of 1.5 kg" in drawing.alternative
+    assert "identified" not in drawing.alternative
+    few = figures.draw_loops(surface, mass=2 * M, points=np.array([3]))
+    assert few.alternative.startswith("Loops with a mass of 3 kg")
+    assert few.alternative.count("dissipates") == 1
