@@ -162,8 +162,7 @@ def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bo
     parts, works = [], []
     for end in (high, low):
         x = end[:, None] * (nodes + 1) / 2
-        still = np.zeros_like(x)
-        sample = law.sample(x, still, still, still, values)
+        sample = law.still(x, values)
         share = end[:, None] * weights / 2
         signals, force = _parts(law, sample, values, scaled)
         parts.append(_columns([np.sum(signal * share, axis=1) for signal in signals], len(high)))

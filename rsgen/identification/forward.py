@@ -113,8 +113,8 @@ def hold_amplitude(
     samples
         Samples a period, more than four times H.
     """
-    # odd harmonics under an odd law repeat with the other sign after half a period
-    half = law.odd and all(h % 2 for h in follow)
+    # odd harmonics under an odd law repeat with the other sign after half a period; loops need the whole
+    half = law.odd and not law.remembers and all(h % 2 for h in follow)
     series = fourier_series((1, *follow), samples, half)
     parts = [
         _block(law, values, mass, omega[part], amplitude[part], start[part], series)
@@ -146,7 +146,7 @@ def _block(
         a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v
         sample = law.sample(x, v, a, (series.step / omega)[:, None], values)
         residual = mass * accelerated * at + sample.force @ series.project
-        tangent = series.tangent(sample.by_x, omega[:, None] * sample.by_v)
+        tangent = sample.tangent(series, omega)
         tangent[:, diagonal, diagonal] += mass * accelerated
         if at.shape[1] == 2:
             break
@@ -194,9 +194,9 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 def _place_of_rest(law: ForceLaw, values: Array, size: float, steps: int = 40) -> float:
     """Displacement [m] near zero at which the law exerts no force, in steps of at most size [m]; or zero."""
-    x, still = np.zeros(1), np.zeros(1)
+    x = np.zeros(1)
     for _ in range(steps):
-        sample = law.sample(x, still, still, still, values)
+        sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf
         if abs(step) < _CONVERGED * size:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.law.loop_character import TriedLoops
+from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
 
@@ -67,8 +70,10 @@ class Character:
         harmonics these have no odd harmonic.
     mirrored
         True where the other sign of all even ones is the law of the mirror image -x.
+    remembers
+        True where the force depends on the past motion: it is known along whole periods only.
     switched
-        True where the law has switches at all.
+        True where the law has switches at all, or reversals of a Masing law.
     rough
         True where the law jumps or has a corner at one of them; x|x| does not.
     jumps
@@ -84,6 +89,7 @@ class Character:
     odd: bool
     even: tuple[int, ...]
     mirrored: bool
+    remembers: bool
     switched: bool
     rough: bool
     jumps: bool
@@ -93,33 +99,94 @@ class Character:
 @lru_cache(maxsize=256)
 def character(force: sympy.Expr) -> Character:
     """Find out what kind of law this is; parameters are every symbol but x and v, sorted by name."""
-    states = {symbol("x"), symbol("v")}
-    parameters = sorted(force.free_symbols - states, key=str)
+    memory = memory_form(force)
+    if memory is not None:
+        return _character_with_memory(force, memory)
+    states = (symbol("x"), symbol("v"))
+    parameters = sorted(force.free_symbols - set(states), key=str)
     pieces = normal_form(force).pieces
-    switches = {switch.function for piece in pieces for switch in piece.switches}
-    thresholds = {free for function in switches for free in function.free_symbols}
-    linear = _jointly_linear([piece.term for piece in pieces], parameters, thresholds)
-    names = tuple(str(p) for p in parameters)
-    onsets = [
-        onset(piece, switch)
-        for spread in _TYPICAL
-        for piece in normal_form_at(force, {name: 1 + spread * i for i, name in enumerate(names)}).pieces
-        for switch in piece.switches
-    ]
-    even = tuple(i for i in linear if _is_even(force.diff(parameters[i]), parameters))
+    linear = _jointly_linear(pieces, parameters)
+    onsets = _onsets(force, parameters)
+    even = tuple(i for i in linear if _is_mirrored(force.diff(parameters[i]), states, parameters, 1.0))
+    without = force.subs({parameters[i]: 0 for i in even})
     return Character(
-        parameters=names,
+        parameters=tuple(str(p) for p in parameters),
         linear=linear,
-        nonlinear=tuple(i for i in range(len(names)) if i not in linear),
-        scaled=_scaled_groups(pieces, parameters, linear),
-        odd=_is_odd(force, parameters),
+        nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
+        scaled=_scaled_groups(len(parameters), linear, partial(_is_scaled, pieces, parameters)),
+        odd=_is_mirrored(force, states, parameters, -1.0),
         even=even,
-        mirrored=_is_odd(force.subs({parameters[i]: 0 for i in even}), parameters),
-        switched=bool(switches),
+        mirrored=_is_mirrored(without, states, parameters, -1.0),
+        remembers=False,
+        switched=any(piece.switches for piece in pieces),
         rough=any(jump or corner for jump, corner in onsets),
         jumps=any(jump for jump, _ in onsets),
         springs=bool(force.has(symbol("x"))),
     )
+
+
+def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
+    """Find out what kind of law with memory this is, from its closed loops.
+
+    Masing's rule and the lag of structural damping are linear: such a force is linear in what its virgin
+    curve and its stiffness are linear in. Loops of states are tried.
+    """
+    x, v = symbol("x"), symbol("v")
+    parameters = sorted(force.free_symbols - {x, v}, key=str)
+    rates = {rate.symbol: rate.rate for rate in memory.rates}
+    remembered = set().union(*(rate.free_symbols for rate in rates.values()))
+    # the same virgin curves and stiffnesses without their memory
+    law = memory.force.xreplace(
+        {c.symbol: sympy.sign(x) * c.virgin.xreplace({x: sympy.Abs(x)}) for c in memory.curves}
+    )
+    law = law if memory.lag is None else law.xreplace({memory.lag: v})
+    moving = (x, v, *rates)
+    pieces = normal_form(law).pieces
+    tried = TriedLoops(memory, tuple(str(p) for p in parameters))
+    inside = [i for i, p in enumerate(parameters) if p in remembered]
+    bent = [i for i in inside if tried.bends(i)]
+    straight = [i for i in range(len(parameters)) if i not in bent]
+    clash = {(i, i) for i in bent} | {
+        (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and tried.couples(i, j)
+    }
+    linear = _jointly_linear(pieces, parameters, clash)
+    is_scaled = tried.scales if rates else partial(_is_scaled, pieces, parameters)
+    onsets = [each for part in (law, *rates.values()) for each in _onsets(part, parameters)]
+    even = tuple(
+        i
+        for i in linear
+        if parameters[i] not in remembered and _is_mirrored(law.diff(parameters[i]), moving, parameters, 1.0)
+    )
+    without = law.subs({parameters[i]: 0 for i in even})
+    odd = all(_is_mirrored(rate, moving, parameters, -1.0) for rate in rates.values())
+    switched = bool(memory.curves) or any(
+        piece.switches for part in (law, *rates.values()) for piece in normal_form(part).pieces
+    )
+    return Character(
+        parameters=tuple(str(p) for p in parameters),
+        linear=linear,
+        nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
+        scaled=_scaled_groups(len(parameters), linear, is_scaled),
+        odd=odd and _is_mirrored(law, moving, parameters, -1.0),
+        even=even,
+        mirrored=odd and _is_mirrored(without, moving, parameters, -1.0),
+        remembers=True,
+        switched=switched,
+        # branches meet in a corner at every reversal
+        rough=bool(memory.curves) or any(jump or corner for jump, corner in onsets),
+        jumps=any(jump for jump, _ in _onsets(law, parameters)),
+        springs=any(part.has(x) for part in (memory.force, *rates.values())),
+    )
+
+
+def _onsets(law: sympy.Expr, parameters: Sequence[sympy.Symbol]) -> list[tuple[bool | None, bool | None]]:
+    """How pieces set in at their switches, at values close together and far apart."""
+    return [
+        onset(piece, switch)
+        for spread in _TYPICAL
+        for piece in normal_form_at(law, {str(p): 1 + spread * i for i, p in enumerate(parameters)}).pieces
+        for switch in piece.switches
+    ]
 
 
 def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
@@ -147,11 +214,19 @@ def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) ->
 
 
 def _jointly_linear(
-    terms: list[sympy.Expr], parameters: list[sympy.Symbol], thresholds: set[sympy.Symbol]
+    pieces: Sequence[Piece],
+    parameters: Sequence[sympy.Symbol],
+    clashing: AbstractSet[tuple[int, int]] = frozenset(),
 ) -> tuple[int, ...]:
-    """Find the largest set of parameters in which every term is linear at once (first such set by name)."""
+    """Find the largest set of parameters in which every term is linear at once (first such set by name).
+
+    ``clashing`` are pairs in which the law is known not to be.
+    """
+    switches = {switch.function for piece in pieces for switch in piece.switches}
+    thresholds = {free for function in switches for free in function.free_symbols}
+    terms = [piece.term for piece in pieces]
     slopes = [[term.diff(p) for term in terms] for p in parameters]
-    clash = {
+    clash = set(clashing) | {
         (i, j)
         for i, row in enumerate(slopes)
         for j, other in enumerate(parameters)
@@ -190,25 +265,19 @@ def vanishes(expression: sympy.Expr) -> bool:
     return bool(shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= _SAME * size[shown]))
 
 
-def _is_odd(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
-    return _is_mirrored(force, parameters, -1.0)
-
-
-def _is_even(force: sympy.Expr, parameters: list[sympy.Symbol]) -> bool:
-    return _is_mirrored(force, parameters, 1.0)
-
-
-def _is_mirrored(force: sympy.Expr, parameters: list[sympy.Symbol], sign: float) -> bool:
-    """Decide whether n(-x, -v) = sign n(x, v)."""
+def _is_mirrored(
+    force: sympy.Expr, moving: Sequence[sympy.Symbol], parameters: Sequence[sympy.Symbol], sign: float
+) -> bool:
+    """Decide whether n(-x, -v, -z) = sign n(x, v, z)."""
     # tried at random states and values of several sizes: a symbolic proof does not end for every law
-    law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
+    law = compiled((force,), (*moving, *parameters))
     generator = np.random.default_rng(0)
     for scale in _SIZES:
-        x, v = generator.normal(size=(2, _PLACES)) * scale
+        x = generator.normal(size=(len(moving), _PLACES)) * scale
         for _ in range(3):
             values = np.exp(generator.normal(size=len(parameters))) * scale
-            (one,), (other,) = law(x, v, *values), law(-x, -v, *values)
-            one, other = np.broadcast_to(one, x.shape), np.broadcast_to(other, x.shape)
+            (one,), (other,) = law(*x, *values), law(*-x, *values)
+            one, other = np.broadcast_to(one, _PLACES), np.broadcast_to(other, _PLACES)
             finite = np.isfinite(one) & np.isfinite(other)
             largest = np.max(np.abs(one[finite]), initial=0.0)
             if not np.all(np.abs(one[finite] - sign * other[finite]) <= _SAME * largest):
@@ -217,22 +286,34 @@ def _is_mirrored(force: sympy.Expr, parameters: list[sympy.Symbol], sign: float)
 
 
 def _scaled_groups(
-    pieces: Sequence[Piece], parameters: Sequence[sympy.Symbol], linear: Sequence[int]
+    count: int,
+    linear: Sequence[int],
+    is_scaled: Callable[[tuple[int, ...], Sequence[int]], bool],
 ) -> tuple[tuple[int, ...], ...]:
     """Find the smallest disjoint groups of nonlinear parameters in whose common factor a law is linear."""
-    free = [i for i in range(len(parameters)) if i not in linear]
+    free = [i for i in range(count) if i not in linear]
     groups: list[tuple[int, ...]] = []
     for size in range(1, _LARGEST_GROUP + 1):
         for chosen in combinations(free, size):
             if set(chosen) & {i for group in groups for i in group}:
                 continue
-            scaled = [_is_scaled(piece, parameters, chosen, linear) for piece in pieces]
-            if None not in scaled and any(scaled):
+            if is_scaled(chosen, linear):
                 groups.append(chosen)
     return tuple(groups)
 
 
 def _is_scaled(
+    pieces: Sequence[Piece],
+    parameters: Sequence[sympy.Symbol],
+    chosen: tuple[int, ...],
+    linear: Sequence[int],
+) -> bool:
+    """Decide whether a factor of the chosen acts on a law that is affine in it."""
+    scaled = [_scales(piece, parameters, chosen, linear) for piece in pieces]
+    return None not in scaled and any(scaled)
+
+
+def _scales(
     piece: Piece, parameters: Sequence[sympy.Symbol], chosen: tuple[int, ...], linear: Sequence[int]
 ) -> bool | None:
     """Decide whether a factor of the chosen acts on a piece; None where the piece is not affine in it.

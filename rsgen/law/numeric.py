@@ -1,28 +1,23 @@
-"""A force law as fast array functions: the force, its slopes, and what each parameter adds to it.
-
-Steps H(s) of the normal form are taken as the share of a sampling interval in which s is positive, so that
-sums over samples converge in the sampling step although the law has jumps and corners.
-"""
+"""A force law as fast array functions: the force, its slopes, and what each parameter adds to it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.character import Character, character
-from rsgen.law.pieces import normal_form
+from rsgen.law.force_sample import ForceSample
+from rsgen.law.loops import Loops, compile_loops, from_rest
+from rsgen.law.memory import memory_form
+from rsgen.law.switched_sum import SwitchedSum, switched_sum
 
 __all__ = ["ForceLaw", "ForceSample", "compile_law"]
-
-Array = NDArray[np.float64]
 
 
 class Periodic(Protocol):
@@ -37,39 +32,14 @@ class Periodic(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class ForceSample:
-    """The law along a motion: force n, slopes dn/dx and dn/dv, and dn/dp for each parameter (same shape)."""
-
-    force: Array
-    by_x: Array
-    by_v: Array
-    by_parameter: tuple[Array, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Term:
-    """A piece of the normal form: which outputs of the compiled function are its value and derivatives."""
-
-    value: int
-    derivatives: tuple[int | None, ...]  # by x, v, then each parameter; None where zero
-    switches: tuple[int, ...]
-    everywhere: bool  # finite also where its switches are off
-
-
-@dataclass(frozen=True, slots=True)
-class _Step:
-    value: int
-    derivatives: tuple[int | None, ...]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceLaw(Character):
-    """A compiled law n(x, v; p) and its character."""
+    """A compiled law n(x, v; p), with memory or without, and its character."""
 
-    _function: Numeric
-    _terms: tuple[_Term, ...]
-    _steps: tuple[_Step, ...]
+    _sum: SwitchedSum
+    """n(x, v; p); of a law with memory that without history: states zero, virgin curves."""
+
+    _loops: Loops | None
 
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Array) -> ForceSample:
         """Evaluate the law and all its derivatives along a motion.
@@ -77,61 +47,17 @@ class ForceLaw(Character):
         Parameters
         ----------
         x, v, a
-            Displacement [m], velocity [m/s], acceleration [m/s^2], of one shape.
+            Displacement [m], velocity [m/s], acceleration [m/s^2], of one shape; for a law that
+            ``remembers`` (n, s) over one whole period, without its end. Its force is the closed loop, NaN
+            where the loop does not close.
         step
             Sampling interval [s], broadcast against x.
         values
             (p,) SI values of the parameters.
         """
-        count = 2 + len(self.parameters)
-        sums = [np.zeros_like(x) for _ in range(1 + count)]
-        with np.errstate(all="ignore"):
-            outputs = self._function(x, v, *values)
-            shares = [_share(outputs, switch, v, a, step) for switch in self._steps]
-            for term in self._terms:
-                self._add(sums, term, outputs, shares)
-            for total in sums[1:]:
-                # a power law with exponent below one has an infinite slope at a single instant
-                if not np.isfinite(np.sum(total)):
-                    np.nan_to_num(total, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
-        return ForceSample(sums[0], sums[1], sums[2], tuple(sums[3:]))
-
-    def _add(
-        self,
-        sums: list[Array],
-        term: _Term,
-        outputs: Sequence[Any],
-        shares: list[tuple[Array, Array]],
-    ) -> None:
-        if not term.switches:
-            sums[0] += outputs[term.value]
-            for total, index in zip(sums[1:], term.derivatives, strict=True):
-                if index is not None:
-                    total += outputs[index]
-            return
-        factor = shares[term.switches[0]][0]
-        for switch in term.switches[1:]:
-            factor = factor * shares[switch][0]
-        active = None if term.everywhere else factor > 0
-
-        def inside(output: Any) -> Any:
-            return output if active is None else np.where(active, output, 0.0)
-
-        value = inside(outputs[term.value])
-        sums[0] += factor * value
-        for total, index in zip(sums[1:], term.derivatives, strict=True):
-            if index is not None:
-                total += factor * inside(outputs[index])
-        for switch in term.switches:
-            rest = shares[switch][1] * value
-            for other in term.switches:
-                if other != switch:
-                    rest = rest * shares[other][0]
-            if not term.everywhere:
-                rest = np.where(shares[switch][1] > 0, rest, 0.0)
-            for total, index in zip(sums[1:], self._steps[switch].derivatives, strict=True):
-                if index is not None:
-                    total += rest * outputs[index]
+        if self._loops is not None:
+            return self._loops.sample(x, v, a, step, values)
+        return _sample(self._sum((x, v), (v, a), step, values))
 
     def along(self, motion: Periodic, values: Array, samples: int) -> ForceSample:
         """Evaluate the law and all its derivatives (n, samples) over one period of n motions.
@@ -147,68 +73,36 @@ class ForceLaw(Character):
         """
         return self.sample(*motion.waveforms(samples), motion.interval(samples), values)
 
+    def still(self, x: Array, values: Array) -> ForceSample:
+        """Evaluate the law at rest at places x [m]; a law with memory as in ``force``."""
+        zero = np.zeros_like(x)
+        return _sample(self._sum((x, zero), (zero, zero), zero, values))
+
     def force(self, x: Array, v: Array, values: Array) -> Array:
-        """Evaluate n(x, v) [N] point by point; a step counts one half where its switch is zero."""
-        still = np.zeros_like(x)
-        return self.sample(x, v, still, still, values).force
+        """Evaluate n(x, v) [N] point by point; a step counts one half where its switch is zero.
+
+        A law with memory is taken without history: its states are zero, Masing laws on their virgin curve.
+        """
+        zero = np.zeros_like(x)
+        return self._sum((x, v), (zero, zero), zero, values)[0]
 
 
-def _share(outputs: Sequence[Any], switch: _Step, v: Array, a: Array, step: Array) -> tuple[Array, Array]:
-    """Share of the sampling interval in which the switch is on, and its derivative by the switch function."""
-    value = np.broadcast_to(np.asarray(outputs[switch.value], dtype=float), v.shape)
-    speed = np.zeros_like(v)
-    for index, rate in zip(switch.derivatives[:2], (v, a), strict=True):
-        if index is not None:
-            speed = speed + outputs[index] * rate
-    width = np.abs(speed) * step
-    share = value / width
-    still = (value == 0) & (width == 0)
-    share[still] = 0.0
-    share += 0.5
-    slope = np.where((share > 0) & (share < 1), 1 / width, 0.0)
-    slope[still] = 0.0
-    return np.clip(share, 0.0, 1.0, out=share), slope
+def _sample(sums: tuple[Array, ...]) -> ForceSample:
+    return ForceSample(sums[0], sums[1], sums[2], sums[3:])
 
 
 @lru_cache(maxsize=256)
 def compile_law(force: sympy.Expr) -> ForceLaw:
     """Compile a law for arrays, once; parameters are every symbol but x and v, sorted by name."""
     kind = character(force)
-    x, v = states = (symbol("x"), symbol("v"))
-    parameters = tuple(map(symbol, kind.parameters))
-    pieces = normal_form(force).pieces
-    switches = list(dict.fromkeys(switch.function for piece in pieces for switch in piece.switches))
-    outputs: list[sympy.Expr] = []
-
-    def emit(expression: sympy.Expr) -> int | None:
-        if expression == 0:
-            return None
-        outputs.append(expression)
-        return len(outputs) - 1
-
-    def emit_with_slopes(expression: sympy.Expr) -> tuple[int, tuple[int | None, ...]]:
-        outputs.append(expression)
-        value = len(outputs) - 1
-        return value, tuple(emit(_plain(expression.diff(p))) for p in (*states, *parameters))
-
-    steps = [_Step(*emit_with_slopes(function)) for function in switches]
-    terms = [
-        _Term(
-            *emit_with_slopes(piece.term),
-            tuple(switches.index(switch.function) for switch in piece.switches),
-            all(term.is_polynomial(x, v) for term in (piece.term, *(piece.term.diff(p) for p in parameters))),
-        )
-        for piece in pieces
-    ]
+    memory = memory_form(force)
     facts: dict[str, Any] = {field.name: getattr(kind, field.name) for field in fields(Character)}
     return ForceLaw(
         **facts,
-        _function=compiled(tuple(outputs), (*states, *parameters)),
-        _terms=tuple(terms),
-        _steps=tuple(steps),
+        _sum=switched_sum(
+            force if memory is None else from_rest(memory),
+            (symbol("x"), symbol("v")),
+            tuple(map(symbol, kind.parameters)),
+        ),
+        _loops=None if memory is None else compile_loops(memory, kind.parameters),
     )
-
-
-def _plain(expression: sympy.Expr) -> sympy.Expr:
-    """Drop the impulses that differentiating a jump leaves; the steps carry them."""
-    return expression.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))

@@ -288,7 +288,7 @@ def make_rows(
         x, v, a, step = (column[part] for column in trajectory)
         sample = law.sample(x, v, a, step, values)
         omega = motion.omega[part, None]
-        jacobian = series.tangent(sample.by_x, omega * sample.by_v)
+        jacobian = sample.tangent(series, motion.omega[part])
         inertia = -((series.order_of * omega) ** 2)
         jacobian[:, diagonal, diagonal] += mass * inertia
 

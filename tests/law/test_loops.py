@@ -1,0 +1,179 @@
+"""Loops of laws with memory against time stepping, their slopes against differences, and their character."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from rsgen.expression import parse
+from rsgen.law.character import character
+from rsgen.law.memory import with_memory
+from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.motion import Motion, fourier_series, project
+
+STATES = {
+    "bouc-wen": (
+        {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
+        "k*x + c*v + z",
+        {"alpha": 2.0, "bd": -0.6, "bg": 1.3, "c": 0.01, "k": 1.0},
+    ),
+    "lugre": (
+        {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"},
+        "k*x + s0*z + s1*v",
+        {"Fc": 0.5, "Fs": 0.8, "k": 1.0, "s0": 40.0, "s1": 0.01, "w": 3.0},
+    ),
+    "two states": (
+        {"y": "a*v - b*y + r*z", "z": "y - g*z*abs(z)"},
+        "x**3 + y*x + z",
+        {"a": 9.0, "b": 8.0, "g": 0.5, "r": -20.0},
+    ),
+}
+CURVES = {
+    "sliders": ("k*x + masing(Min(kt*x, Fs)) + masing(Min(2*kt*x, Fs/3))", {"Fs": 0.7, "k": 1.0, "kt": 2.0}),
+    "power": ("x*masing(K*x - R*x**p) + structural(h)", {"K": 3.0, "R": 0.5, "h": 0.2, "p": 1.5}),
+}
+
+
+def _law(name: str) -> tuple[ForceLaw, np.ndarray]:
+    if name in CURVES:
+        text, values = CURVES[name]
+        law = compile_law(parse(text))
+    else:
+        memory, text, values = STATES[name]
+        law = compile_law(with_memory(parse(text), memory))
+    return law, np.array([values[parameter] for parameter in law.parameters])
+
+
+def _motion(third: float, count: int = 4) -> Motion:
+    generator = np.random.default_rng(3)
+    harmonics = np.zeros((count, 4), dtype=complex)
+    harmonics[:, 0] = 0.1
+    harmonics[:, 1] = np.geomspace(0.4, 4.0, count)
+    harmonics[:, 2:] = 0.05 * harmonics[:, 1:2] * np.exp(2j * np.pi * generator.random((count, 2)))
+    harmonics[:, 3] *= third / 0.05
+    return Motion(np.geomspace(1.0, 5.0, count), harmonics)
+
+
+@pytest.mark.parametrize("third", [0.05, 0.6])
+def test_a_masing_loop_is_that_of_its_sliders(third: float) -> None:
+    """With a third harmonic this large the motion has minor loops."""
+    law, values = _law("sliders")
+    motion, samples = _motion(third), 4096
+    at = dict(zip(law.parameters, values, strict=True))
+    x = np.tile(motion.waveforms(samples)[0], 3)
+    sliders = np.zeros((2, len(motion)))
+    spring = np.array([[at["kt"]], [2 * at["kt"]]])
+    most = np.array([[at["Fs"]], [at["Fs"] / 3]])
+    forces = np.zeros_like(x)
+    for j in range(1, x.shape[1]):
+        sliders = np.clip(sliders + spring * (x[:, j] - x[:, j - 1]), -most, most)
+        forces[:, j] = at["k"] * x[:, j] + sliders.sum(axis=0)
+    loop = law.along(motion, values, samples).force
+    # a loop that is not gone through symmetrically keeps what it began with; its middle is no property of it
+    stepped = forces[:, -samples:]
+    if third > 0.5:
+        turns = np.diff(np.sign(np.diff(x[:, :samples], axis=1)), axis=1) != 0
+        assert np.all(turns.sum(axis=1) > 3)
+    wide = np.ptp(motion.waveforms(samples)[0], axis=1) > 4 * at["Fs"] / at["kt"]
+    assert wide.any()
+    assert not wide.all()
+    difference = loop - stepped
+    difference -= np.where(wide, 0.0, difference.mean(axis=1))[:, None]
+    assert np.abs(difference).max() < 2e-3 * np.abs(stepped).max()
+    fine = project(loop, 1) - project(stepped, 1)
+    assert np.abs(fine).max() < 1e-4 * np.abs(project(stepped, 1)).max()
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_the_loop_of_states_is_the_one_in_time(name: str) -> None:
+    """Against DOP853 over three periods; the error falls with the square of the step."""
+    law, values = _law(name)
+    memory, text, _ = STATES[name]
+    at = dict(zip(law.parameters, values, strict=True))
+    rates = [compile(rate, "g", "eval") for rate in memory.values()]
+    names = {"abs": abs, "exp": np.exp, "__builtins__": {}}
+    motion, samples = _motion(0.05), 256
+    orders = motion.orders
+    # at large amplitudes what was before is soon forgotten
+    for each in (2, 3):
+        omega, harmonics = motion.omega[each], motion.harmonics[each]
+
+        def states(t: float, z: np.ndarray, omega: float = omega, harmonics: np.ndarray = harmonics) -> dict:
+            turn = harmonics * np.exp(1j * orders * omega * t)
+            place = {"x": turn.sum().real, "v": (1j * orders * omega * turn).sum().real}
+            return {**names, **at, **place, **dict(zip(memory, z, strict=True))}
+
+        def rate(t: float, z: np.ndarray, states=states) -> list[float]:  # type: ignore[no-untyped-def]
+            return [eval(g, states(t, z)) for g in rates]
+
+        period = 2 * np.pi / omega
+        times = period * (4 + np.arange(samples) / samples)
+        run = solve_ivp(
+            rate, (0, 5 * period), np.zeros(len(rates)), "DOP853", times, rtol=1e-7, atol=1e-9,
+            max_step=period / 40,
+        )  # fmt: skip
+        forces = np.array([eval(text, states(t, z)) for t, z in zip(times, run.y.T, strict=True)])
+        errors = []
+        for finer in (1, 4):
+            loop = law.along(motion, values, samples * finer).force[each, ::finer]
+            errors.append(float(np.abs(loop - forces).max() / np.abs(forces).max()))
+        assert errors[0] < 5e-3
+        assert errors[1] < errors[0] / 6
+
+
+@pytest.mark.parametrize("name", [*STATES, *CURVES])
+def test_slopes_of_a_loop_are_differences(name: str) -> None:
+    """By every parameter and every coordinate of the motion, to the order of a corner in a sample."""
+    law, values = _law(name)
+    motion, samples = _motion(0.1, 2), 1024
+    series = fourier_series((0, 1, 2, 3), samples, half=False)
+    omega = motion.omega
+
+    def projected(at: np.ndarray, values: np.ndarray) -> np.ndarray:
+        moved = Motion(omega, series.complex(at))
+        return law.along(moved, values, samples).force @ series.project
+
+    at = series.real(motion.harmonics)
+    sample = law.along(motion, values, samples)
+    tangent = sample.tangent(series, omega)
+    size = np.abs(tangent).max(axis=(1, 2))[:, None]
+    for i in range(at.shape[1]):
+        change = 3e-3 * np.eye(at.shape[1])[i] * np.abs(motion.harmonics[:, 1:2])
+        slope = (projected(at + change, values) - projected(at - change, values)) / (2 * change[:, [i]])
+        assert np.all(np.abs(tangent[:, :, i] - slope) < 0.01 * size), i
+    for i, by in enumerate(sample.by_parameter):
+        step = np.eye(len(values))[i] * 1e-3 * values[i]
+        slope = (projected(at, values + step) - projected(at, values - step)) / (2 * step[i])
+        assert np.abs(by @ series.project - slope).max() < 2e-3 * np.abs(slope).max(), law.parameters[i]
+
+
+def test_a_loop_that_does_not_close_is_no_number() -> None:
+    """z' = v^2 grows for ever; the neighbour that closes is not touched."""
+    law = compile_law(with_memory(parse("k*x + z"), {"z": "v**2 - r*z"}))
+    motion = _motion(0.05)
+    assert np.isnan(law.along(motion, np.array([1.0, 0.0]), 64).force).all()
+    assert np.isfinite(law.along(motion, np.array([1.0, 0.5]), 64).force).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "memory", "linear", "scaled", "odd", "rough", "springs"),
+    [
+        ("k*x + masing(Min(kt*x, Fs))", {}, "k", ["Fs kt"], True, True, True),
+        ("masing(K*x - R*x**p) + structural(h)", {}, "K R h", [], True, True, False),
+        ("k*x + k2*x**2 + structural(h)", {}, "h k k2", [], False, False, True),
+        (STATES["bouc-wen"][1], STATES["bouc-wen"][0], "alpha c k", [], True, True, True),
+        (STATES["lugre"][1], STATES["lugre"][0], "k s1", ["Fc Fs s0"], True, True, True),
+        ("z", {"z": "sigma*v*(1 - z/Fc*sign(v))"}, "", ["Fc sigma"], True, True, False),
+        ("k*x + z", {"z": "k1*v - z/tau"}, "k k1", [], True, False, True),
+        ("q*z + x", {"z": "k1*v - z/tau"}, "k1", [], True, False, True),
+    ],
+)
+def test_character_with_memory(
+    text: str, memory: dict, linear: str, scaled: list, odd: bool, rough: bool, springs: bool
+) -> None:
+    """Linear parameters and groups follow from the loop; of two factors of one loop one is linear."""
+    found = character(with_memory(parse(text), memory))
+    assert [found.parameters[i] for i in found.linear] == linear.split()
+    assert [" ".join(found.parameters[i] for i in group) for group in found.scaled] == scaled
+    assert (found.odd, found.rough, found.springs, found.remembers) == (odd, rough, springs, True)
