@@ -65,7 +65,7 @@ def _row(entry: Entry) -> tuple[str, ...]:
         return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
     values = ", ".join(entry.first) + more
-    about = entry.remark or (entry.title if entry.path != entry.title else "")
+    about = entry.remark or ("" if entry.path.endswith(entry.title) else entry.title)
     if about:
         values += f"  ({about[:_UNITS_OF_DOUBT]})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values

@@ -49,9 +49,6 @@ _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _BLOCK = 3
 """At least this number of rows of numbers above a row of words belong to the table; fewer, such as the
 numbers of the channels, to its header."""
-_UNIT_ROW = "y_unit_label"
-"""Row of LabVIEW's header that names the units of all columns but the first."""
-_LONG_UNITS = {"volts": "V", "newtons": "N", "meters": "m", "seconds": "s", "amps": "A"}
 
 
 def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
@@ -174,10 +171,6 @@ def _list_text(path: Path) -> Contents:
             replace(entry, title=title, unit=unit)
             for entry, title, unit in zip(entries, titles, head, strict=True)
         )
-    elif named := _units_of_header(begin, lines[first][0], layout, len(entries)):
-        entries = tuple(
-            replace(entry, unit=entry.unit or unit) for entry, unit in zip(entries, named, strict=True)
-        )
     return Contents(path, "csv", entries, layout, passed)
 
 
@@ -190,17 +183,6 @@ def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[
         cells.pop()
     named = len(cells) == len(below) and all(number_in(cell, layout.decimal) is None for cell in cells)
     return cells if named else []
-
-
-def _units_of_header(begin: Sequence[tuple[int, str]], first: int, layout: Layout, count: int) -> list[str]:
-    """Give the units that a header of LabVIEW names, one a column; none where there is no such header."""
-    for line, text in begin:
-        sign = layout.delimiter
-        cells = split_cells(text, automatic_delimiter(text, layout.decimal) if sign == "auto" else sign)
-        if line < first and cells and cells[0].casefold() == _UNIT_ROW:
-            units = [_LONG_UNITS.get(cell.casefold(), cell) for cell in cells[1:count]]
-            return ["", *units, *[""] * (count - 1 - len(units))]
-    return []
 
 
 def _are_units(cells: Sequence[str]) -> bool:

@@ -44,6 +44,9 @@ def _matches(path: str, pattern: str) -> bool:
 
 
 def _only_matrix(nodes: Sequence[Node], number: int) -> str:
+    columns = [node.path for node in nodes if node.column == number]
+    if len(columns) == 1:
+        return columns[0]
     matrices = [node for node in nodes if len(node.shape) == 2 and not node.fault]
     if len(matrices) == 1:
         return f"{matrices[0].path}[:,{number}]"
@@ -66,7 +69,7 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
         All arrays of the file.
     wanted
         A path, with * for any name at its place and an index in brackets behind; a number is a column of the
-        file's only matrix.
+        file's only table or matrix.
 
     Raises
     ------

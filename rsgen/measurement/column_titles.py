@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["is_angular", "split_title", "unit_in"]
+__all__ = ["is_angular", "is_unit", "split_title", "unit_in"]
 
 _NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"
 """Units that a title may end with without brackets: "force_N"."""
@@ -15,6 +15,11 @@ _BEHIND = re.compile(
 """A unit behind a name: "force_N", "Kraft in N (rms)"."""
 _OVER = re.compile(rf"([^\s/()\[\]]{{1,20}})\s?/\s?({_NAMED}|{_PER_TIME}|°|rad/s|1/min|mHz|[unµ]N|m?A|%)\Z")
 """Quantity over unit, as DIN 1313 has it: "F/N"."""
+_UNIT = re.compile(
+    rf"[\[(]?\s*(?:{_PER_TIME}|(?:{_NAMED}|[unµ]N|m?A|thou|ft|kgf|strain|Pa|kg|°|%|-|1|rad/s|1/min)(?:/(?:[munkµ]?N|lbf|s|V))?"
+    r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
+)
+"""What stands alone in a row of units below the titles."""
 _SPELLED = re.compile(r"_([munkµ]?m|in)_s(2?)\Z")
 """Names without strokes: "v_mm_s"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
@@ -79,6 +84,17 @@ def unit_in(title: str) -> str:
     'g/N'
     """
     return split_title(title)[1]
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit and nothing else, as in a row of units.
+
+    Examples
+    --------
+    >>> [is_unit(text) for text in ("[kN]", "m/s^2", "mm/N", "deg", "force", "f")]
+    [True, True, True, True, False, False]
+    """
+    return bool(_UNIT.fullmatch(text))
 
 
 def is_angular(title: str) -> bool:

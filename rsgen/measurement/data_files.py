@@ -19,19 +19,28 @@ _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _MAX_UTF_16_BYTES = 64 * 2**20
 """Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
+_LABVIEW = b"LabVIEW Measurement"
+"""How LabVIEW's measurement files begin; those without a header are columns of text."""
+_BOOK = (b"[Content_Types].xml", b"xl/", b"docProps/", b"_rels/")
+"""Members of a workbook, one of which comes first in the archive."""
 _SUFFIXES = {
     ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "npy", ".npz": "npz",
-    ".uff": "uff", ".unv": "uff", ".uf": "uff", ".58": "uff",
+    ".uff": "uff", ".unv": "uff", ".uf": "uff", ".58": "uff", ".tdms": "tdms", ".wav": "wav",
+    ".xlsx": "xlsx", ".xlsm": "xlsx",
 }  # fmt: skip
 
 
 _OTHERS = (
-    (0, b"\xd0\xcf\x11\xe0", "an Excel workbook; save its sheet as CSV"),
-    (0, b"TDSm", "a TDMS file; export it as MATLAB, HDF5 or text"),
-    (8, b"WAVE", "a sound file; export it as MATLAB, HDF5 or text"),
+    (
+        0,
+        b"\xd0\xcf\x11\xe0",
+        "an Excel workbook of .xls, or a protected one; save it as .xlsx without password",
+    ),
+    (0, b"TDSh", "the index of a TDMS file; the .tdms file beside it is needed"),
     (0, b"\x1f\x8b", "a packed file; unpack it"),
     (0, b"7z\xbc\xaf", "a packed file; unpack it"),
     (0, b"%PDF", "a PDF; text, MATLAB, HDF5, NumPy and universal files are read"),
+    (38, b"application/vnd.oasis", "an OpenDocument file; save its sheet as .xlsx or CSV"),
 )
 """Other files that laboratories send: place of the signature, signature, what it is."""
 
@@ -70,7 +79,8 @@ def recognise_format(path: Path) -> str:
 
     Returns
     -------
-    "mat", "hdf5", "npy", "npz", "uff", or "csv" for everything else: columns of text.
+    "mat", "hdf5", "npy", "npz", "uff", "lvm", "tdms", "xlsx", "wav", or "csv" for everything else: columns
+    of text.
 
     Raises
     ------
@@ -85,13 +95,18 @@ def recognise_format(path: Path) -> str:
         return "mat"
     if head.startswith(b"\x93NUMPY"):
         return "npy"
+    if head[8:12] == b"WAVE" and head[:4] in (b"RIFF", b"RIFX", b"RF64"):
+        return "wav"
+    if head.startswith(b"TDSm"):
+        return "tdms"
+    # two bytes a sign, or none, before and between
+    if head[:64].replace(b"\x00", b"").lstrip(b"\xff\xfe\xef\xbb\xbf").startswith(_LABVIEW):
+        return "lvm"
     for place, sign, kind in _OTHERS:
         if head[place:].startswith(sign):
             raise MeasurementError(f"{file_label(path)}: is {kind}")
     if head.startswith(b"PK\x03\x04"):
-        if b"[Content_Types].xml" in head:
-            raise MeasurementError(f"{file_label(path)}: is an Excel workbook; save its sheet as CSV")
-        return "npz"
+        return "xlsx" if head[30:].startswith(_BOOK) else "npz"
     first = head.lstrip().split(b"\n", 1)
     if len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit():
         return "uff"

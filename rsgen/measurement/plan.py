@@ -283,8 +283,8 @@ class MeasuredTest:
     sha256: tuple[Annotated[str, _SHA256], ...] = declare(
         (), "The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES
     )
-    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff"] = declare(
-        "auto", "auto: recognised by how the file begins. csv: columns of text."
+    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff", "lvm", "tdms", "xlsx", "wav"] = (
+        declare("auto", "auto: recognised by how the file begins. csv: columns of text.")
     )
     per_force: bool = declare(False, "The response is response over force.", key="response.per_force")
     phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")

@@ -36,6 +36,8 @@ UNCOUNTED = 10.0
 """Where it cannot, waiting is shorter by this factor."""
 _READY = b"ready\n"
 _WORKER = "rsgen.measurement.sandbox_worker"
+_EXTRAS = {"tdms": ("nptdms", "TDMS files"), "xlsx": ("openpyxl", "Excel workbooks")}
+"""Formats that need a package of their own; the extra that brings it is called as the format."""
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
 
 
@@ -150,6 +152,16 @@ def reading_fault() -> str | None:
     return None if Path(MEMORY_STATUS).exists() else "everything but the memory"
 
 
+def _check_extra(name: str, form: str) -> None:
+    """Refuse a format whose package is not installed."""
+    package, files = _EXTRAS.get(form, ("", ""))
+    if package and not find_spec(package):
+        raise MeasurementError(
+            f"{name}: {files} are read by {package}, which is not installed: "
+            f'python -m pip install "rsgen[{form}]"; or export the file as text'
+        )
+
+
 def _seconds(size: int) -> float:
     seconds = WAIT_SECONDS + size / WAIT_RATE
     return seconds if find_spec("resource") else seconds / UNCOUNTED
@@ -161,6 +173,7 @@ def _reading(
 ) -> Iterator[tuple[_Process, dict[str, Any], int]]:
     """Start the process that reads a file; give it, the header of its answer and the size of the file."""
     name = file_label(path)
+    _check_extra(name, form)
     with open_regular(path, MAX_BYTES) as file:
         size = file.seek(0, 2)
         file.seek(0)

@@ -46,6 +46,7 @@ class _Array:
     unit_source: str = ""
     remark: str = ""
     fault: str = ""
+    title: str = ""
 
 
 def _unread() -> NDArray[Any]:
@@ -68,11 +69,16 @@ class Node(_Array):
         Where the unit comes from, or why it is not known; "" where the format has one place for it.
     fault
         Why it cannot be read; "" where it can.
+    title
+        What the file calls a column; "" where the path says it.
     load
         Reads the numbers, once sizes are checked.
+    column
+        The number by which a table's column goes as well, from 1; 0 where there is none.
     """
 
     load: Callable[[], NDArray[Any]] = _unread
+    column: int = 0
 
     @classmethod
     def text(cls, path: str, content: str, shape: tuple[int, ...] = ()) -> Node:
@@ -97,7 +103,7 @@ class Entry(_Array):
 
     Parameters
     ----------
-    path, shape, dtype, unit, remark, fault, unit_source
+    path, shape, dtype, unit, remark, fault, unit_source, title
         As in ``Node``.
     first
         The first values, as text.
@@ -109,8 +115,6 @@ class Entry(_Array):
         Distance of the values where it is even, else None.
     distinct
         How many different values there are; 0 where unknown.
-    title
-        What the header of a text calls the column; "" elsewhere.
     """
 
     first: tuple[str, ...] = ()
@@ -119,7 +123,6 @@ class Entry(_Array):
     order: str = ""
     step: float | None = None
     distinct: int = 0
-    title: str = ""
 
     @property
     def size(self) -> int:

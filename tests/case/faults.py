@@ -270,8 +270,11 @@ OF_TABLE: list[Row] = [
         ["test.layout.delimiter: ',' is the decimal sign here"],
     ),
     (
-        {"test.format": "xlsx"},
-        ["test.format: is 'xlsx'; 'auto', 'csv', 'mat', 'hdf5', 'npy', 'npz' or 'uff' is needed"],
+        {"test.format": "xls"},
+        [
+            "test.format: is 'xls'; 'auto', 'csv', 'mat', 'hdf5', 'npy', 'npz', 'uff', 'lvm', 'tdms', "
+            "'xlsx' or 'wav' is needed"
+        ],
     ),
     (
         {"test.response.imaginary": GONE},

@@ -391,13 +391,16 @@ def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
     ("name", "begin", "found"),
     [
         (
-            "a.xlsx",
-            b"PK\x03\x04" + bytes(26) + b"[Content_Types].xml",
-            "is an Excel workbook; save its sheet as CSV",
+            "a.xls",
+            b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
+            "is an Excel workbook of .xls, or a protected",
         ),
-        ("a.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "is an Excel workbook"),
-        ("a.tdms", b"TDSm" + bytes(100), "is a TDMS file; export it"),
-        ("a.wav", b"RIFF\x24\x00\x00\x00WAVEfmt " + bytes(100), "is a sound file"),
+        ("a.tdms_index", b"TDSh" + bytes(100), "the .tdms file beside it is needed"),
+        (
+            "a.ods",
+            b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
+            "is an OpenDocument file; save its sheet as .xlsx or CSV",
+        ),
         ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
     ],
 )

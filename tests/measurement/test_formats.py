@@ -1,0 +1,468 @@
+"""Files of other programs, in other units than SI: TDMS, Excel, LabVIEW and sound; good and hostile."""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+import time
+import wave
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.io import wavfile
+
+from rsgen.case import load_case
+from rsgen.errors import MeasurementError
+from rsgen.inspection import list_contents
+from rsgen.measurement import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.measurement.address import find
+from rsgen.measurement.data_files import recognise_format
+from rsgen.measurement.histories import read_histories
+from rsgen.measurement.lvm import walk_lvm
+from rsgen.measurement.sandbox import read_binary
+from rsgen.measurement.tree import LARGEST_BYTES
+from rsgen.measurement.wav import walk_wav
+from rsgen.surface import ResponseSurface
+
+# what float64 keeps of a product of two factors
+ROUND_OFF = 1e-14
+# a reader of a hostile file ends within this time, most of which is the start of its process
+SECONDS = 10.0
+GRAVITY = 9.80665
+POUND = 0.45359237 * GRAVITY
+FREQUENCY = np.linspace(8.0, 12.0, 41)
+FORCE = 2.0 * np.exp(0.3j)
+RECEPTANCE = 1 / (5920 - 1.5 * (2 * np.pi * FREQUENCY) ** 2 + 15j * np.pi * FREQUENCY)
+RESPONSE = RECEPTANCE * FORCE
+TIME = np.arange(4000) / 200
+DRIVE = 3.0 * np.sin(2 * np.pi * (5 * TIME + 0.25 * TIME**2))
+MOTION = 0.25 * np.roll(DRIVE, 4)
+
+Array = NDArray[Any]
+
+
+def read(case: Path) -> ResponseSurface:
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    return read_measurement(test)
+
+
+def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
+    """Read a file by the case that is proposed for it."""
+    case = path.with_suffix(".toml")
+    done = run_cli("init", "--from", path, case)
+    assert done.code == 0, done.err
+    return read(case)
+
+
+def history(
+    path: Path, force: int | str, response: int | str, rule: dict[str, Any], **unit: Any
+) -> MeasuredTest:
+    """Plan a history in the units of the file."""
+    return MeasuredTest(
+        (path,), None, Signal(samples=force, **unit), Signal(samples=response, **unit), "acceleration",
+        history=HistoryRule("swept-sine", **rule),
+    )  # fmt: skip
+
+
+def array(path: Path, *wanted: int | str) -> list[Array]:
+    found = read_binary(path, recognise_format(path), wanted)
+    return [channels[0].values for channels in found]
+
+
+def load(walk: Callable[..., Any], content: bytes, wanted: int | str) -> Array:
+    """Read an array of a file in this process."""
+    ((node,), _) = find(list(walk(io.BytesIO(content), None, LARGEST_BYTES)), wanted)
+    return node.load()
+
+
+# ---------------------------------------------------------------- Excel
+
+
+def table_of_a_sheet(units: bool) -> list[list[Any]]:
+    """Frequency in kHz, force in lbf, displacement in thou, lag in degrees, below a line of settings."""
+    columns = (
+        FREQUENCY / 1e3,
+        np.full(41, 2.0 / POUND),
+        np.abs(RESPONSE) / 2.54e-5,
+        -np.degrees(np.angle(RECEPTANCE)),
+    )
+    names, spelled = ["f", "force", "x", "lag"], ["kHz", "lbf", "thou", "deg"]
+    heads = [names, spelled] if units else [[f"{n} [{u}]" for n, u in zip(names, spelled, strict=True)]]
+    rows = [[float(v) for v in row] for row in zip(*columns, strict=True)]
+    return [["Test", 12], [], *heads, *rows]
+
+
+@pytest.mark.parametrize("units", [True, False], ids=["row of units", "units in titles"])
+def test_a_workbook_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., Any], units: bool) -> None:
+    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
+    book = openpyxl.Workbook()
+    for row in table_of_a_sheet(units):
+        book.active.append(row)
+    book.active["C9"] = "NA"
+    book.save(tmp_path / "a.xlsx")
+    surface = proposed(tmp_path / "a.xlsx", run_cli)
+    kept = np.delete(np.arange(41), 4 if units else 5)
+    np.testing.assert_allclose(surface.frequency, FREQUENCY[kept], rtol=ROUND_OFF)
+    np.testing.assert_allclose(np.abs(surface.force), 2.0, rtol=ROUND_OFF)
+    receptance = surface.harmonics[:, 1] / surface.force
+    np.testing.assert_allclose(receptance, RECEPTANCE[kept], rtol=1e-12)
+    # the row without a number is counted
+    (lost,) = (finding for finding in surface.findings if finding.code == "rows-without-number")
+    assert lost.numbers["rows"].value == 1
+
+
+def test_sheets_are_levels_and_stored_values_are_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    """A sheet a level, a formula with the value that Excel stored, one without, texts in place of numbers."""
+    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for number in (1, 2):
+        sheet = book.create_sheet(f"Level{number}")
+        for row in table_of_a_sheet(True)[2:]:
+            sheet.append([*row, "1,5" if isinstance(row[0], float) else "comma"])
+        sheet["G1"], sheet["G2"] = "sum", "=A3+1"
+    path = tmp_path / "a.xlsx"
+    book.save(path)
+    fixed = io.BytesIO()
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(fixed, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name.endswith("sheet1.xml"):
+                # as Excel stores it
+                content, count = re.subn(
+                    rb"(<f>A3\+1</f>)<v ?/>|(<f>A3\+1</f>)<v></v>", rb"<f>A3+1</f><v>7.5</v>", content
+                )
+                assert count == 1
+            new.writestr(name, content)
+    path.write_bytes(fixed.getvalue())
+    entries = {entry.path: entry for entry in list_contents(path).entries}
+    assert entries["Level1/sum"].first == ("7.5",)
+    assert "open and save the workbook in Excel" in entries["Level2/sum"].fault
+    assert entries["Level1/comma"].fault == "holds texts; numbers are needed"
+    surface = proposed(path, run_cli)
+    assert len(surface) == 82
+    with pytest.raises(MeasurementError, match="a number alone is for tables"):
+        array(path, 1)
+
+
+# ---------------------------------------------------------------- TDMS
+
+
+def test_a_tdms_file_in_kilonewton_and_g(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
+    path = tmp_path / "a.tdms"
+    step = {"wf_increment": 1 / 200, "wf_start_offset": 0.0, "wf_samples": len(TIME)}
+    in_g = {"NI_UnitDescription": "g"}
+    scaling: dict[str, Any] = {
+        "NI_Number_Of_Scales": 1,
+        "NI_Scale[0]_Scale_Type": "Linear",
+        "NI_Scale[0]_Linear_Slope": 0.5,
+        "NI_Scale[0]_Linear_Y_Intercept": 0.0,
+        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+        "NI_Scaling_Status": "unscaled",
+    }
+    with nptdms.TdmsWriter(path) as file:
+        for part in np.array_split(np.arange(len(TIME)), 3):
+            file.write_segment([
+                nptdms.ChannelObject("run", "Force", DRIVE[part] / 1e3, step | {"unit_string": "kN"}),
+                nptdms.ChannelObject(
+                    "run", "Acc [y/z]", MOTION[part] * 2 / GRAVITY, scaling | step | in_g
+                ),
+                nptdms.ChannelObject("run", "words", ["a", "b"]),
+            ])  # fmt: skip
+    (found,) = read_histories(history(path, "run/Force", "run/Acc [y/z]", {"rate_column": "run/rate"}))
+    assert found.rate == pytest.approx(200, rel=ROUND_OFF)
+    np.testing.assert_allclose(found.reference, DRIVE, rtol=ROUND_OFF, atol=1e-15)
+    np.testing.assert_allclose(found.response, MOTION, rtol=ROUND_OFF, atol=1e-15)
+    assert sum(finding.code == "unit-of-file" for finding in found.findings) == 2
+    surface = proposed(path, run_cli)
+    assert surface.origin == "measured"
+    assert "holds no numbers" in run_cli("inspect", path).out
+
+
+def test_a_table_and_a_spectrum_of_tdms(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
+    path = tmp_path / "a.tdms"
+    spectrum = {
+        "wf_increment": 0.1, "wf_start_offset": 8.0, "wf_samples": 41, "wf_xname": "Frequency",
+        "wf_xunit_string": "Hz", "unit_string": "mm/N",
+    }  # fmt: skip
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject("frf", "H", RECEPTANCE * 1e3, spectrum)])
+    frequency, response = array(path, "frf/H/Frequency", "frf/H")
+    np.testing.assert_allclose(frequency, FREQUENCY, rtol=ROUND_OFF)
+    np.testing.assert_array_equal(response, RECEPTANCE * 1e3)
+
+
+# ---------------------------------------------------------------- LabVIEW's text
+
+
+@pytest.mark.parametrize(
+    ("columns", "separator", "decimal", "encoding"),
+    [("One", "Tab", ",", "utf-16"), ("Multi", "Comma", ".", "cp1252"), ("No", "Tab", ".", "utf-8")],
+)
+def test_measurement_files_of_labview(
+    tmp_path: Path, columns: str, separator: str, decimal: str, encoding: str
+) -> None:
+    """Two segments of other lengths, each with its unit; the step tells the time where no column does."""
+    lvmio = pytest.importorskip("lvmio", reason="no lvmio here: install rsgen[test]")
+    path = tmp_path / "a.lvm"
+    segments = []
+    for count in (4000, 1000):
+        channels = [
+            lvmio.Channel("Drive", list(DRIVE[:count] / POUND), unit="lbf", delta_x=1 / 200),
+            lvmio.Channel("Beschl. µ", list(MOTION[:count] * 1e3), unit="mm/s^2", delta_x=1 / 200),
+        ]
+        segments.append(lvmio.Segment(channels, notes="two parts"))
+    text = lvmio.format_lvm(
+        lvmio.LvmFile(segments),
+        separator=separator,
+        decimal_separator=decimal,
+        x_columns=columns,
+        precision=15,
+    )
+    path.write_bytes(text.encode(encoding))
+    abscissa = "Drive/X_Value" if columns == "Multi" else "X_Value"
+    for number, count in ((1, 4000), (2, 1000)):
+        rule = {"time": f"{number}/{abscissa}"}
+        (found,) = read_histories(history(path, f"{number}/Drive", f"{number}/Beschl. µ", rule))
+        assert len(found) == count
+        assert found.rate == pytest.approx(200, rel=1e-12)
+        # 15 digits behind the point are written
+        np.testing.assert_allclose(found.reference, DRIVE[:count], rtol=ROUND_OFF, atol=1e-14)
+        np.testing.assert_allclose(found.response, MOTION[:count], rtol=ROUND_OFF, atol=1e-14)
+
+
+def test_a_real_measurement_file_of_labview(measured_data: Callable[[str], Path]) -> None:
+    path = measured_data("frid_decay/decay_f_42p05_ampl_2p0_0.lvm")
+    entries = {entry.path: entry for entry in list_contents(path).entries}
+    assert entries["Voltage"].unit == "V"
+    assert (entries["X_Value"].unit, entries["X_Value"].order) == ("s", "rising")
+    voltage, strain = array(path, "Voltage", 3)
+    rows = np.loadtxt(path, skiprows=24, delimiter="\t", usecols=(1, 2))
+    np.testing.assert_array_equal(voltage, rows[:, 0])
+    np.testing.assert_array_equal(strain, rows[:, 1])
+
+
+LVM = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    "Channels\t2\t\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nDelta_X\t0.1\t0.1\t\n"
+    "***End_of_Header***\t\t\t\nX_Value\tF\ta\tComment\n0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n"
+)
+
+
+def test_remarks_gaps_and_special_blocks_of_labview(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    special = "***Start_Special***\t\nwaveform\tsomething\n***End_Special***\t\n"
+    path.write_text(LVM.replace("Channels", f"{special}Channels"), encoding="utf-8")
+    force, gaps = array(path, 2, "a")
+    np.testing.assert_array_equal(force, [1, 2, 3])
+    np.testing.assert_array_equal(gaps, [2, np.nan, 4])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("0.2\t3\t4\n", "0.2\t3\n"), "line 15: 2 values; the segment has 3 columns"),
+        (("0.2\t3\t4\n", "0.2\t3\t4,5\n"), "'a': line 15: '4,5' is no number"),
+        (("0.2\t3\t4\n", "0.2\t3\t1e999\n"), "'a': line 15: '1e999' is no number"),
+        (("***End_of_Header***\t\t\t\n", ""), "the file ends before ***End_of_Header***, so it is cut off"),
+        (("X_Value\tF", "Value\tF"), "the names of the channels are needed"),
+        (("Tab", "Bar"), "its separator is 'bar'; Tab, Comma and Semicolon are read"),
+        (("0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n", ""), "no rows of numbers in it"),
+    ],
+)
+def test_faults_of_measurement_files_of_labview(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
+    assert change[0] in LVM
+    with pytest.raises(MeasurementError, match=re.escape(message)):
+        load(walk_lvm, LVM.replace(*change).encode(), "a")
+
+
+# ---------------------------------------------------------------- sound files
+
+
+@pytest.mark.parametrize(
+    ("kind", "bits"), [("u1", 8), ("i2", 16), ("i4", 32), ("f4", 0), ("f8", 0)], ids=lambda value: str(value)
+)
+def test_sound_files_of_scipy(tmp_path: Path, kind: str, bits: int) -> None:
+    path = tmp_path / "a.wav"
+    both = np.stack([DRIVE, MOTION], axis=1) / 4
+    written = both.astype(kind) if not bits else np.round(both * (2 ** (bits - 1) - 1)).astype("i8")
+    written = (written + (128 if bits == 8 else 0)).astype(kind)
+    wavfile.write(path, 200, written)
+    rate, force, response = array(path, "rate", "channel_1", 2)
+    full = 2.0 ** (bits - 1) if bits else 1.0
+    zero = 128 if bits == 8 else 0
+    assert rate == 200
+    np.testing.assert_array_equal(np.stack([force, response], axis=1), (written.astype("f8") - zero) / full)
+    # a file without a unit is not taken for SI
+    with pytest.raises(
+        MeasurementError, match=r"unit of 'channel_1' is not known: .*write unit, and as factor"
+    ):
+        read_histories(history(path, "channel_1", "channel_2", {"rate_column": "rate"}))
+    rule = {"rate_column": "rate"}
+    signals = {"force": ("N", 12.0), "response": ("mm/s^2", 4e3)}
+    test = MeasuredTest(
+        (path,), None, *(
+            Signal(samples=f"channel_{n}", unit=unit, factor=factor)
+            for n, (unit, factor) in enumerate(signals.values(), start=1)
+        ), "acceleration", history=HistoryRule("swept-sine", **rule),
+    )  # fmt: skip
+    (found,) = read_histories(test)
+    np.testing.assert_allclose(
+        found.reference, 12 * force, rtol=1e-6 if force.dtype == np.float32 else ROUND_OFF
+    )
+    np.testing.assert_allclose(
+        found.response, 4 * response, rtol=1e-6 if force.dtype == np.float32 else 1e-13
+    )
+
+
+def test_24_bits_of_a_recorder(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    numbers = np.array([0, 1, -1, 2**23 - 1, -(2**23), 4711, -4711], dtype="<i4")
+    with wave.open(str(path), "wb") as file:
+        file.setparams((1, 3, 51_200, 0, "NONE", ""))
+        file.writeframes(b"".join(int(number).to_bytes(3, "little", signed=True) for number in numbers))
+    (found,) = array(path, 1)
+    np.testing.assert_array_equal(found, numbers / 2.0**23)
+
+
+# ---------------------------------------------------------------- what is missing and what is hostile
+
+
+@pytest.mark.parametrize(("form", "package"), [("tdms", "nptdms"), ("xlsx", "openpyxl")])
+def test_a_missing_package_is_named_with_its_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, package: str
+) -> None:
+    path = tmp_path / f"a.{form}"
+    path.write_bytes(b"TDSm" if form == "tdms" else b"PK\x03\x04" + bytes(26) + b"xl/")
+    found = sandbox.find_spec
+    monkeypatch.setattr(sandbox, "find_spec", lambda name: None if name == package else found(name))
+    reason = (
+        rf'a\.{form}: .* read by {package}, which is not installed: python -m pip install "rsgen\[{form}\]"'
+    )
+    with pytest.raises(MeasurementError, match=reason):
+        list_contents(path)
+
+
+def sound(head: bytes = b"", data: int | None = None, samples: bytes = bytes(8)) -> bytes:
+    form = head or struct.pack("<HHIIHH", 1, 1, 100, 200, 2, 16)
+    parts = b"WAVEfmt " + struct.pack("<I", len(form)) + form
+    size = len(samples) if data is None else data
+    return b"RIFF" + struct.pack("<I", 2**31) + parts + b"data" + struct.pack("<I", size) + samples
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (sound(data=2**32 - 1), "declares 4294967295 bytes of 'data'; 8 are left, so it is cut off"),
+        (sound(data=2**31), "declares 2147483648 bytes of 'data'"),
+        (sound(data=10), "declares 10 bytes of 'data'; 8 are left"),
+        (sound()[:-9], "has no samples, so it is cut off"),
+        (sound()[:30], "declares 16 bytes of 'fmt'; 10 are left"),
+        (sound(struct.pack("<HHIIHH", 1, 65535, 1, 1, 1, 16)), "65535 channels of 16 bits in 1 bytes"),
+        (sound(struct.pack("<HHIIHH", 1, 0, 1, 1, 0, 16)), "0 channels of 16 bits"),
+        (sound(struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16)), "a sampling rate of 0"),
+        (sound(struct.pack("<HHIIHH", 85, 1, 1, 1, 1, 0)), "samples of kind 85 with 0 bits"),
+        (sound(samples=b""), "0 bytes of samples"),
+        (sound(samples=bytes(7)), "7 bytes of samples, 2 each instant"),
+        (sound().replace(b"RIFF", b"RIFX"), "in the other order"),
+        (
+            b"RIFF\x00\x00\x00\x00WAVE" + b"LIST\x00\x00\x00\x00" * 5000,
+            "more than 1000 parts before its samples",
+        ),
+    ],
+)
+def test_sound_files_that_lie(content: bytes, reason: str) -> None:
+    with pytest.raises(MeasurementError, match=re.escape(reason)):
+        load(walk_wav, content, 1)
+
+
+def sheet_of(xml: bytes) -> bytes:
+    """A workbook of one sheet, which is ``xml``."""
+    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
+    book, made, changed = openpyxl.Workbook(), io.BytesIO(), io.BytesIO()
+    book.save(made)
+    with zipfile.ZipFile(made) as old, zipfile.ZipFile(changed, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            new.writestr(name, xml if name.endswith("sheet1.xml") else old.read(name))
+    return changed.getvalue()
+
+
+SHEET = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+CLOSED = b"</sheetData></worksheet>"
+CELL = b'<row r="%d"><c r="%s"><v>1</v></c></row>'
+LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
+    b'<!ENTITY a%d "%s">' % (n, b"&a%s;" % (b"" if n == 1 else b"%d" % (n - 1)) * 50) for n in range(1, 9)
+) + b"]>"  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("xml", "reason"),
+    [
+        (SHEET + b" " * 60_000_000 + CLOSED, "bytes of sheets; at most 33554432 are read"),
+        (SHEET + CELL % (10**15, b"A1") + CLOSED, "more than 1048576 rows"),
+        (
+            SHEET + b"".join(CELL % (n, b"ZZZ%d" % n) for n in range(1, 2000)) + CLOSED,
+            "20000000 cells in a sheet",
+        ),
+        (LAUGHS + SHEET + b'<row r="1"><c r="A1"><v>&a8;</v></c></row>' + CLOSED, ""),
+        (SHEET + b"<row", ""),
+    ],
+    ids=["bomb", "row", "cells", "entities", "cut off"],
+)
+def test_workbooks_that_lie(tmp_path: Path, xml: bytes, reason: str) -> None:
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(sheet_of(xml))
+    begin = time.monotonic()
+    with pytest.raises(MeasurementError, match=rf"^a\.xlsx: .*{reason}"):
+        list_contents(path)
+    assert time.monotonic() - begin < SECONDS
+
+
+@pytest.mark.parametrize("count", [2**20, 2**40, 2**63 - 1])
+def test_a_tdms_file_that_declares_more_than_it_has(tmp_path: Path, count: int) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
+    made = io.BytesIO()
+    with nptdms.TdmsWriter(made) as file:
+        file.write_segment([nptdms.ChannelObject("g", "c", np.arange(100.0))])
+    content = made.getvalue()
+    # the number of values behind the kind of number and the dimension
+    honest = struct.pack("<IIQ", 10, 1, 100)
+    assert content.count(honest) == 1
+    path = tmp_path / "a.tdms"
+    path.write_bytes(content.replace(honest, struct.pack("<IIQ", 10, 1, count)))
+    begin = time.monotonic()
+    with pytest.raises(MeasurementError, match=r"^a\.tdms: "):
+        array(path, "g/c")
+    assert time.monotonic() - begin < SECONDS
+
+
+@pytest.mark.parametrize("form", ["tdms", "xlsx", "lvm", "wav"])
+def test_files_that_are_cut_off_are_refused(tmp_path: Path, form: str) -> None:
+    made = io.BytesIO()
+    if form == "tdms":
+        nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
+        with nptdms.TdmsWriter(made) as file:
+            file.write_segment([nptdms.ChannelObject("g", "c", np.arange(100.0))])
+    elif form == "xlsx":
+        made.write(sheet_of(SHEET + CELL % (1, b"A1") + CLOSED))
+    elif form == "lvm":
+        made.write(LVM.encode())
+    else:
+        wavfile.write(made, 100, np.zeros(100, dtype="i2"))
+    content = made.getvalue()
+    path = tmp_path / f"a.{form}"
+    for left in (len(content) // 3, -3):
+        path.write_bytes(content[:left])
+        with pytest.raises(MeasurementError, match=rf"^a\.{form}: "):
+            list_contents(path)
