@@ -148,6 +148,10 @@ def derive(
         str,
         typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
     ],
+    memory: Annotated[
+        list[str] | None,
+        typer.Option(help="The rate of a state: 'z = g(x, v, z)'; may be repeated.", show_default=False),
+    ] = None,
     assume: Annotated[
         list[str] | None,
         typer.Option(help="A parameter is positive: 'b>0'; may be repeated.", show_default=False),
@@ -162,14 +166,14 @@ def derive(
 
     \b
     Examples:
-      rsgen derive "k3*x**3 + c2*v*abs(v)"
-      rsgen derive "Piecewise((k*x, x < b), (k*b, True))" --json
-      rsgen derive "k*x + c*Heaviside(x - b)*v" --assume "b>0"
+      rsgen derive "k*x + masing(Min(kt*x, Fs))" --json
+      rsgen derive "k*x + z" --memory "z = alpha*v - bg*abs(v)*z - bd*v*abs(z)"
       rsgen derive "k*x + k3*x**3" --plot k.svg --set k=1000 --set "k3=20 N/mm^3" --amplitude "5 mm"
     """
     from rsgen.cli.derive_command import derive_command
 
-    raise typer.Exit(derive_command(expression, assume or [], plot, settings or [], amplitude, json, latex))
+    given = memory or [], assume or []
+    raise typer.Exit(derive_command(expression, *given, plot, settings or [], amplitude, json, latex))
 
 
 @application.command(short_help="From a case to a response surface.")
@@ -388,7 +392,6 @@ def laws(
     \b
     Examples:
       rsgen laws
-      rsgen laws dead-zone
       rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
     """
     from rsgen.cli.laws_command import laws_command

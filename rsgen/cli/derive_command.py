@@ -24,6 +24,7 @@ PICTURE_ONLY = "--set and --amplitude are for a picture: add --plot FILE"
 
 def derive_command(
     expression: str,
+    memory: Sequence[str],
     assume: Sequence[str],
     plot: Path | None,
     settings: Sequence[str],
@@ -37,7 +38,7 @@ def derive_command(
 
     if plot is None and (settings or largest):
         raise RsgenError(PICTURE_ONLY)
-    element = make_element("law", expression)
+    element = make_element("law", expression, _read_memory(memory))
     started = time.perf_counter()
     function = derive(element, assume)
     seconds = time.perf_counter() - started
@@ -51,6 +52,23 @@ def derive_command(
     return 0
 
 
+def _read_memory(options: Sequence[str]) -> dict[str, str]:
+    """Read ``z = g(x, v, z)`` of every state."""
+    found: dict[str, str] = {}
+    for option in options:
+        name, sign, rate = (part.strip() for part in option.partition("="))
+        # z' = ... is what books write
+        name = name.removesuffix("'").rstrip()
+        if not sign or not name or not rate:
+            raise RsgenError(
+                f"--memory {option!r}: must be 'z = ...', the rate of change of the state z in x, v and z"
+            )
+        if name in found:
+            raise RsgenError(f"--memory {option!r}: the state {name} has an equation already")
+        found[name] = rate
+    return found
+
+
 def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
     """Spell a describing function for a program; every text is in the expression language and parses back.
 
@@ -61,9 +79,14 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
     from sympy import Integral
 
     from rsgen.expression import write
+    from rsgen.expression.memory import remembers
 
-    formulas = {name: getattr(function, name) for name in FORMULAS}
+    remembering = remembers(function.force)
+    names = (*FORMULAS, "energy") if remembering else FORMULAS
+    formulas = {name: getattr(function, name) for name in names}
     answer: dict[str, Any] = {"force": write(function.force)}
+    if remembering:
+        answer["memory"] = function.memory
     answer |= {name: _written(formula) for name, formula in formulas.items()}
     answer |= {
         "closed_form": bool(function.closed_form),
@@ -100,6 +123,7 @@ def _written(formula: sympy.Expr | None) -> str | None:
 def describe(function: DescribingFunction, latex: bool, picture: Path | None) -> None:
     """Print a describing function line by line."""
     from rsgen.describing import variables_of
+    from rsgen.expression.memory import State, remembers
     from rsgen.law import notation
 
     show = notation.latex if latex else notation.readable
@@ -107,11 +131,16 @@ def describe(function: DescribingFunction, latex: bool, picture: Path | None) ->
     def head(name: str, formula: sympy.Expr) -> str:
         return f"{name}({', '.join(map(show, variables_of(formula)))})"
 
+    equations = {z: rate for state in function.force.atoms(State) for z, rate in state.equations.items()}
+    states = sorted(equations, key=str)
     rows = [
-        ("force", "n(x, v)", function.force),
+        ("force", f"n({', '.join(('x', 'v', *map(show, states)))})", function.force),
+        *(("" if n else "memory", f"{show(z)}'", equations[z]) for n, z in enumerate(states)),
         ("stiffness", head("k", function.stiffness), function.stiffness),
         ("damping", head("c", function.damping), function.damping),
     ]
+    if remembers(function.force):
+        rows.append(("energy", head("D", function.energy), function.energy))
     if function.mean is not None:
         rows.append(("mean", head("X0", function.mean) if function.mean != 0 else "X0", function.mean))
     if function.mean != 0:
@@ -138,6 +167,8 @@ def describe(function: DescribingFunction, latex: bool, picture: Path | None) ->
 def _proof(function: DescribingFunction) -> str:
     agrees = f"agrees with an independent quadrature to {function.checked_to or 0:.1e}"
     numeric = "the integral is evaluated by quadrature, split at the switching angles"
+    if function.memory:
+        numeric = "the loop is solved until it closes, every switch located, and projected"
     if function.closed_form:
         return f"the closed form {agrees}"
     if function.checked_to is not None:

@@ -10,11 +10,12 @@ import numpy as np
 import sympy
 
 from rsgen.describing.closed import ClosedPart, close
-from rsgen.describing.function import DescribingFunction
+from rsgen.describing.function import DescribingFunction, taken_as_positive
 from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limit_at_rest, limit_at_zero
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
+from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
 from rsgen.law.character import vanishes
@@ -169,10 +170,22 @@ def _proved(part: ClosedPart, law: _Law, trial: Trial, remainder: sympy.Expr) ->
 
 @lru_cache(maxsize=256)
 def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) -> DescribingFunction:
+    parts = take_apart(force)
+    if parts is None:
+        return _derive_memoryless(force, names, known, may_centre=True)
+    own = tuple(name for name in names if parts.plain.has(symbol(name)))
+    plain = _derive_memoryless(parts.plain, own, known & set(own), may_centre=parts.centred)
+    return add_memory(force, names, parts, plain)
+
+
+@lru_cache(maxsize=256)
+def _derive_memoryless(
+    force: sympy.Expr, names: tuple[str, ...], known: frozenset[str], may_centre: bool
+) -> DescribingFunction:
     positive = known | _decisive(force, normal_form(force))
     law = _signed(force, names, positive)
     trial = draw_trial(*_spread(law), True, 1)
-    centred = _is_centred(trial)
+    centred = may_centre and _is_centred(trial)
     if not len(trial.cycle.X):
         # a law that is finite on no cycle: this finds out whether because of a pole at rest
         close(law.form, sympy.S.Zero)
@@ -268,11 +281,7 @@ def _about_formulas(
     law: _Law, positive: frozenset[str], found: _Closed, trial: Trial, vanishes: bool
 ) -> Iterable[str]:
     yield from found.remarks
-    if positive:
-        yield (
-            f"The formulas take {', '.join(sorted(positive))} as positive; "
-            "numbers are computed for either sign."
-        )
+    yield from taken_as_positive(sorted(positive))
     if not len(trial.cycle.X):
         yield (
             "The law was finite on none of the cycles tried (a pole that is passed, a logarithm or root of "

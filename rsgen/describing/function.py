@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import sympy
@@ -16,10 +16,11 @@ from rsgen.describing.mean import solve_mean
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
+from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.law.pieces import normal_form
 
-__all__ = ["DescribingFunction", "Equivalent", "variables_of"]
+__all__ = ["DescribingFunction", "Equivalent", "Remembered", "taken_as_positive", "variables_of"]
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,28 @@ class Equivalent(NamedTuple):
     stiffness: Array
     damping: Array
     mean: Array
+
+
+class Remembered(Protocol):
+    """What a part of a law that remembers adds to a describing function."""
+
+    def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
+        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+
+
+def taken_as_positive(names: Sequence[str]) -> tuple[str, ...]:
+    """Say which parameters formulas take as positive."""
+    taken = f"The formulas take {', '.join(names)} as positive; numbers are computed for either sign."
+    return (taken,) if names else ()
+
+
+def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
+    """Multiply a sum, or every case of it, addend by addend."""
+    if isinstance(formula, sympy.Piecewise):
+        return sympy.Piecewise(*((_scaled(value, factor), condition) for value, condition in formula.args))
+    if formula.is_Add:
+        return sympy.Add(*(_scaled(addend, factor) for addend in formula.args))
+    return sympy.powsimp(formula * factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +106,10 @@ class DescribingFunction:
         The closed part in the form that is evaluated; None where there is none.
     remainder
         The part of the law that is evaluated by quadrature, zero where all is closed.
+    plain
+        That of the part without memory, of a law with memory; None where nothing remembers.
+    remembered
+        What each memory adds to it.
     """
 
     force: sympy.Expr
@@ -99,6 +126,18 @@ class DescribingFunction:
     positive: tuple[str, ...]
     closed: ClosedPart | None = field(repr=False)
     remainder: sympy.Expr = field(repr=False)
+    plain: DescribingFunction | None = field(repr=False, default=None)
+    remembered: tuple[Remembered, ...] = field(repr=False, default=())
+
+    @property
+    def memory(self) -> dict[str, str]:
+        """g of z' = g(x, v, z) for every state z of the law, as text."""
+        return equations_of(self.force)
+
+    @property
+    def energy(self) -> sympy.Expr:
+        """D(X) = pi omega X**2 c, the energy [J] that a cycle dissipates."""
+        return _scaled(self.damping, sympy.pi * symbol("omega") * symbol("X") ** 2)
 
     def evaluate(
         self,
@@ -123,7 +162,8 @@ class DescribingFunction:
         Raises
         ------
         RsgenError
-            A value is missing or unknown, an amplitude or frequency not positive.
+            A value is missing or unknown, an amplitude or frequency not positive, or the loop of a state
+            does not close.
 
         Examples
         --------
@@ -145,6 +185,13 @@ class DescribingFunction:
             means = self._balanced(*flat, numbers)
         known = np.isfinite(means)
         stiffness, damping, _ = self.harmonics(flat[0], np.where(known, means, 0.0), flat[1], numbers)
+        states = self.memory
+        open_ = np.flatnonzero(known & np.isnan(stiffness + damping))
+        if states and len(open_):
+            raise RsgenError(
+                f"memory: the loop of {', '.join(states)} does not close at X = {flat[0][open_[0]]:.4g} m, "
+                f"omega = {flat[1][open_[0]]:.4g} rad/s: under this sine it grows or drifts for ever"
+            )
         stiffness, damping = (
             np.where(known, part, np.nan) if formula.has(symbol("X0")) else part
             for part, formula in ((stiffness, self.stiffness), (damping, self.damping))
@@ -153,6 +200,12 @@ class DescribingFunction:
 
     def harmonics(self, X: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
         """Give stiffness, damping and mean force for given means; (n,) arrays, parameters (n,) or scalars."""
+        if self.plain is not None:
+            total = self.plain.harmonics(X, mean, omega, values)
+            for part in self.remembered:
+                added = part.harmonics(X, mean, omega, values)
+                total = [sum_ + term for sum_, term in zip(total, added, strict=True)]
+            return total
         closed, remainder = self.closed, self.remainder
         as_assumed = all(np.all(values[name] > 0) for name in self.positive)
         centred = closed is not None and closed.mean == 0

@@ -11,7 +11,7 @@ from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import ClosedPart
 from rsgen.expression import symbol
 
-__all__ = ["Reading", "read"]
+__all__ = ["Reading", "read", "tidy"]
 
 X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
 
@@ -138,7 +138,7 @@ def _cases(
                 near = (choose == "near") == same
                 places = _off(arc, group.kind) if near else _on(arc, group.kind)
             total += formula.xreplace(places)
-        return _tidy(total, written)
+        return tidy(total, written)
 
     cases = []
     if not distance.is_nonnegative:
@@ -150,7 +150,7 @@ def _cases(
     return [*cases, (value("between"), sympy.true)]
 
 
-def _tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
+def tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
     """Collect what belongs to the same angle, root or Bessel function, so that differences stand together."""
     written = written or {}
     formula = sympy.expand(elementary(formula))
@@ -179,7 +179,7 @@ def read(closed: ClosedPart, place: int) -> Reading:
     if len(groups) == 1 and rest == 0:
         ((group, members),) = groups.items()
         return _merged(_cases(group, members, closed.mean, base))
-    total, conditions = _tidy(base) + rest, []
+    total, conditions = tidy(base) + rest, []
     for group, members in groups.items():
         reading = _merged(_cases(group, members, closed.mean, sympy.S.Zero))
         total += reading.formula

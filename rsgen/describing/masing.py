@@ -1,0 +1,352 @@
+"""Closed describing functions of Masing laws.
+
+With the virgin curve n the loop between -X and X gives, exactly,
+k(X) = -4/(pi X) integral_0^pi n(X sin(phi/2)**2) cos(phi) dphi and the energy of a cycle
+D(X) = 8 integral_0^X n dx - 4 X n(X), c = D/(pi omega X**2). With t = phi/2 a power x**P from a threshold b
+on needs J = integral_T^(pi/2) sin(t)**(2 P) (1 - 2 sin(t)**2) dt, sin(T)**2 = b/X, which is
+-(sin(T)**(2 P + 1) cos(T) + P integral_T^(pi/2) sin(t)**(2 P) dt)/(P + 1), by parts. The last integral is
+elementary where 2 P is whole, a gamma function for b = 0, and an incomplete beta function otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from scipy.special import beta, betainc
+
+from rsgen.describing.closed import close
+from rsgen.describing.limits import Limit
+from rsgen.describing.powers import quarter
+from rsgen.describing.regimes import Reading, tidy
+from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
+from rsgen.law.normal_form import expanded
+from rsgen.law.pieces import NormalForm, Piece, normal_form
+
+__all__ = ["ClosedMasing", "asymptotes", "close_masing", "decisive_in"]
+
+X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
+STATE_X = symbol("x")
+HALF = sympy.Rational(1, 2)
+
+HIGHEST_POWER = 40
+"""Whole powers behind a threshold beyond which are left to quadrature: their formulas would be pages long."""
+
+CANCELLED = 100.0
+"""Size of the terms of a damping, relative to the stiffness, beyond which two digits of it are lost."""
+
+_ANGLE, _ROOT, _COSINE = (sympy.Dummy(name, positive=True) for name in ("angle", "root", "cosine"))
+"""pi/2 - T, X sin(T) cos(T) and cos(T) at a threshold."""
+
+Array = NDArray[np.float64]
+Pair = tuple[sympy.Expr, sympy.Expr]
+"""Stiffness [N/m] and energy of a cycle [J]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Partial:
+    """integral_0^T sin(t)**(2 P) dt with sin(T)**2 = b/X, behind a symbol."""
+
+    name: sympy.Symbol
+    power: sympy.Expr
+    threshold: sympy.Expr
+
+    @property
+    def formula(self) -> sympy.Expr:
+        """The integral as it is shown."""
+        stop = sympy.asin(sympy.sqrt(self.threshold / X))
+        return sympy.Integral(sympy.sin(PHI) ** (2 * self.power), (PHI, 0, stop))
+
+    def evaluate(self, X_: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> Array:
+        """Give the integral by the incomplete beta function (Abramowitz and Stegun, 6.6.1)."""
+        power, threshold = compiled((self.power, self.threshold), names)(*values)
+        share = np.clip(threshold / X_, 0.0, 1.0)
+        return np.asarray(beta(power + 0.5, 0.5) * betainc(power + 0.5, 0.5, share) / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedMasing:
+    """Stiffness and damping of a Masing law as formulas; ``partials`` stand in them for integrals."""
+
+    stiffness: Reading
+    damping: Reading
+    partials: tuple[Partial, ...]
+
+    @property
+    def shown(self) -> Pair:
+        """Stiffness and damping with integrals where there is no closed form."""
+        places = {partial.name: partial.formula for partial in self.partials}
+        return self.stiffness.formula.xreplace(places), self.damping.formula.xreplace(places)
+
+    def evaluate(
+        self, X_: Array, omega: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]
+    ) -> tuple[Array, Array]:
+        """Give stiffness [N/m] and damping [N s/m]; arrays (n,), parameters (n,) or scalars."""
+        inside = tuple(partial.evaluate(X_, names, values) for partial in self.partials)
+        arguments = (X, OMEGA, *names, *(partial.name for partial in self.partials))
+        formulas = (self.stiffness.formula, self.damping.formula)
+        stiffness, damping = compiled(formulas, arguments)(X_, omega, *values, *inside)
+        return np.broadcast_to(stiffness, X_.shape), np.broadcast_to(damping, X_.shape)
+
+    def inaccurate(
+        self,
+        X_: Array,
+        omega: Array,
+        names: tuple[sympy.Symbol, ...],
+        values: tuple[Array, ...],
+        found: list[Array],
+    ) -> NDArray[np.bool_]:
+        """Say where factors overflow, as in exp(-a X) I1(a X), or terms cancel, as for small a X; (n,)."""
+        lost = ~np.isfinite(found[0]) | ~np.isfinite(found[1])
+        if self.stiffness.formula.has(sympy.besseli, sympy.besselj):
+            addends = sympy.Add.make_args(self.damping.formula)
+            (sizes,) = compiled((sympy.Add(*map(sympy.Abs, addends)),), (X, OMEGA, *names))(
+                X_, omega, *values
+            )
+            lost |= ~(omega * sizes <= CANCELLED * np.abs(found[0]))
+        return lost
+
+    @property
+    def thresholds(self) -> tuple[sympy.Expr, ...]:
+        """Amplitudes at which the formulas change."""
+        conditions = (*self.stiffness.conditions, *self.damping.conditions)
+        return tuple(dict.fromkeys(c.gts for c in conditions if c.lts == X))
+
+    def xreplace(self, places: dict[sympy.Symbol, sympy.Symbol]) -> ClosedMasing:
+        """Give it in other symbols."""
+        stiffness, damping = (
+            Reading(r.formula.xreplace(places), tuple(c.xreplace(places) for c in r.conditions))
+            for r in (self.stiffness, self.damping)
+        )
+        partials = (
+            Partial(p.name, p.power.xreplace(places), p.threshold.xreplace(places)) for p in self.partials
+        )
+        return ClosedMasing(stiffness, damping, tuple(partials))
+
+
+def decisive_in(virgin: sympy.Expr) -> set[str]:
+    """Name the parameters of a virgin curve whose sign decides how the formulas look."""
+    form = normal_form(_continued(virgin))
+    found: set[sympy.Basic] = set()
+    for switch in form.switches:
+        found |= switch.function.free_symbols
+    for atom in virgin.atoms(sympy.Abs, sympy.sign, sympy.Max, sympy.Min, sympy.Heaviside):
+        found |= atom.free_symbols
+    for power in virgin.atoms(sympy.Pow):
+        if not power.exp.is_Integer and power.base is not sympy.E:
+            found |= power.base.free_symbols
+    return {free.name for free in found - {STATE_X}}
+
+
+def _continued(virgin: sympy.Expr) -> sympy.Expr:
+    return virgin.xreplace({STATE_X: sympy.Abs(STATE_X)})
+
+
+def _by_threshold(virgin: sympy.Expr) -> dict[sympy.Expr | None, sympy.Expr] | None:
+    """Sort the pieces of n(x) for x > 0 by their threshold; None where its sign is not known."""
+    found: dict[sympy.Expr | None, sympy.Expr] = {}
+    for piece in normal_form(_continued(virgin)).pieces:
+        level: sympy.Expr | None = None
+        for switch in piece.switches:
+            if switch.variable != "x" or switch.threshold is None:
+                return None
+            level = switch.threshold
+        if level is not None and level.is_nonpositive:
+            level = None
+        elif level is not None and not level.is_positive:
+            return None
+        # a positive symbol in its place takes abs and products of powers away
+        place = sympy.Symbol("x", positive=True)
+        term = piece.term.subs(sympy.Abs(STATE_X), place).xreplace({STATE_X: place})
+        found[level] = found.get(level, sympy.S.Zero) + sympy.powsimp(sympy.expand(term))
+    return {level: expanded(term) for level, term in found.items()}
+
+
+def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
+    """Find the closed form of factor*masing(virgin); None where an addend has none.
+
+    Parameters
+    ----------
+    virgin
+        n(x) for x >= 0; parameters that decide thresholds are symbols known as positive.
+    factor
+        Constant in front of the law.
+    """
+    terms = _by_threshold(virgin)
+    if terms is None:
+        return None
+    partials: dict[tuple[sympy.Expr, sympy.Expr], Partial] = {}
+    written: dict[sympy.Expr | None, tuple[Pair, dict[sympy.Symbol, sympy.Expr]]] = {}
+    for level, term in terms.items():
+        ends = {} if level is None else _ends(level)
+        total: Pair = (sympy.S.Zero, sympy.S.Zero)
+        for addend in sympy.Add.make_args(term):
+            pair = _addend(addend, level, partials)
+            if pair is None:
+                return None
+            total = total[0] + pair[0], total[1] + pair[1]
+        written[level] = (total, ends)
+    per_energy = 1 / (sympy.pi * OMEGA * X**2)
+    readings = (
+        _read({level: (pair[0] * factor, ends) for level, (pair, ends) in written.items()}),
+        _read({level: (pair[1] * factor * per_energy, ends) for level, (pair, ends) in written.items()}),
+    )
+    return ClosedMasing(*readings, tuple(partials.values()))
+
+
+def asymptotes(virgin: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
+    """Give what stiffness and damping become for X -> 0 and X -> oo, by the leading powers of n(x)."""
+    terms = _by_threshold(virgin)
+    if terms is None:
+        return
+    near, far = terms.get(None, sympy.S.Zero), sympy.expand(sympy.Add(*terms.values()))
+    for place, curve in ((sympy.S.Zero, near), (sympy.oo, far)):
+        powers: dict[sympy.Expr, sympy.Expr] = {}
+        for addend in sympy.Add.make_args(curve):
+            coefficient, power = addend.as_coeff_exponent(sympy.Symbol("x", positive=True))
+            powers[power] = powers.get(power, sympy.S.Zero) + coefficient
+        if any(value.has(sympy.Symbol("x", positive=True)) for value in powers.values()):
+            if place == 0:
+                yield from _smooth_start(near, factor)
+            continue
+        slope = powers.pop(sympy.S.One, sympy.S.Zero)
+        over = [power - 1 if place == 0 else 1 - power for power in powers]
+        if all(excess.is_positive for excess in over):
+            yield Limit("stiffness", place, sympy.expand(factor * slope))
+            yield Limit("damping", place, sympy.S.Zero)
+
+
+def _smooth_start(near: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
+    """Give the limits for X -> 0 of a virgin curve with a slope at rest."""
+    place = sympy.Symbol("x", positive=True)
+    slope = near.diff(place).subs(place, 0)
+    if not slope.has(sympy.nan, sympy.zoo, sympy.oo) and not any(
+        p.base.is_zero for p in slope.atoms(sympy.Pow)
+    ):
+        yield Limit("stiffness", sympy.S.Zero, sympy.expand(factor * slope))
+        yield Limit("damping", sympy.S.Zero, sympy.S.Zero)
+
+
+def _ends(level: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
+    """Give angle, root and cosine at a threshold."""
+    above, below = sympy.fraction(sympy.together(level))
+    return {
+        # a tangent keeps its digits at the onset, X near b, where cosine and sine do not
+        _ANGLE: sympy.atan(sympy.sqrt((below * X - above) / above)),
+        _ROOT: sympy.sqrt(above * (below * X - above)) / below,
+        _COSINE: sympy.sqrt((below * X - above) / (below * X)),
+    }
+
+
+def _addend(
+    addend: sympy.Expr, level: sympy.Expr | None, partials: dict[tuple[sympy.Expr, sympy.Expr], Partial]
+) -> Pair | None:
+    place = sympy.Symbol("x", positive=True)
+    coefficient, power = addend.as_coeff_exponent(place)
+    if coefficient.has(place) or power.has(place):
+        return _wave(addend.xreplace({place: STATE_X})) if level is None else None
+    if power.is_negative or (power.is_Integer and power > HIGHEST_POWER):
+        return None
+    scale = -8 * coefficient * X ** (power - 1) / sympy.pi
+    if level is None:
+        weight = -power * quarter(2 * power, sympy.S.Zero) / (power + 1)
+        energy = 4 * coefficient * X ** (power + 1) * (1 - power) / (power + 1)
+        return scale * weight, energy
+    weight = _behind(power, level, partials)
+    grown = (X ** (power + 1) - level ** (power + 1)) / (power + 1)
+    return scale * weight, coefficient * (8 * grown - 4 * X ** (power + 1))
+
+
+def _behind(
+    power: sympy.Expr, level: sympy.Expr, partials: dict[tuple[sympy.Expr, sympy.Expr], Partial]
+) -> sympy.Expr:
+    """Give J in angle, root and cosine at the threshold."""
+    first = _rise(power + HALF, level)
+    if power.is_zero:
+        return -first
+    if (2 * power).is_Integer:
+        return -(first + power * _whole(power, level)) / (power + 1)
+    if (power, level) not in partials:
+        name = sympy.Symbol(f"integral_{len(partials) + 1}", real=True)
+        partials[power, level] = Partial(name, power, level)
+    # written from zero, what grows with X cancels where the law slips as a whole
+    beyond = quarter(2 * power, sympy.S.Zero) - partials[power, level].name
+    return -(first + power * beyond) / (power + 1)
+
+
+def _rise(half: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
+    """Give sin(T)**(2 half) cos(T)."""
+    if half.is_Integer:
+        return level**half * X**-half * _COSINE
+    return level ** (half - HALF) * X ** (-half - HALF) * _ROOT
+
+
+def _whole(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
+    """Give integral_T^(pi/2) sin(t)**(2 P) dt for whole 2 P."""
+    if power.is_zero:
+        return _ANGLE
+    if power == HALF:
+        return _COSINE
+    double = 2 * power
+    return _rise(power - HALF, level) / double + (double - 1) / double * _whole(power - 1, level)
+
+
+def _wave(addend: sympy.Expr) -> Pair | None:
+    """Give what sines, hyperbolic functions and exponentials contribute, without a threshold.
+
+    The Masing stiffness at X is that of n as a memoryless law on the cycle of X/2 about X/2.
+    """
+    part = close(NormalForm((Piece(addend, ()),)), X0)
+    if part is None:
+        return None
+    stiffness = part.total[0].xreplace({X: X / 2, X0: X / 2})
+    # with positive parameters no cases for zero ones; what is analytic in them holds for either sign
+    known = {free: sympy.Dummy(free.name, positive=True) for free in addend.free_symbols - {STATE_X}}
+    area = sympy.integrate(addend.xreplace(known), (STATE_X, 0, X))
+    area = area.xreplace({dummy: free for free, dummy in known.items()})
+    if area.has(sympy.Integral, sympy.Piecewise):
+        return None
+    return stiffness, sympy.expand(8 * area - 4 * X * addend.xreplace({STATE_X: X}))
+
+
+def _read(terms: dict[sympy.Expr | None, tuple[sympy.Expr, dict[sympy.Symbol, sympy.Expr]]]) -> Reading:
+    """Write a sum over thresholds as cases in X; with a single threshold as one formula a case."""
+    base = terms.get(None, (sympy.S.Zero, {}))[0]
+    behind = {level: pair for level, pair in terms.items() if level is not None}
+    shared = len(behind) == 1
+    total, conditions = sympy.S.Zero if shared else _tidy(base), list[sympy.Basic]()
+    for level, (formula, ends) in behind.items():
+        before = _tidy(base) if shared else sympy.S.Zero
+        beyond = _tidy((base if shared else sympy.S.Zero) + formula, ends)
+        if beyond == before:
+            total += before
+            continue
+        below, above = sympy.Le(X, level), sympy.Gt(X, level)
+        total += sympy.Piecewise((before, below), (beyond, sympy.true))
+        conditions += [below, above]
+    return Reading(total, tuple(conditions))
+
+
+def _tidy(formula: sympy.Expr, written: dict[sympy.Symbol, sympy.Expr] | None = None) -> sympy.Expr:
+    """Collect what belongs to the same angle, root or integral and to the same power of X."""
+    written = written or {}
+    if not any(power.exp.free_symbols for power in formula.atoms(sympy.Pow) if power.base == X):
+        return tidy(formula, written)
+    inside = sorted((f for f in formula.free_symbols if f.name.startswith("integral_")), key=str)
+    total = sympy.S.Zero
+    for atom, part in sympy.collect(sympy.expand_mul(formula), [*written, *inside], evaluate=False).items():
+        powers: dict[sympy.Expr, list[sympy.Expr]] = {}
+        for addend in sympy.Add.make_args(sympy.expand_mul(part)):
+            coefficient, exponent = sympy.powsimp(addend).as_coeff_exponent(X)
+            powers.setdefault(sympy.expand(exponent), []).append(coefficient)
+        factors = ((exponent, _factored(found)) for exponent, found in powers.items())
+        total += atom * sympy.Add(*(factor * X**exponent for exponent, factor in factors))
+    return total.xreplace(written)
+
+
+def _factored(addends: list[sympy.Expr]) -> sympy.Expr:
+    return sympy.powsimp(sympy.factor(sympy.Add(*addends)))

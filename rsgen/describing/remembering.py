@@ -1,0 +1,300 @@
+"""Describing functions of laws with memory: that of the memoryless part, and what each memory adds.
+
+On a cycle forces that add up have describing functions that add up. A Masing law or structural damping with
+a constant in front stands alone, in closed form where there is one; everything else that remembers is
+integrated along its loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.describing.branches import Branches, loop_of, on_cycle
+from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
+from rsgen.describing.limits import Limit
+from rsgen.describing.loops import Loop, is_odd, try_loops
+from rsgen.describing.masing import ClosedMasing, asymptotes, close_masing, decisive_in
+from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE
+from rsgen.describing.regimes import Reading
+from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
+from rsgen.expression.memory import Masing, State
+from rsgen.law.memory import Inner, MemoryForm, memory_form
+from rsgen.law.normal_form import expanded, moves
+from rsgen.law.notation import readable
+
+__all__ = ["Parts", "add_memory", "take_apart"]
+
+X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
+STATE_X, STATE_V = symbol("x"), symbol("v")
+
+SETS = 40
+"""Random cycles of a proof: at least eight in every regime of five thresholds."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A law with memory as a sum.
+
+    Parameters
+    ----------
+    plain
+        What does not remember, in x and v.
+    alone
+        (factor, virgin curve) of Masing laws with a constant in front.
+    lag
+        Stiffness of structural damping [N/m].
+    rest
+        What remembers in another way, in x, v and ``Inner`` symbols.
+    memory
+        The law taken apart.
+    """
+
+    plain: sympy.Expr
+    alone: tuple[tuple[sympy.Expr, sympy.Expr], ...]
+    lag: sympy.Expr
+    rest: sympy.Expr
+    memory: MemoryForm
+
+    @property
+    def centred(self) -> bool:
+        """Whether the loops of ``rest`` have no mean about X0 = 0."""
+        return self.rest == 0 or is_odd(self.rest, self.memory)
+
+
+def take_apart(force: sympy.Expr) -> Parts | None:
+    """Sort the addends of a law by what they remember; None for a law without memory."""
+    memory = memory_form(force)
+    if memory is None:
+        return None
+    plain, rest = list[sympy.Expr](), list[sympy.Expr]()
+    factors: dict[Inner, sympy.Expr] = {}
+    linear = {*(curve.symbol for curve in memory.curves), memory.lag}
+    for addend in sympy.Add.make_args(expanded(memory.force)):
+        inside = [free for free in addend.free_symbols if isinstance(free, Inner)]
+        if not inside:
+            plain.append(addend)
+            continue
+        factor = addend.coeff(inside[0])
+        if len(inside) == 1 and inside[0] in linear and not moves(factor) and addend == factor * inside[0]:
+            factors[inside[0]] = factors.get(inside[0], sympy.S.Zero) + factor
+        else:
+            rest.append(addend)
+    alone = tuple((factors[c.symbol], c.virgin) for c in memory.curves if c.symbol in factors)
+    lag = sympy.S.Zero if memory.lag is None else factors.get(memory.lag, sympy.S.Zero)
+    return Parts(sympy.Add(*plain), alone, lag, sympy.Add(*rest), memory)
+
+
+@dataclass(frozen=True, slots=True)
+class _Added:
+    """What one memory adds: formulas, how they are evaluated, what is left to quadrature, how sure it is."""
+
+    stiffness: sympy.Expr
+    damping: sympy.Expr
+    balance: sympy.Expr
+    evaluated: Remembered
+    conditions: tuple[sympy.Basic, ...] = ()
+    remainder: sympy.Expr = sympy.S.Zero
+    checked_to: float | None = None
+    positive: frozenset[str] = frozenset()
+    limits: tuple[Limit, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Formulas:
+    """Closed formulas in plain symbols; quadrature where a parameter is not of the sign they take."""
+
+    closed: ClosedMasing
+    parameters: tuple[str, ...]
+    positive: frozenset[str]
+    branches: Branches
+
+    def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
+        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+        if not all(np.all(values[name] > 0) for name in self.positive):
+            return self.branches.harmonics(X_, mean, omega, values)
+        names = tuple(map(symbol, self.parameters))
+        numbers = tuple(values[name] for name in self.parameters)
+        found = [np.array(part) for part in self.closed.evaluate(X_, omega, names, numbers)]
+        odd = np.flatnonzero(self.closed.inaccurate(X_, omega, names, numbers, found))
+        if len(odd):
+            fields = {name: np.broadcast_to(value, X_.shape)[odd] for name, value in values.items()}
+            parts = self.branches.harmonics(X_[odd], mean[odd], omega[odd], fields)
+            found[0][odd], found[1][odd] = parts[0], parts[1]
+        return [*found, np.zeros(X_.shape)]
+
+
+def add_memory(
+    force: sympy.Expr, names: tuple[str, ...], parts: Parts, plain: DescribingFunction
+) -> DescribingFunction:
+    """Add what the memories of a law contribute to the describing function of its memoryless part."""
+    added = [_masing(factor, virgin) for factor, virgin in parts.alone]
+    if parts.lag != 0:
+        added.append(_structural(parts.lag))
+    if parts.rest != 0:
+        added.append(_loop(force, parts))
+    positive = tuple(sorted({*plain.positive, *(name for part in added for name in part.positive)}))
+    said = taken_as_positive(plain.positive)
+    remarks = [*taken_as_positive(positive), *(r for r in plain.remarks if r not in said)]
+    formulas = [
+        sympy.Add(getattr(plain, what), *(getattr(part, short) for part in added))
+        for what, short in (("stiffness", "stiffness"), ("damping", "damping"), ("mean_balance", "balance"))
+    ]
+    own = None if plain.force == 0 else plain.checked_to
+    checks = [c for c in (own, *(part.checked_to for part in added)) if c is not None]
+    return replace(
+        plain,
+        force=force,
+        parameters=names,
+        stiffness=formulas[0],
+        damping=formulas[1],
+        mean_balance=formulas[2],
+        mean=plain.mean if all(part.balance == 0 for part in added) else None,
+        closed_form=not any(formula.has(sympy.Integral) for formula in formulas),
+        checked_to=max(checks, default=None),
+        regimes=tuple(dict.fromkeys((*plain.regimes, *(c for part in added for c in part.conditions)))),
+        limits=tuple(_limits(plain, added)),
+        remarks=(*remarks, *(remark for part in added for remark in part.remarks)),
+        positive=positive,
+        remainder=sympy.Add(plain.remainder, *(part.remainder for part in added)),
+        plain=plain,
+        remembered=tuple(part.evaluated for part in added),
+    )
+
+
+def _limits(plain: DescribingFunction, added: list[_Added]) -> Iterable[Limit]:
+    """Add limits where all parts have one."""
+    for quantity in ("stiffness", "damping"):
+        for place in (sympy.S.Zero, sympy.oo):
+            values = []
+            terms: tuple[DescribingFunction | _Added, ...] = (plain, *added)
+            for part in terms:
+                found = [end.value for end in part.limits if (end.quantity, end.place) == (quantity, place)]
+                if not found and getattr(part, quantity) == 0:
+                    found = [sympy.S.Zero]
+                values.append(found[0] if found else None)
+            if None not in values and sum(v.has(sympy.oo) for v in values if v is not None) <= 1:
+                infinite = [v for v in values if v is not None and v.has(sympy.oo)]
+                yield Limit(quantity, place, infinite[0] if infinite else sympy.Add(*values))
+
+
+def _structural(stiffness: sympy.Expr) -> _Added:
+    """Damping of h times the displacement a quarter of a period later: c = h/omega."""
+    names = tuple(sorted(free.name for free in stiffness.free_symbols))
+    closed = ClosedMasing(Reading(sympy.S.Zero, ()), Reading(stiffness / OMEGA, ()), ())
+    branches = Branches(stiffness * STATE_V / OMEGA, names)
+    ends = tuple(Limit("damping", place, stiffness / OMEGA) for place in (sympy.S.Zero, sympy.oo))
+    error = _worst(closed, branches, {}, (), 5)
+    evaluated = _Formulas(closed, names, frozenset(), branches)
+    return _Added(*closed.shown, sympy.S.Zero, evaluated, checked_to=error, limits=ends)
+
+
+def _masing(factor: sympy.Expr, virgin: sympy.Expr) -> _Added:
+    """Add a Masing law in closed form, or as integrals of its virgin curve."""
+    names = tuple(sorted(free.name for free in (factor * virgin).free_symbols - {STATE_X}))
+    positive = frozenset(decisive_in(virgin))
+    known = {symbol(name): sympy.Symbol(name, positive=True) for name in positive}
+    plain = {after: before for before, after in known.items()}
+    branches = Branches(factor * loop_of(virgin), names)
+    ends = tuple(
+        Limit(end.quantity, end.place, end.value.xreplace(plain))
+        for end in asymptotes(virgin.xreplace(known), factor)
+    )
+    closed = close_masing(virgin.xreplace(known), factor.xreplace(known))
+    remark = f"No closed form is known for masing({readable(virgin)}); quadrature split at its switches."
+    if closed is not None:
+        levels = tuple(level.xreplace(plain) for level in closed.thresholds)
+        closed = closed.xreplace(plain)
+        exponents = {free.name for power in virgin.atoms(sympy.Pow) for free in power.exp.free_symbols}
+        signs = dict.fromkeys(positive | exponents, 1.0)
+        error = _worst(closed, branches, signs, levels, 6)
+        if error <= PROOF_TOLERANCE:
+            conditions = (*closed.stiffness.conditions, *closed.damping.conditions)
+            evaluated = _Formulas(closed, names, positive, branches)
+            return _Added(
+                *closed.shown, sympy.S.Zero, evaluated, conditions, checked_to=error, positive=positive,
+                limits=ends,
+            )  # fmt: skip
+        remark = (
+            f"The closed form of masing({readable(virgin)}) differs from quadrature by {error:.1e}, more "
+            f"than {PROOF_TOLERANCE:g}; it is not used."
+        )
+    half = sympy.sin(PHI / 2) ** 2
+    along = sympy.Integral(virgin.xreplace({STATE_X: X * half}) * sympy.cos(PHI), (PHI, 0, sympy.pi))
+    area = 8 * sympy.Integral(virgin, (STATE_X, 0, X)) - 4 * X * virgin.xreplace({STATE_X: X})
+    return _Added(
+        -4 * factor / (sympy.pi * X) * along, factor * area / (sympy.pi * OMEGA * X**2), sympy.S.Zero,
+        branches, remainder=factor * Masing(virgin), limits=ends, remarks=(remark,),
+    )  # fmt: skip
+
+
+def _worst(
+    closed: ClosedMasing,
+    branches: Branches,
+    signs: Mapping[str, float],
+    levels: tuple[sympy.Expr, ...],
+    seed: int,
+) -> float:
+    """Compare formulas with quadrature of the loop, branch by branch, on random cycles in all regimes."""
+    rng = np.random.default_rng(seed)
+    values = {
+        name: np.exp(rng.uniform(-1, 1, SETS)) * signs.get(name, rng.choice((-1.0, 1.0), SETS))
+        for name in branches.parameters
+    }
+    names = tuple(map(symbol, values))
+    numbers = tuple(values.values())
+    amplitude, omega = np.exp(rng.uniform(-1.2, 1.2, SETS)), np.exp(rng.uniform(-1, 1, SETS))
+    if levels:
+        edges = np.sort(
+            np.stack([*np.broadcast_arrays(*compiled(levels, names)(*numbers), amplitude)][:-1]), 0
+        )
+        edges = np.concatenate((0.2 * edges[:1], edges, 3 * edges[-1:]))
+        slot = np.arange(SETS) % (len(edges) - 1)
+        low, high = edges[slot, np.arange(SETS)], edges[slot + 1, np.arange(SETS)]
+        amplitude = low + (high - low) * rng.uniform(0.05, 0.95, SETS)
+    reference = branches.projected(amplitude, np.zeros(SETS), omega, values)
+    found = closed.evaluate(amplitude, omega, names, numbers)
+    with np.errstate(all="ignore"):
+        errors = np.maximum(np.abs(found[0] - reference[0]), omega * np.abs(found[1] - reference[1]))
+        errors = errors / reference[3]
+    known = np.isfinite(reference[3])
+    if np.count_nonzero(known) < LEAST_SETS:
+        return float(np.inf)
+    return float(np.max(np.where(np.isfinite(errors[known]), errors[known], np.inf)))
+
+
+def _loop(force: sympy.Expr, parts: Parts) -> _Added:
+    """Add what only a loop can say: states with equations, and forces that are not linear in a memory."""
+    memory, rest = parts.memory, parts.rest
+    names = tuple(sorted({s.name for s in rest.free_symbols if not isinstance(s, Inner)} - {"x", "v"}))
+    evaluated: Remembered
+    along = on_cycle(rest, memory)
+    if any(isinstance(free, Inner) for free in along.free_symbols):
+        loop = Loop.of(along, memory.rates)
+        try_loops(loop)
+        evaluated = loop
+    else:
+        names = tuple(sorted({s.name for s in along.free_symbols} - {"x", "v", "X", "X0", "omega"}))
+        evaluated = Branches(along, names)
+    mean = sympy.S.Zero if parts.centred else X0
+    moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
+    shown = rest.xreplace({z: sympy.Function(z.name, real=True)(PHI) for z in memory.states} | moving)
+    weights = (sympy.sin(PHI) / (sympy.pi * X), sympy.cos(PHI) / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
+    integrals = []
+    for weight in weights:
+        outside, inside = (shown * weight).as_independent(PHI, as_Add=False)
+        integrals.append(outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi)))
+    where: dict[sympy.Expr, sympy.Expr] = {curve.symbol: Masing(curve.virgin) for curve in memory.curves}
+    where |= {Inner(state.name, real=True): state for state in force.atoms(State)}
+    remainder = rest.xreplace(where)
+    remark = f"No closed form is known for {readable(remainder)}; its loop is computed and projected."
+    balance = sympy.S.Zero if parts.centred else integrals[2]
+    return _Added(integrals[0], integrals[1], balance, evaluated, remainder=remainder, remarks=(remark,))

@@ -1,0 +1,179 @@
+"""Describing functions of laws with memory: against loops stepped through time, and closed solutions."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import gamma, i1
+
+from rsgen.describing import derive
+from rsgen.errors import ExpressionError, RsgenError
+from rsgen.expression import parse, symbol
+from rsgen.expression.evaluation import compiled
+from rsgen.law import make_element
+from tests.oracles.loop import equivalent, with_states
+
+ASKED = 1e-9
+OMEGA = 2.3
+
+IWAN4 = (
+    "Piecewise((x*(R*xm**(chi + 1)/(chi + 1) + S) - R*x**(chi + 2)/((chi + 1)*(chi + 2)), x < xm), "
+    "(R*xm**(chi + 2)/(chi + 2) + S*xm, True))"
+)
+
+# virgin curve, values, closed
+CURVES = (
+    ("Min(kt*x, Fs)", {"kt": 3.0, "Fs": 1.5}, True),
+    ("K*x - R*x**p", {"K": 3.0, "R": 0.4, "p": 1.37}, True),
+    ("k1*x + k3*x**3 - k5*x**5", {"k1": 2.0, "k3": 0.3, "k5": 0.01}, True),
+    ("Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True))", {"K": 4.0, "xs": 0.3}, True),
+    ("Min(k1*x, F1) + Min(k2*x, F2)", {"k1": 3.0, "F1": 1.0, "k2": 0.7, "F2": 1.1}, True),
+    ("Min(k1*x, k2*x + F*(1 - k2/k1))", {"k1": 3.0, "k2": 0.4, "F": 1.2}, True),
+    ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, True),
+    ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
+    ("K*x - R*x*sqrt(x)", {"K": 3.0, "R": 0.4}, True),
+    ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, True),
+    (IWAN4, {"R": 2.0, "S": 0.7, "chi": -0.4, "xm": 0.9}, False),
+    ("Fs*tanh(kt*x/Fs)", {"kt": 3.0, "Fs": 1.5}, False),
+    ("K*x/(1 + x/b)", {"K": 3.0, "b": 0.7}, False),
+)
+
+
+@pytest.mark.parametrize(("virgin", "values", "closed"), CURVES)
+def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed):
+    derived = derive(f"masing({virgin})")
+    assert derived.closed_form is closed
+    assert (derived.checked_to or 0.0) <= 1e-12
+    curve = compiled((parse(virgin),), (symbol("x"), *map(symbol, values)))
+    for X in (0.2, 0.91, 2.4):
+        found = derived.evaluate(X, OMEGA, values)
+        k, c = equivalent(lambda x: curve(x, *values.values())[0], X, OMEGA)
+        size = abs(k) + OMEGA * abs(c)
+        assert abs(found.stiffness - k) <= ASKED * size
+        assert abs(found.damping - c) <= ASKED * size
+
+
+def test_as_many_curves_as_promised():
+    assert len(CURVES) >= 12
+    assert sum(row[-1] for row in CURVES) >= 8
+
+
+def test_masing_formulas_of_the_literature():
+    R, p = symbol("R"), symbol("p")
+    power = derive("masing(K*x - R*x**p)")
+    for value in (1.3, 2.0, 3.7):
+        numbers = {R: 1.0, p: value, symbol("K"): 0, symbol("X"): 1.7}
+        factor = 4 / np.sqrt(np.pi) * value / (value + 1) * gamma(value + 0.5) / gamma(value + 1)
+        assert float(power.stiffness.subs(numbers)) == pytest.approx(-factor * 1.7 ** (value - 1), rel=1e-12)
+        area = 4 * 1.7 ** (value + 1) * (value - 1) / (value + 1)
+        assert float(power.energy.subs(numbers)) == pytest.approx(area, rel=1e-12)
+    jenkins = derive("masing(Min(kt*x, Fs))")
+    assert str(jenkins.regimes[0]) == "X <= Fs/kt"
+    numbers = {symbol("kt"): 2.0, symbol("Fs"): 3.0, symbol("X"): 4.0}
+    assert float(jenkins.energy.subs(numbers)) == pytest.approx(4 * 3 * (4 - 1.5))
+    assert derive("masing(k1*x + k3*x**3)").stiffness == parse("k1 + 15/16*k3*X**2")
+    linear = derive("masing(k1*x)")
+    assert (linear.stiffness, linear.damping) == (symbol("k1"), 0)
+
+
+@pytest.mark.parametrize("law", ["masing(Min(kt*x, Fs))", f"masing({IWAN4})", "masing(F*(1 - exp(-a*x)))"])
+def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):
+    derived = derive(f"k*x + {law} + c*v")
+    values = dict.fromkeys(derived.parameters, 0.8)
+    (virgin,) = parse(law).args
+    curve = compiled((virgin,), (symbol("x"), *map(symbol, values)))
+
+    def n(x):
+        return float(curve(x, *values.values())[0])
+
+    for X in (0.3, 3.0):
+        area = quad(n, 0, X, points=[min(0.8, X / 2)], epsabs=0, epsrel=1e-12)[0]
+        lost = 8 * area - 4 * X * n(X) + np.pi * OMEGA * 0.8 * X**2
+        found = np.pi * OMEGA * X**2 * derived.evaluate(X, OMEGA, values).damping
+        assert found == pytest.approx(lost, rel=1e-10)
+    numbers = {symbol(name): value for name, value in values.items()}
+    assert derived.limits
+    for limit in derived.limits:
+        X = 1e-9 if limit.place == 0 else 1e9
+        found = derived.evaluate(X, OMEGA, values)
+        assert getattr(found, limit.quantity) == pytest.approx(float(limit.value.subs(numbers)), rel=1e-4)
+
+
+def test_a_mean_moves_no_masing_law():
+    spring, joint = derive("k*x + k2*x**2"), derive("k*x + k2*x**2 + masing(Min(kt*x, Fs))")
+    values = {"k": 3.0, "k2": 0.8}
+    X = np.array([0.1, 0.6, 1.1])
+    alone = spring.evaluate(X, OMEGA, values)
+    added = derive("masing(Min(kt*x, Fs))").evaluate(X, OMEGA, {"kt": 2.0, "Fs": 0.9})
+    both = joint.evaluate(X, OMEGA, values | {"kt": 2.0, "Fs": 0.9})
+    np.testing.assert_allclose(both.mean, alone.mean, rtol=1e-12)
+    np.testing.assert_allclose(both.stiffness, alone.stiffness + added.stiffness, rtol=1e-12)
+    np.testing.assert_allclose(both.damping, added.damping, rtol=1e-12, atol=1e-15)
+
+
+def test_negative_parameters_and_forces_that_are_not_linear_in_a_masing_law():
+    jenkins = derive("masing(Min(kt*x, Fs)) + c*v")
+    odd = jenkins.evaluate(2.0, OMEGA, {"kt": 2.0, "Fs": 0.9, "c": -1.0})
+    # no longer positive for x > 0, and quadrature says so; the formulas would say something else
+    assert jenkins.evaluate(2.0, OMEGA, {"kt": -2.0, "Fs": 0.9, "c": 0.0}).stiffness == pytest.approx(-2.0)
+    assert odd.damping == pytest.approx(4 * 0.9 * (2 - 0.45) / (np.pi * OMEGA * 4) - 1)
+    cubed = derive("masing(K*x)**3 + structural(h)").evaluate(2.0, OMEGA, {"K": 2.0, "h": 0.3})
+    assert cubed.stiffness == pytest.approx(0.75 * 8 * 4, rel=1e-12)
+    assert cubed.damping == pytest.approx(0.3 / OMEGA, rel=1e-12)
+
+
+def test_structural_damping():
+    derived = derive("k*x + structural(eta*k)")
+    assert (derived.stiffness, derived.damping) == (symbol("k"), parse("eta*k/omega"))
+
+
+def test_dahl_and_maxwell_against_their_closed_solutions():
+    dahl = derive(make_element("dahl", "z", {"z": "sigma*v*(1 - z*sign(v)/Fc)"}))
+    X = np.geomspace(0.03, 20, 9)
+    found = dahl.evaluate(X, OMEGA, {"sigma": 3.0, "Fc": 1.5})
+    share = X / 0.5
+    np.testing.assert_allclose(found.stiffness, 2 * 1.5 * i1(share) / (X * np.cosh(share)), rtol=1e-10)
+    lost = 4 * 1.5 * (X - 0.5 * np.tanh(share)) / (np.pi * OMEGA * X**2)
+    np.testing.assert_allclose(found.damping, lost, rtol=1e-9)
+    maxwell = derive(make_element("maxwell", "k*x + z", {"z": "a*v - b*z"}))
+    found = maxwell.evaluate(X, OMEGA, {"a": 3.0, "b": 1.4, "k": 1.0})
+    np.testing.assert_allclose(found.stiffness, 1 + 3 * OMEGA**2 / (OMEGA**2 + 1.4**2), rtol=1e-10)
+    np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
+
+
+def test_two_states_that_depend_on_each_other():
+    pair = derive(make_element("pair", "z + w", {"z": "a*v - b*w", "w": "b*z - c*w"}))
+    found = pair.evaluate(0.7, OMEGA, {"a": 3.0, "b": 1.4, "c": 0.6})
+    # (i omega + b D) z = i omega a x, D = b/(i omega + c)
+    ahead = 1j * OMEGA
+    z = ahead * 3.0 / (ahead + 1.4**2 / (ahead + 0.6))
+    whole = z * (1 + 1.4 / (ahead + 0.6))
+    assert found.stiffness == pytest.approx(whole.real, rel=1e-10)
+    assert found.damping == pytest.approx(whole.imag / OMEGA, rel=1e-10)
+
+
+def test_bouc_wen_against_its_states_stepped_through_time():
+    law = derive(make_element("joint", "k*x + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}))
+    values = {"k": 1.0, "alpha": 1.3, "bg": 0.8, "bd": -1.1}
+    wanted = with_states(
+        lambda x, v, y: [1.3 * v - 0.8 * abs(v) * y[0] + 1.1 * v * abs(y[0])],
+        lambda x, v, y: x + y[0], 2.0, OMEGA, 1, 8,
+    )  # fmt: skip
+    found = law.evaluate(2.0, OMEGA, values)
+    assert found.stiffness == pytest.approx(wanted[0], rel=1e-8)
+    assert found.damping == pytest.approx(wanted[1], rel=1e-8)
+    # z is the force of a joint whose bg and bd do not depend on its size
+    scaled = derive(make_element("joint", "alpha*z", {"z": "v - bg*abs(v)*z - bd*v*abs(z)"}))
+    other = scaled.evaluate(2.0, OMEGA, {name: values[name] for name in ("alpha", "bg", "bd")})
+    assert found.stiffness - 1 == pytest.approx(other.stiffness, rel=1e-10)
+
+
+@pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3"])
+def test_loops_that_do_not_close_are_refused(rate):
+    with pytest.raises(ExpressionError, match="the loop of z does not close at X"):
+        derive(make_element("law", "k*x + z", {"z": rate}))
+
+
+def test_a_loop_that_closes_at_some_values_only():
+    law = derive(make_element("law", "k*x + z", {"z": "a*v - b*z"}))
+    with pytest.raises(RsgenError, match=r"the loop of z does not close at X = 0\.5 m"):
+        law.evaluate([0.5, 1.0], OMEGA, {"k": 1.0, "a": 1.0, "b": -2.0})

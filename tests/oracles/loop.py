@@ -1,0 +1,68 @@
+"""Loops of a Masing law stepped through time from rest, and states by DOP853: nothing of rsgen but NumPy."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+ENOUGH = 1e-13  # of a panel against its halves, relative to the largest force times pi
+
+
+def stepped(n: Callable, x: np.ndarray) -> np.ndarray:
+    """Force along a path that starts at rest and turns at larger and larger, or equal, displacements."""
+    ways = np.sign(np.diff(x, prepend=0.0))
+    force, turned, last = np.zeros(len(x)), None, 0
+    for stop in [*(np.flatnonzero(ways[1:] != ways[:-1]) + 1), len(x)]:
+        part = slice(last, stop)
+        if turned is None:
+            force[part] = np.sign(x[part]) * n(np.abs(x[part]))
+        else:
+            force[part] = turned[1] + ways[last] * 2 * n(np.abs(x[part] - turned[0]) / 2)
+        turned, last = (x[stop - 1], force[stop - 1]), stop
+    return force
+
+
+def equivalent(n: Callable, X: float, omega: float) -> tuple[float, float]:
+    """k and c of the second cycle; panels that are not yet accurate are halved and time runs again."""
+    edges = np.linspace(0, 4.5 * np.pi, 37)
+    for _ in range(60):
+        middle = np.sort(np.concatenate((edges, (edges[1:] + edges[:-1]) / 2)))
+        values = []
+        for cuts in (edges, middle):
+            width = np.diff(cuts)[:, None] / 2
+            phi = cuts[:-1, None] + width * (NODES + 1)
+            # the ends of the panels are stepped through as well, so that the turning points are met
+            path = np.concatenate((phi, cuts[1:, None]), axis=1).ravel()
+            force = stepped(n, X * np.sin(path)).reshape(len(width), -1)[:, :-1]
+            weighted = force * WEIGHTS * width
+            values.append(np.stack([(weighted * wave).sum(1) for wave in (np.sin(phi), np.cos(phi))]))
+        halves = values[1].reshape(2, -1, 2).sum(axis=2)
+        bad = np.flatnonzero(np.abs(halves - values[0]).max(axis=0) > ENOUGH * np.pi * np.abs(force).max())
+        if not len(bad):
+            break
+        edges = np.sort(np.concatenate((edges, (edges[bad] + edges[bad + 1]) / 2)))
+    turn = edges[:-1] >= 2.5 * np.pi - 1e-12
+    sine, cosine = halves[:, turn].sum(axis=1)
+    return sine / (np.pi * X), cosine / (np.pi * omega * X)
+
+
+def with_states(
+    rate: Callable, force: Callable, X: float, omega: float, size: int, turns: int
+) -> tuple[float, float]:
+    """k and c after so many turns of z' = rate(x, v, z) from z = 0."""
+
+    def along(phi, y):
+        x, v = X * np.sin(phi), omega * X * np.cos(phi)
+        load = force(x, v, y)
+        return [*(np.array(rate(x, v, y)) / omega), load * np.sin(phi), load * np.cos(phi)]
+
+    y = np.zeros(size + 2)
+    for half in range(2 * turns):
+        if half % 2 == 0:
+            y[size:] = 0
+        start = (half - 0.5) * np.pi
+        y = solve_ivp(along, (start, start + np.pi), y, "DOP853", rtol=1e-11, atol=1e-13, max_step=0.1).y[
+            :, -1
+        ]
+    return y[size] / (np.pi * X), y[size + 1] / (np.pi * omega * X)
