@@ -5,6 +5,7 @@ They are linear in all but a few parameters, and in the common factor of some of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -16,10 +17,16 @@ from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
 
-__all__ = ["Equations", "equation_rows"]
+__all__ = ["Equations", "equation_rows", "rows_of_trials"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+_FINER_LOOPS = 2
+"""Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""
+
+_TRIED = 2048
+"""Loops closed at once while values are searched: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,12 +105,69 @@ def equation_rows(
     matrix, right
         Columns are the linear parameters, the factors where they are asked for, the mass where it is free.
     """
+    samples = _samples(equations, law, [nonlinear], coarse=coarse)
+    return _rows(equations, law, mass, nonlinear, samples[0], scaled=scaled)
+
+
+def rows_of_trials(
+    equations: Equations, law: ForceLaw, mass: float | None, trials: Sequence[Array] | Array, *, coarse: bool
+) -> list[tuple[Array, Array]]:
+    """Give ``equation_rows`` with factors for many values of the nonlinear parameters.
+
+    Loops of all trials are closed at once: a period has far more samples than there are points.
+    """
+    block = max(1, _TRIED // len(equations.omega)) if law.remembers else 1
+    rows = []
+    for low in range(0, len(trials), block):
+        part = trials[low : low + block]
+        samples = _samples(equations, law, part, coarse=coarse)
+        rows += [
+            _rows(equations, law, mass, trial, sample, scaled=True)
+            for trial, sample in zip(part, samples, strict=True)
+        ]
+    return rows
+
+
+def _samples(
+    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool
+) -> list[ForceSample]:
+    """Sample the law along all motions, for each trial."""
+    omega = equations.omega[:, None]
+    finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
+    x, v, a = _motion(equations, finer if law.switched and not coarse else 1)
+    step = 2 * np.pi / x.shape[1] / omega
+    values = np.zeros((len(trials), len(law.parameters)))
+    values[:, list(law.nonlinear)] = trials
+    if len(trials) == 1:
+        return [law.sample(x, v, a, step, values[0])]
+    many, count = len(trials), len(x)
+    x, v, a, step = (np.tile(part, (many, 1)) for part in (x, v, a, step))
+    whole = law.sample(x, v, a, step, np.repeat(values, count, axis=0).T[:, :, None])
+    parts = [slice(i * count, (i + 1) * count) for i in range(many)]
+    return [
+        ForceSample(
+            whole.force[part],
+            whole.by_x[part],
+            whole.by_v[part],
+            tuple(by[part] for by in whole.by_parameter),
+        )
+        for part in parts
+    ]
+
+
+def _rows(
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    nonlinear: Array,
+    sample: ForceSample,
+    *,
+    scaled: bool,
+) -> tuple[Array, Array]:
+    """Give the rows from a sample of the law."""
     values = np.zeros(len(law.parameters))
     values[list(law.nonlinear)] = nonlinear
     omega = equations.omega[:, None]
-    x, v, a = _motion(equations, SAMPLES_SWITCHED // SAMPLES if law.switched and not coarse else 1)
-    samples = x.shape[1]
-    sample = law.sample(x, v, a, 2 * np.pi / samples / omega, values)
     signals, still = _parts(law, sample, values, scaled)
     columns = [_fundamental(signal) for signal in signals]
     if not equations.harmonics[:, ::2].any():

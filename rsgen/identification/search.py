@@ -11,8 +11,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.equations import Equations, equation_rows
+from rsgen.identification.equations import Equations, equation_rows, rows_of_trials
 from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.natural import natural_sizes
 from rsgen.identification.tolerances import SIGNIFICANT
 from rsgen.law.numeric import ForceLaw
 
@@ -31,6 +32,11 @@ _WANDER = 3.0
 
 _SOLVER = 1e-6
 """Relative misfit that the simulator may leave; a part of the force as small is as good as none."""
+
+_DECADES = 2
+"""Decades to both sides of their natural size in which parameters of a law with memory are searched: a loop
+that closes or saturates within a hundredth of the motion, or not within hundred times the motion, shows no
+more of it. (Scanning as for other laws would close ten thousand loops.)"""
 
 _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
@@ -57,7 +63,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
         return search.scaled(search.polish(search.pinned(begin))[0])
     windows = [search.active_values(i) for i in range(len(law.nonlinear))]
     trials = _trials(windows)
-    costs = np.array([search.cost(trial, coarse=True) for trial in trials])
+    costs = search.costs(trials)
     order = np.argsort(costs, kind="stable")
     best = trials[order[0]]
     lowest = search.cost(best)
@@ -122,6 +128,12 @@ class _Search:
         self.pins = [group[-1] for group in self._groups]
         self.free = [i for i in range(len(law.nonlinear)) if i not in self.pins]
 
+        size, force = np.abs(equations.harmonics[:, 1]), np.abs(equations.force)
+        natural = natural_sizes(
+            law, float(size.max()), float(np.median(equations.omega)), float(np.median(force))
+        )
+        self._natural = self.pinned(natural[list(law.nonlinear)])
+
     def pinned(self, values: Array) -> Array:
         """Divide every group by the size of the one that stays."""
         trial = np.array(values)
@@ -149,6 +161,9 @@ class _Search:
         """Linear parameters, factors, mass; and what they leave."""
         with np.errstate(all="ignore"):
             matrix, right = equation_rows(equations, self._law, self._mass, trial, scaled=True, coarse=coarse)
+        return self._settle(matrix, right)
+
+    def _settle(self, matrix: Array, right: Array) -> tuple[Array, Array]:
         # not finite, or soon: a negative power at x = 0, an overflow
         if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
             return np.zeros(matrix.shape[1]), np.full(len(right), _HUGE)
@@ -170,6 +185,12 @@ class _Search:
         """Sum of squares at a trial."""
         return float(np.sum(self.residual(trial, coarse=coarse) ** 2))
 
+    def costs(self, trials: Array) -> Array:
+        """Sum of squares at many trials, on few points with few samples."""
+        with np.errstate(all="ignore"):
+            rows = rows_of_trials(self._scanned, self._law, self._mass, trials, coarse=True)
+        return np.array([float(np.sum(self._settle(*each)[1] ** 2)) for each in rows])
+
     def along(self, start: Array, windows: list[Array], sweeps: int = 2, every: int = 2) -> Array:
         """Take the best of every n-th value of one parameter after the other over its whole window."""
         best = np.array(start)
@@ -178,7 +199,7 @@ class _Search:
                 values = windows[i][::every]
                 trials = np.repeat(best[None, :], len(values) + 1, axis=0)
                 trials[1:, i] = values
-                best = trials[int(np.argmin([self.cost(trial, coarse=True) for trial in trials]))]
+                best = trials[int(np.argmin(self.costs(trials)))]
         return best
 
     def missing(self, trial: Array) -> int:
@@ -201,6 +222,9 @@ class _Search:
         """Values of one parameter between which the law changes its shape; both signs."""
         if which in self.pins:
             return np.array([1.0, -1.0])
+        if self._law.remembers and np.isfinite(self._natural[which]):
+            size = self._natural[which] * np.logspace(-_DECADES, _DECADES, 12 * _DECADES + 1)
+            return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
         largest = float(np.abs(self._equations.harmonics).max())

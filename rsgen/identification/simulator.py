@@ -98,7 +98,10 @@ class Simulator:
             predicted = self._near(states)
             if states is not None:
                 found = np.isfinite(predicted[:, 1])
-                self._state = np.where(found[:, None], states.state, self._state)
+                # memories begin at rest and go on from where the loop has them
+                begun = np.zeros_like(states.state)
+                begun[:, : self._state.shape[1]] = self._state
+                self._state = np.where(found[:, None], states.state, begun)
             self._slopes = self._differentiate(parameters, size, predicted)
         else:
             predicted = self.solve(parameters, size, self._accuracy)

@@ -24,8 +24,12 @@ _SIZES = (0.1, 1.0, 10.0)
 _SAME = 1e-6
 """Relative size at which differences of forces cancel; loops close to 1e-10."""
 
-_FACTORS = (1.0, 2.0, 3.0)
-"""Factors of parameters, evenly spaced, at which a force must be affine."""
+_FACTORS = (-1.0, 1.0, 3.0)
+"""Factors of a parameter, evenly spaced, at which a force must be affine; that of abs(z) in an equation is
+affine for positive ones only."""
+
+_POSITIVE = (1.0, 2.0, 3.0)
+"""The same for a common factor of a group."""
 
 
 class TriedLoops:
@@ -51,31 +55,31 @@ class TriedLoops:
 
     def bends(self, i: int) -> bool:
         """Decide whether the force is not affine in a parameter."""
-        return not self._affine([i])[0]
+        return not self._affine([i], _FACTORS)[0]
 
     def couples(self, i: int, j: int) -> bool:
         """Decide whether the force is not jointly affine in two parameters, affine in each."""
-        return not self._separate([i], [j])
+        return not self._separate([i], [j], _FACTORS[0])
 
     def scales(self, group: Sequence[int], linear: Sequence[int]) -> bool:
         """Decide whether a common factor of a group acts, and the force is affine in it.
 
         ``linear`` are the parameters in which the force has to be affine at the same time.
         """
-        affine, acts = self._affine(group)
-        return affine and acts and all(self._separate(group, [other]) for other in linear)
+        affine, acts = self._affine(group, _POSITIVE)
+        return affine and acts and all(self._separate(group, [other], _POSITIVE[1]) for other in linear)
 
-    def _affine(self, group: Sequence[int]) -> tuple[bool, bool]:
+    def _affine(self, group: Sequence[int], factors: Sequence[float]) -> tuple[bool, bool]:
         """Decide whether the force is affine in a common factor, and whether the factor acts."""
-        forces = self._forces([(group, factor) for factor in _FACTORS])
+        forces = self._forces([(group, factor) for factor in factors])
         return (
             _vanishes(forces[0] - 2 * forces[1] + forces[2], forces),
             not _vanishes(forces[1] - forces[0], forces),
         )
 
-    def _separate(self, group: Sequence[int], other: Sequence[int]) -> bool:
-        """Decide whether factors of two groups change the force one independently of the other."""
-        forces = self._forces([(each, _FACTORS[1]) for each in ([], group, other, [*group, *other])])
+    def _separate(self, group: Sequence[int], other: Sequence[int], factor: float) -> bool:
+        """Decide whether a factor of two groups changes the force for one independently of the other."""
+        forces = self._forces([(each, factor) for each in ([], group, other, [*group, *other])])
         return _vanishes(forces[0] - forces[1] - forces[2] + forces[3], forces)
 
     def _forces(self, trials: Sequence[tuple[Sequence[int], float]]) -> Array:

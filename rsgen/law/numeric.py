@@ -36,6 +36,9 @@ class Periodic(Protocol):
 class ForceLaw(Character):
     """A compiled law n(x, v; p), with memory or without, and its character."""
 
+    expression: sympy.Expr
+    """n(x, v; p) as it was compiled."""
+
     _sum: SwitchedSum
     """n(x, v; p); of a law with memory that without history: states zero, virgin curves."""
 
@@ -99,6 +102,7 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
     facts: dict[str, Any] = {field.name: getattr(kind, field.name) for field in fields(Character)}
     return ForceLaw(
         **facts,
+        expression=force,
         _sum=switched_sum(
             force if memory is None else from_rest(memory),
             (symbol("x"), symbol("v")),

@@ -28,6 +28,12 @@ _CLOSED = 1e-10
 _GAP = 1e-6
 """What a step lacked before the last change, relative to the state; what never closes lacks it for ever."""
 
+_PATIENCE = 3
+"""Newton steps after which a linearised loop is near enough to see that states flee it."""
+
+_FLEES = 10.0
+"""Growth of a disturbance in a period on the way to a loop that the loop itself will not make good."""
+
 _SMALL = 1e-2
 """Decay in a step below which theta is taken from its series."""
 
@@ -47,6 +53,19 @@ class _Recurrence:
     inverse: Array
     weight: Array
     step: Array
+
+    def growth(self) -> Array:
+        """(n,) factor by which a disturbance of the states grows in a period; below one they forget it."""
+        product = self.forward
+        while len(product) > 1:
+            odd = product[2 * (len(product) // 2) :]
+            pairs = _product(product[1::2], product[: 2 * (len(product) // 2) : 2])
+            product = np.concatenate([pairs, odd])
+        matrices = np.moveaxis(product[0], -1, 0)
+        finite = np.isfinite(matrices).all(axis=(1, 2))
+        growth = np.full(len(matrices), np.inf)
+        growth[finite] = np.abs(np.linalg.eigvals(matrices[finite])).max(axis=1)
+        return growth
 
     def gather(self, source: Array) -> Array:
         """(s, q, k, n) what sources of z' (s, q, k, n) bring from sample to sample."""
@@ -134,7 +153,7 @@ def close_loops(
     states = np.zeros((size, count, samples))
     step = np.broadcast_to(step, (count, 1))
     open_rows = np.arange(count)
-    for _ in range(_STEPS):
+    for attempt in range(_STEPS):
         here = (motion[0][open_rows], motion[1][open_rows], motion[2][open_rows])
         own = [value if np.ndim(value) == 0 else value[open_rows] for value in values]
         at = states[:, open_rows]
@@ -149,13 +168,19 @@ def close_loops(
             largest = np.max(np.abs(at + change), axis=2)
             settled = np.max(np.abs(change), axis=2) <= _CLOSED * largest
             settled &= np.max(np.abs(lack), axis=0) <= _GAP * largest
-        closed = settled.all(axis=0) | ~np.isfinite(change).all(axis=(0, 2))
+        lost = ~np.isfinite(change).all(axis=(0, 2))
+        if attempt >= _PATIENCE:
+            lost |= recurrence.growth() > _FLEES
+        states[:, open_rows[lost]] = np.nan
+        closed = settled.all(axis=0) | lost
         open_rows = open_rows[~closed]
         if not len(open_rows):
             break
     states[:, open_rows] = np.nan
     rate, slopes = _rates(equations, motion, states, step, values)
     recurrence = _linearised(slopes[:, 2 : 2 + size], step[:, 0])
+    # states that start at zero never reach a loop that they flee
+    states[:, recurrence.growth() > 1 + _GAP] = np.nan
     source = np.transpose(slopes[:, 2 + size :], (3, 0, 1, 2))
     moved = recurrence.solve(recurrence.gather(source))
     by_parameter = np.transpose(moved, (2, 1, 3, 0))
@@ -171,9 +196,9 @@ def _rates(
 ) -> tuple[Array, Array]:
     """g (q, n, s) and its slopes (q, 2 + q + p, n, s) by x, v, states, parameters."""
     x, v, a = motion
-    # how fast a state passes its switches
-    passing = (np.roll(states, -1, axis=2) - np.roll(states, 1, axis=2)) / (2 * step)
-    found = [each((x, v, *states), (v, a, *passing), step, values) for each in equations]
+    # a share of a switch in z would change with the rate that is being solved for: such switches are sharp
+    sharp = np.zeros_like(states)
+    found = [each((x, v, *states), (v, a, *sharp), step, values) for each in equations]
     return np.stack([each[0] for each in found]), np.stack([np.stack(each[1:]) for each in found])
 
 
