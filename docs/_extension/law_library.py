@@ -67,7 +67,7 @@ class LawLibrary(SphinxDirective):
         found: list[nodes.Node] = []
         laws = list(rsgen.laws)
         for law in laws[:QUICK] if self.config.rsgen_quick else laws:
-            function = rsgen.derive(law.formula)
+            function = rsgen.derive(law)
             section = made_section(self, law.title, law.name, describe_law(law, function))
             drawing = draw_derivation(function, law.example)
             section.append(drawing_node(drawing, f"law-{law.name}"))

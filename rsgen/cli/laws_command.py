@@ -37,7 +37,7 @@ def laws_command(
     if plot is None and (settings or largest):
         raise RsgenError(PICTURE_ONLY)
     started = time.perf_counter()
-    function = derive(law.formula)
+    function = derive(law)
     seconds = time.perf_counter() - started
     if plot is not None:
         values, omega, top = read_settings(function, settings, largest)
@@ -58,6 +58,7 @@ def _entry(law: Law) -> dict[str, Any]:
         "parameters": [
             {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit} for entry in law.table
         ],
+        **({"memory": law.memory} if law.memory else {}),
         "source": law.source,
         "own": law.own,
     }
@@ -66,7 +67,7 @@ def _entry(law: Law) -> dict[str, Any]:
 def _print_all(laws: Library) -> None:
     width = max(len(law.name) for law in laws)
     for law in laws:
-        print_line(f"{law.name:<{width}}  {law.formula}")
+        print_line(f"{law.name:<{width}}  {law.text}")
     print_line()
     print_line('One of them: rsgen laws NAME. In a case: law = "NAME" in place of force.')
 

@@ -16,6 +16,7 @@ from rsgen.describing.mean import solve_mean
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
+from rsgen.expression.evaluation import compiled
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.law.pieces import normal_form
@@ -53,6 +54,9 @@ class Remembered(Protocol):
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
         """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+
+    def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
+        """Give the force [N] at ascending phases (s,) from -pi/2 to 3 pi/2 of one cycle."""
 
 
 def taken_as_positive(names: Sequence[str]) -> tuple[str, ...]:
@@ -223,6 +227,31 @@ class DescribingFunction:
             total[1] += parts.cosine / (np.pi * omega * X)
             total[2] += parts.mean / (2 * np.pi)
         return total
+
+    def along(
+        self, phi: Array, X: float, omega: float, values: Mapping[str, float], mean: float = 0.0
+    ) -> Array:
+        """Give the force along the closed loop of one cycle.
+
+        Parameters
+        ----------
+        phi
+            (s,) ascending phases [rad] between -pi/2 and 3 pi/2; x = mean + X sin(phi).
+        X, omega, mean
+            Amplitude [m], angular frequency [rad/s], mean [m].
+        values
+            A value in SI units for each parameter.
+
+        Returns
+        -------
+        (s,) force [N]; nan where the loop does not close.
+        """
+        force = self.force if self.plain is None else self.plain.force
+        names = (symbol("x"), symbol("v"), *map(symbol, self.parameters))
+        numbers = (values[name] for name in self.parameters)
+        (total,) = compiled((force,), names)(mean + X * np.sin(phi), omega * X * np.cos(phi), *numbers)
+        added = (part.along(phi, X, mean, omega, values) for part in self.remembered)
+        return np.asarray(np.broadcast_to(total, phi.shape) + sum(added, np.zeros(phi.shape)))
 
     def _name(self, name: str) -> sympy.Symbol:
         """Give the symbol that stands for a parameter in the closed part."""

@@ -86,14 +86,12 @@ class Loop:
         cycles = Cycles(np.array([X_]), np.array([mean]), np.array([omega]), numbers)
         begin, _ = self._start(cycles)
         state = np.concatenate((begin, np.zeros((3, 1))))
-        force, now = np.empty(len(phi)), -np.pi / 2
-        for place, then in enumerate(phi):
-            for stop in (min(then, np.pi / 2), then):
-                if stop > now:
-                    state = self.system.advance(state, now, stop, now < np.pi / 2, cycles)
-                    now = float(stop)
-            force[place] = self.system.forces(np.array([then]), state, cycles)[0]
-        return force
+        state = np.repeat(state, len(phi), axis=1)
+        every = cycles.repeated(len(phi))
+        # one cycle a phase, each of which ends there
+        state = self.system.advance(state, -np.pi / 2, np.minimum(phi, np.pi / 2), True, every)
+        state = self.system.advance(state, np.pi / 2, np.maximum(phi, np.pi / 2), False, every)
+        return self.system.forces(phi, state, every)
 
     def _start(self, cycles: Cycles) -> tuple[Array, bool]:
         """Find the states at phi = -pi/2 from which a cycle repeats, and whether half of it says all."""

@@ -131,6 +131,10 @@ class _Formulas:
             found[0][odd], found[1][odd] = parts[0], parts[1]
         return [*found, np.zeros(X_.shape)]
 
+    def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
+        """Give the force [N] at phases (s,) of one cycle."""
+        return self.branches.along(phi, X_, mean, omega, values)
+
 
 def add_memory(
     force: sympy.Expr, names: tuple[str, ...], parts: Parts, plain: DescribingFunction

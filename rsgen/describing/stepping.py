@@ -140,11 +140,14 @@ class System:
 
     def _slope(self, function: Numeric, phi: Array, state: Array, flags: Array, cycles: Cycles) -> Array:
         """Give the derivatives by phi of the states and of the three integrals."""
-        parts = function(*self._places(phi, state, cycles), *flags)
+        sine, cosine = np.sin(phi), np.cos(phi)
+        x, v = cycles.mean + cycles.X * sine, cycles.omega * cycles.X * cosine
+        fixed = (cycles.X, cycles.mean, cycles.omega, *cycles.values)
+        parts = function(x, v, *state[: len(self.rates)], *fixed, *flags)
         found = np.empty(state.shape)
         for place, part in enumerate(parts[:-1]):
             found[place] = part / cycles.omega
-        found[-3], found[-2], found[-1] = parts[-1] * np.sin(phi), parts[-1] * np.cos(phi), parts[-1]
+        found[-3], found[-2], found[-1] = parts[-1] * sine, parts[-1] * cosine, parts[-1]
         return found
 
     def _step(
@@ -168,11 +171,12 @@ class System:
                 table = row
             return table[-1], error
 
-    def advance(self, state: Array, start: float, stop: float, rising: bool, cycles: Cycles) -> Array:
+    def advance(self, state: Array, start: float, end: float | Array, rising: bool, cycles: Cycles) -> Array:
         """Integrate all cycles from one phase to another between turning points."""
         n, size = state.shape[1], len(self.rates)
         function = compiled(self.modes, (*self._names, *self.flags))
-        state, phi, step = state.copy(), np.full(n, start), np.full(n, min(FIRST, stop - start))
+        state, phi, stop = state.copy(), np.full(n, start), np.broadcast_to(end, (n,))
+        step = np.minimum(FIRST, stop - start)
         flags = np.full((len(self.flags), n), float(rising))
         sides = self._sides(phi, state, cycles)
         flags[:-1] = sides >= 0
@@ -191,10 +195,10 @@ class System:
                 held[:] = False
                 flips[rows] = np.where(phi[rows] - before < SHORTEST, flips[rows] + 1, 0)
                 stuck = rows[flips[rows] > MOST_FLIPS]
-                state[:, stuck], phi[stuck] = np.nan, stop
+                state[:, stuck], phi[stuck] = np.nan, stop[stuck]
                 continue
             some, now, mode = cycles.some(rows), state[:, rows], flags[:, rows]
-            ahead = np.minimum(step[rows], stop - phi[rows])
+            ahead = np.minimum(step[rows], stop[rows] - phi[rows])
             then, error = self._step(function, phi[rows], ahead, now, mode, some)
             with np.errstate(all="ignore"):
                 grown = np.maximum(np.abs(now), np.abs(then))
@@ -206,7 +210,7 @@ class System:
                 change = np.clip(0.9 * np.maximum(ratio, 1e-9) ** (-1 / (2 * COLUMNS - 1)), 0.2, 4.0)
             step[rows] = np.minimum(ahead * change, LONGEST)
             gone = rows[(ratio > 1) & (step[rows] < SHORTEST)]
-            state[:, gone], phi[gone] = np.nan, stop
+            state[:, gone], phi[gone] = np.nan, stop[gone]
             passed = self._passed(phi[rows] + ahead, then, mode, some).any(axis=0)
             wait, go = np.flatnonzero((ratio <= 1) & passed), np.flatnonzero((ratio <= 1) & ~passed)
             held[rows[wait]], reach[rows[wait]], beyond[:, rows[wait]] = True, ahead[wait], then[:, wait]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rsgen.describing import DescribingFunction
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.memory import Inner
 from rsgen.figures.curves import REFINED
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits
@@ -27,6 +28,9 @@ Floats = NDArray[np.float64]
 POINTS = 481
 WIDTH = 72
 """Characters of a line of the heading."""
+
+TURNED = 1.5
+"""Change of the local power of k(X) or c(X) after which the largest amplitudes show nothing new."""
 
 LEAST_CHANGE = 0.02
 """Change of the local power of k(X) or c(X) that counts as one."""
@@ -45,19 +49,17 @@ def telling_amplitude(function: DescribingFunction, values: Mapping[str, float],
     omega
         Angular frequency [rad/s].
     """
-    names = tuple(map(symbol, function.parameters))
-    numbers = [values[name] for name in function.parameters]
-    edges = []
-    for switch in normal_form(function.force).switches:
-        if switch.threshold is not None:
-            level = abs(float(compiled((switch.threshold,), names)(*numbers)[0]))
-            edges.append(level if switch.variable == "x" else level / omega)
-    if any(np.isfinite(edge) and edge > 0 for edge in edges):
-        return 3 * max(edge for edge in edges if np.isfinite(edge))
-    X = np.geomspace(1e-6, 1e4, 201)
-    found = function.evaluate(X, omega, values)
+    edges = [edge for edge in _edges(function, values, omega) if np.isfinite(edge)]
+    if any(edge > 0 for edge in edges):
+        return 3 * max(edges)
+    if function.memory:
+        X, curves = _upward(function, values, omega)
+    else:
+        X = np.geomspace(1e-6, 1e4, 201)
+        found = function.evaluate(X, omega, values)
+        curves = [found.stiffness, found.damping]
     places = []
-    for curve in (found.stiffness, found.damping):
+    for curve in curves:
         with np.errstate(all="ignore"):
             slope = np.gradient(np.log(np.abs(curve)), np.log(X))
             change = np.minimum(np.abs(slope - slope[0]), 1.0)
@@ -66,6 +68,42 @@ def telling_amplitude(function: DescribingFunction, values: Mapping[str, float],
         if change.max() > LEAST_CHANGE:
             places.append(float(X[np.argmax(change >= change.max() / 2)]))
     return 3 * max(places) if places else 1.0
+
+
+def _edges(function: DescribingFunction, values: Mapping[str, float], omega: float) -> list[float]:
+    """List the amplitudes at which a switch starts to act, or a formula changes."""
+    names = tuple(map(symbol, function.parameters))
+    numbers = [values[name] for name in function.parameters]
+    edges = []
+    for switch in normal_form(function.force).switches:
+        if switch.threshold is not None and not switch.threshold.atoms(Inner):
+            level = abs(float(compiled((switch.threshold,), names)(*numbers)[0]))
+            edges.append(level if switch.variable == "x" else level / omega)
+    if function.remembered:
+        levels = (condition.rhs for condition in function.regimes if condition.lhs == symbol("X"))
+        known = [level for level in levels if level.free_symbols <= set(names)]
+        edges += [abs(float(compiled((level,), names)(*numbers)[0])) for level in known]
+    return edges
+
+
+def _upward(
+    function: DescribingFunction, values: Mapping[str, float], omega: float
+) -> tuple[Floats, list[Floats]]:
+    """Go up in amplitude until the powers of k(X) or c(X) have changed."""
+    fields = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+    X, curves = np.empty(0), [np.empty(0)] * 2
+    for low, high in ((-6, -2), (-2, 0), (0, 2), (2, 4)):
+        some = np.geomspace(10.0**low, 10.0**high, 12 * (high - low), endpoint=False)
+        found = function.harmonics(some, np.zeros(some.shape), np.full(some.shape, omega), fields)[:2]
+        if not np.all(np.isfinite(found)):
+            break
+        X = np.concatenate((X, some))
+        curves = [np.concatenate(parts) for parts in zip(curves, found, strict=True)]
+        with np.errstate(all="ignore"):
+            slopes = [np.gradient(np.log(np.abs(curve)), np.log(X)) for curve in curves]
+        if any(np.nanmax(np.abs(slope - slope[0]), initial=0.0) > TURNED for slope in slopes):
+            break
+    return X, curves
 
 
 @in_style
@@ -102,6 +140,8 @@ def draw_derivation(
         ("Equivalent damping c", found.damping, "N*s/m"),
         ("Mean X0", found.mean, "m"),
     ]
+    if function.remembered:
+        curves.insert(2, ("Energy of a cycle D", np.pi * omega * X**2 * found.damping, "J"))
     shown = [c for c in curves if np.any(c[1] != 0) and np.any(np.isfinite(c[1]))] or curves[:1]
     figure, (law, *panels) = take_axes(ax, 1 + len(shown), (4.6, 1.5 + 1.9 * (1 + len(shown))))
     if ax is None:
@@ -140,7 +180,10 @@ def _heading(
     if assumed:
         entries.append(f"{' = '.join(assumed)} = 1 (not given)")
     entries.append(f"omega = {number_text(omega)} rad/s")
-    lines = [*textwrap.wrap(f"n = {law}", WIDTH)[:4], *textwrap.wrap(f"SI: {', '.join(entries)}", WIDTH)]
+    lines = textwrap.wrap(f"n = {law}", WIDTH)[:4]
+    for name, rate in function.memory.items():
+        lines += textwrap.wrap(f"{name}' = {rate}", WIDTH)[:2]
+    lines += [*textwrap.wrap(f"SI: {', '.join(entries)}", WIDTH)]
     figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=8)
 
 
@@ -154,10 +197,10 @@ def _draw_law(
 ) -> None:
     """Draw the force along cycles: over displacement where it depends on it, otherwise over velocity."""
     x, v = symbol("x"), symbol("v")
-    law = compiled((function.force,), (x, v, *map(symbol, function.parameters)))
-    phi = np.linspace(-np.pi / 2, 3 * np.pi / 2, 4 * POINTS)
-    over_x = function.force.has(x) or not function.force.has(v)
-    both = function.force.has(x) and function.force.has(v)
+    # along states every phase is an integration of its own
+    phi = np.linspace(-np.pi / 2, 3 * np.pi / 2, POINTS if function.memory else 4 * POINTS)
+    over_x = function.force.has(x) or not function.force.has(v) or bool(function.remembered)
+    both = (function.force.has(x) and function.force.has(v)) or bool(function.remembered)
     middle = float(mean) if np.isfinite(mean) else 0.0
     span = top if over_x else omega * top
     place = choose_scale(span, "m" if over_x else "m/s")
@@ -165,8 +208,8 @@ def _draw_law(
     for part, colour in SHADES if both else SHADES[-1:]:
         displacement = middle + part * top * np.sin(phi)
         velocity = omega * part * top * np.cos(phi)
-        (force,) = law(displacement, velocity, *numbers.values())
-        cycles.append((displacement if over_x else velocity, np.broadcast_to(force, phi.shape), colour))
+        force = function.along(phi, part * top, omega, numbers, middle)
+        cycles.append((displacement if over_x else velocity, force, colour))
     finite = [force[np.isfinite(force)] for _, force, _ in cycles]
     size = max((float(np.abs(force).max()) for force in finite if force.size), default=0.0)
     y = choose_scale(size, "N")

@@ -160,6 +160,8 @@ class Search:
         True where the law has a stiffness at rest: the linear spring is then left out.
     same
         Other laws of the library that are the same beside a linear spring.
+    memory
+        g(x, v, z) of z' = g for the states in ``formula``.
     """
 
     formula: str = ""
@@ -167,6 +169,7 @@ class Search:
     dissipates: tuple[tuple[str, ...], ...] = ()
     spring: bool = False
     same: tuple[str, ...] = ()
+    memory: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -245,10 +248,15 @@ class Law(_Summand):
         return {parameter.name: parameter.example for parameter in self.table}
 
     @property
+    def text(self) -> str:
+        """The formula, and the equations of its states."""
+        return ", ".join((self.formula, *(f"{z}' = {rate}" for z, rate in self.memory.items())))
+
+    @property
     def added(self) -> sympy.Expr:
         """What it adds to a linear spring and a linear damper [N], for a ranking."""
         if self.search is not None and self.search.formula:
-            return parse(self.search.formula)
+            return with_memory(parse(self.search.formula), self.search.memory)
         states = (symbol("x"), symbol("v"))
         force = self.force
         for parameter in sorted(force.free_symbols - set(states), key=str):

@@ -28,6 +28,7 @@ class _Row(NamedTuple):
     parameters: tuple[tuple[str, str, str] | tuple[str, str, str, float], ...]
     search: Search | None = None
     own: bool = False
+    memory: dict[str, str] | None = None
 
 
 _ADDED = Search()
@@ -47,6 +48,22 @@ _SIDE = Range("x", tuple(np.linspace(0.1, 0.9, 6)), (0.02, 0.99))
 _SPEED = Range("v", tuple(np.geomspace(0.01, 1.0, 9)), (0.003, 3.0))
 _POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.0))
 _WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
+
+_SLIP = Range("x", tuple(np.geomspace(0.05, 0.9, 8)), (0.01, 0.99))
+_INVERSE = Range("1/x", (0.3, 1.0, 3.0, 10.0), (0.02, 100.0))
+_SIGNED = Range("1/x", (-3.0, -0.5, 0.5, 3.0), (-100.0, 100.0))
+
+_IWAN4 = (
+    "Piecewise((x*(R*phimax**(chi + 1)/(chi + 1) + S) - R*x**(chi + 2)/((chi + 1)*(chi + 2)), x < phimax), "
+    "(R*phimax**(chi + 2)/(chi + 2) + S*phimax, True))"
+)
+_IWAN4_ADDED = (
+    "R*masing(Piecewise((x*phimax**(chi + 1)/(chi + 1) - x**(chi + 2)/((chi + 1)*(chi + 2)), x < phimax), "
+    "(phimax**(chi + 2)/(chi + 2), True))) + S*masing(Min(x, phimax))"
+)
+
+# the real root of the cubic in n, in a form that keeps its digits for small x
+_CUBE = "(1.5*sqrt(3)*k*x/Fy + sqrt(1 + 6.75*(k*x/Fy)**2))**(2/3)"
 
 _STRIBECK_DISSIPATES = (("Fc",), ("Fc", "Fd"))
 
@@ -188,6 +205,79 @@ _ROWS: dict[str, _Row] = {
         "Friction that grows with displacement", "mu*abs(x)*sign(v)", WORDEN,
         (("mu", "friction force per displacement", "N/m"),), _ADDED, own=True,
     ),
+    "structural": _Row(
+        "Rate-independent linear damping; it exists under periodic motion only", "structural(h)",
+        "Crandall, The role of damping in vibration theory, J. Sound Vib. 11 (1970) 3",
+        (("h", "stiffness times loss factor", "N/m"),),
+    ),
+    "jenkins": _Row(
+        "Spring that slips: elastic up to a friction force", "masing(Min(kt*x, Fs))",
+        "Jenkins, Br. J. Appl. Phys. 13 (1962) 30; Masing, Proc. 2nd Int. Congr. Appl. Mech. (1926) 332",
+        (("kt", "stiffness before slip, positive", "N/m"), ("Fs", "slip force, positive", "N")),
+        Search("Fs*masing(Min(x/xs, 1))", {"xs": _SLIP}, (("Fs",),)), own=True,
+    ),
+    "iwan": _Row(
+        "Joint of many Jenkins elements whose slip forces have a uniform density",
+        "masing(Piecewise((kt*x - (kt*x)**2/(4*Fs), kt*x < 2*Fs), (Fs, True)))",
+        "Iwan, A distributed-element model for hysteresis, J. Appl. Mech. 33 (1966) 893",
+        (("kt", "stiffness at rest, positive", "N/m"), ("Fs", "slip force of the whole, positive", "N")),
+        Search("Fs*masing(Piecewise((x/xs - (x/xs)**2/4, x < 2*xs), (1, True)))", {"xs": _SLIP}, (("Fs",),)),
+        own=True,
+    ),
+    "iwan4": _Row(
+        "Joint of many Jenkins elements by four parameters: density R*phi**chi up to phimax, and S there",
+        f"masing({_IWAN4})",
+        "Segalman, A four-parameter Iwan model for lap-type joints, J. Appl. Mech. 72 (2005) 752",
+        (
+            ("R", "factor of the density, positive", ""),
+            ("S", "stiffness that slips at phimax", "N/m", 0.5),
+            ("chi", "power of the density, above -1", "", -0.4),
+            ("phimax", "displacement of slip of the whole, positive", "m"),
+        ),
+        Search(
+            _IWAN4_ADDED,
+            {"chi": Range("1", (-0.7, -0.3, 0.3), (-0.95, 2.0)), "phimax": _SLIP}, (("R",), ("S",)),
+        ),
+        own=True,
+    ),
+    "ramberg-osgood": _Row(
+        "Joint of Ramberg and Osgood, exponent 3: x = n/k*(1 + (n/Fy)**2); others have no explicit force",
+        f"masing(3*k*x/(1 + {_CUBE} + 1/{_CUBE}))",
+        "Ramberg and Osgood, NACA TN 902 (1943); Jennings, J. Eng. Mech. Div. 90 (1964) 131",
+        (("k", "stiffness at rest", "N/m"), ("Fy", "force at twice the elastic displacement, positive", "N")),
+        own=True,
+    ),
+    "bouc-wen": _Row(
+        "Hysteresis of Bouc and Wen, exponent 1; bg is beta*gamma, bd is beta*delta", "z",
+        "Wen, J. Eng. Mech. Div. 102 (1976) 249; Noel and Schoukens, Hysteretic benchmark (2016)",
+        (
+            ("alpha", "stiffness at rest", "N/m"), ("bg", "decay over distance moved, positive", "1/m"),
+            ("bd", "the part that depends on whether z grows", "1/m", -0.5),
+        ),
+        Search(
+            "alpha*z", {"bg": _INVERSE, "bd": _SIGNED}, (("alpha",),),
+            memory={"z": "v - bg*abs(v)*z - bd*v*abs(z)"},
+        ),
+        own=True, memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
+    ),
+    "dahl": _Row(
+        "Friction that builds up over a distance", "z",
+        "Dahl, A solid friction model, Aerospace Corporation TOR-0158 (1968)",
+        (("sigma", "stiffness at rest", "N/m"), ("Fc", "friction force, positive", "N")),
+        Search("Fc*z", {"xs": _SLIP}, (("Fc",),), memory={"z": "(v - abs(v)*z)/xs"}), own=True,
+        memory={"z": "sigma*v*(1 - z*sign(v)/Fc)"},
+    ),
+    "lugre": _Row(
+        "Friction with presliding and Stribeck effect",
+        "sigma0*z + sigma1*(v - sigma0*abs(v)*z/(Fc + (Fs - Fc)*exp(-(v/vs)**2))) + sigma2*v",
+        "Canudas de Wit et al., A new model for control of systems with friction (1995)",
+        (
+            ("sigma0", "stiffness of the bristles", "N/m", 10.0),
+            ("sigma1", "damping of the bristles", "N*s/m", 0.1), ("sigma2", "viscous damping", "N*s/m", 0.1),
+            *_STRIBECK,
+        ),
+        own=True, memory={"z": "v - sigma0*abs(v)*z/(Fc + (Fs - Fc)*exp(-(v/vs)**2))"},
+    ),
 }  # fmt: skip
 
 
@@ -195,7 +285,7 @@ _ROWS: dict[str, _Row] = {
 def _law(name: str) -> Law:
     row = _ROWS[name]
     table = tuple(Parameter(*entry) for entry in row.parameters)
-    return Law(row.formula, name, row.title, table, row.source, row.own, row.search)
+    return Law(row.formula, name, row.title, table, row.source, row.own, row.search, memory=row.memory or {})
 
 
 class Library:
@@ -241,10 +331,10 @@ class Library:
 
     def __repr__(self) -> str:
         width = max(map(len, _ROWS))
-        return "\n".join(f"{name:<{width}}  {row.formula}" for name, row in _ROWS.items())
+        return "\n".join(f"{law.name:<{width}}  {law.text}" for law in self)
 
     def _repr_html_(self) -> str:
-        rows = tuple((name, row.title, row.formula) for name, row in _ROWS.items())
+        rows = tuple((law.name, law.title, law.text) for law in self)
         return TextTable(("law", "what it is", "force"), rows).html()
 
 

@@ -9,7 +9,9 @@ from rsgen.describing import derive
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import parse, symbol
 from rsgen.expression.evaluation import compiled
-from rsgen.law import make_element
+from rsgen.expression.memory import remembers
+from rsgen.figures.law_figure import draw_derivation
+from rsgen.law import laws, make_element
 from tests.oracles.loop import equivalent, with_states
 
 ASKED = 1e-9
@@ -165,6 +167,44 @@ def test_bouc_wen_against_its_states_stepped_through_time():
     scaled = derive(make_element("joint", "alpha*z", {"z": "v - bg*abs(v)*z - bd*v*abs(z)"}))
     other = scaled.evaluate(2.0, OMEGA, {name: values[name] for name in ("alpha", "bg", "bd")})
     assert found.stiffness - 1 == pytest.approx(other.stiffness, rel=1e-10)
+
+
+REMEMBERING = [law for law in laws if remembers(law.force) and law.name != "structural"]
+
+
+@pytest.mark.parametrize("law", REMEMBERING, ids=lambda law: law.name)
+def test_laws_of_the_library_against_their_loops(law):
+    derived = derive(law)
+    assert law.parameters == derived.parameters
+    assert law.added.free_symbols if law.search else True
+    found = derived.evaluate(1.3, OMEGA, law.example)
+    names = tuple(map(symbol, law.example))
+    if law.memory:
+        (rate,) = law.memory.values()
+        moving = tuple(map(symbol, ("x", "v", "z")))
+        both = compiled((parse(rate), parse(law.formula)), (*moving, *names))
+        numbers = law.example.values()
+        wanted = with_states(
+            lambda x, v, z: [float(both(x, v, z[0], *numbers)[0])],
+            lambda x, v, z: float(both(x, v, z[0], *numbers)[1]), 1.3, OMEGA, 1, 6,
+        )  # fmt: skip
+    else:
+        curve = compiled(law.force.args, (symbol("x"), *names))
+        wanted = equivalent(lambda x: curve(x, *law.example.values())[0], 1.3, OMEGA)
+    assert found.stiffness == pytest.approx(wanted[0], rel=1e-5 if law.memory else 1e-9)
+    assert found.damping == pytest.approx(wanted[1], rel=1e-5 if law.memory else 1e-9)
+
+
+def test_pictures_of_loops_have_the_energy_beside_them():
+    law = laws["dahl"]
+    drawing = draw_derivation(derive(law), law.example)
+    loop, *_, energy = drawing.figure.axes
+    x, force = loop.lines[-1].get_data()
+    # the shoelace formula around the largest loop
+    assert loop.get_ylabel() == "Force n [mN]"
+    area = 0.5e-3 * abs(np.sum(x * np.roll(force, -1) - force * np.roll(x, -1)))
+    assert energy.lines[0].get_ydata()[-1] == pytest.approx(area, rel=1e-3)
+    assert "Energy of a cycle D" in drawing.alternative
 
 
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3"])

@@ -23,9 +23,7 @@ def call(*words: str | Path) -> int:
 def test_list_has_every_law_with_its_formula(capsys: pytest.CaptureFixture[str]) -> None:
     assert call() == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(maxsplit=1) for line in lines[: len(laws)]] == [
-        [law.name, law.formula] for law in laws
-    ]
+    assert [line.split(maxsplit=1) for line in lines[: len(laws)]] == [[law.name, law.text] for law in laws]
     assert call("--json") == 0
     assert [entry["name"] for entry in json.loads(capsys.readouterr().out)] == [law.name for law in laws]
 
@@ -68,6 +66,6 @@ def test_picture_takes_example_values(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_every_law_has_a_picture(law: Law) -> None:
-    drawing = draw_derivation(derive(law.formula), law.example)
+    drawing = draw_derivation(derive(law), law.example)
     assert "not known" not in drawing.alternative or law.name == "quadratic-spring"
     drawing.figure.clear()
