@@ -14,14 +14,17 @@ from rsgen.units import quantity, sensor_unit
 
 __all__ = [
     "ANGULAR", "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "LEVEL", "LOAD",
-    "LONG", "NAMES", "NOMINAL", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL",
-    "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue", "complex_parts",
-    "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in", "with_unit",
+    "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE",
+    "REAL", "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue",
+    "complex_parts", "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in",
+    "with_unit",
 ]  # fmt: skip
 
 _FEW = 60
 """At most this number of different values may be levels."""
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
+"""Responses over force, in the words of ISO 7626-1."""
 _VALUES = ("data", "value", "values")
 """Last names of paths that say nothing."""
 RESPONSE_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
@@ -39,7 +42,7 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Clue:
-    """A condition on an array; conditions are joined by & and inverted by ~."""
+    """A condition on an array; conditions are joined by & and |, inverted by ~."""
 
     holds: Callable[[Entry], bool]
 
@@ -50,6 +53,10 @@ class Clue:
     def __and__(self, other: Clue) -> Clue:
         """Both."""
         return Clue(lambda entry: self(entry) and other(entry))
+
+    def __or__(self, other: Clue) -> Clue:
+        """One of them."""
+        return Clue(lambda entry: self(entry) or other(entry))
 
     def __invert__(self) -> Clue:
         """Not this."""

@@ -20,6 +20,7 @@ from rsgen.inspection.clues import (
     LONG,
     NAMES,
     NOMINAL,
+    OVER_FORCE,
     PHASE,
     POSITIVE,
     QUANTITIES,
@@ -105,6 +106,11 @@ def _quantity_of(guess: Guess, entry: Entry, table: dict[str, Any]) -> None:
     if per or quotient or "frequency response" in entry.remark:
         table["unit"] += "" if per else "/N"
         table["per_force"] = True
+        guess.doubts["test.response.quantity"] = f"{OVER_FORCE[table['quantity']]}, {table['unit']}"
+        if "adds damping" in entry.remark:
+            guess.doubts["test.response.per_force"] = (
+                "measured with an exponential window, which adds damping"
+            )
     if known and entry.unit_source:
         guess.doubts["test.response.unit"] = entry.unit_source
     pattern = str(guess.address(entry))
@@ -113,7 +119,9 @@ def _quantity_of(guess: Guess, entry: Entry, table: dict[str, Any]) -> None:
     if guess.run and len(units) > 1:
         # without the key each entry is read in the unit that the file names for it
         del table["unit"]
-        guess.doubts["test.response.quantity"] = f"in the units of the file: {', '.join(sorted(units))}"
+        said = guess.doubts.get("test.response.quantity", "").partition(",")[0]
+        of_file = f"in the units of the file: {', '.join(sorted(units))}"
+        guess.doubts["test.response.quantity"] = f"{said}, {of_file}" if said else of_file
 
 
 def _unknown(entry: Entry) -> str:
@@ -158,9 +166,12 @@ def _history(guess: Guess, time: Entry | None, rate: Entry | None) -> None:
     guess.tables["test.response"] = table
 
 
-def _scale(entry: Entry) -> dict[str, str]:
-    """Say that amplitudes are effective values where their name does."""
-    return {"scale": "rms"} if RMS.search(f"{entry.title or last_name(entry)} {entry.remark}") else {}
+def _scale(entry: Entry) -> dict[str, str | float]:
+    """Say what amplitudes are where the file or their name does."""
+    if entry.scale == "half-peak":
+        return {"factor": 2.0}
+    named = RMS.search(f"{entry.title or last_name(entry)} {entry.remark}")
+    return {"scale": "rms"} if named and entry.scale in ("", "rms") else {}
 
 
 def _unit_of_force(guess: Guess, entry: Entry) -> str:
@@ -181,7 +192,7 @@ def _response(guess: Guess, fits: Clue) -> dict[str, Any]:
     whole = guess.take(fits & ~REAL)
     if whole is not None:
         _quantity_of(guess, whole, table)
-        return table | {"complex": guess.address(whole), "phase_sense": "lead"}
+        return table | {"complex": guess.address(whole), "phase_sense": "lead"} | _scale(whole)
     parts = guess.take_parts(fits, _IS_RESPONSE, RESPONSE, QUOTIENT, ~LOAD & ~_IS_FORCE)
     if parts is None and guess.nameless:
         signed = [entry for entry in guess.free if fits(entry) and BOTH_SIGNS(entry)]
@@ -232,13 +243,25 @@ def _level(guess: Guess, level: Entry | None, force: Entry | None, runs: int) ->
     return {"value": f"{UNKNOWN} N"}
 
 
+def _are_channels(guess: Guess, run: tuple[str, str]) -> bool:
+    """Whether entries called alike are force and response of one run, as those of a universal file are."""
+    first, star = run
+    kinds: dict[str, set[bool]] = {}
+    for entry in guess.free:
+        if fnmatchcase(entry.path, f"{star}*"):
+            kinds.setdefault(entry.path.split("/", first.count("/"))[-1], set()).add(_IS_FORCE(entry))
+    return any(len(found) > 1 for found in kinds.values())
+
+
 def _amplitudes(guess: Guess, frequency: Entry) -> None:
     guess.tables["test"] = {}
     size = frequency.size
     runs = run_of(frequency, guess.contents.entries)
-    if runs is not None:
+    if runs is not None and not _are_channels(guess, runs[:2]):
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
+    else:
+        runs = None
     unit = {"unit": frequency.unit} if frequency.unit in _HERTZ[1:] else {}
     if ANGULAR(frequency) and frequency.unit not in _HERTZ:
         unit = {"unit": "rad/s"}
@@ -260,7 +283,7 @@ def _amplitudes(guess: Guess, frequency: Entry) -> None:
             alike & REAL & POSITIVE & FORCE,
             alike & REAL & POSITIVE & DRIVE,
             fits & REAL & POSITIVE & FEW & guess.unnamed,
-            fits & ~REAL & LOAD,
+            fits & ~REAL & (_IS_FORCE | LOAD),
         )
     )
     response = _response(guess, fits)
@@ -278,7 +301,8 @@ def _amplitudes(guess: Guess, frequency: Entry) -> None:
         elif FEW(force):
             level = level or {"column": table["amplitude"], "unit": table["unit"]}
         if not REAL(force):
-            table = {"complex": table["amplitude"], "unit": table["unit"], "phase_sense": "lead"}
+            place = {"complex": table["amplitude"], "unit": table["unit"], "phase_sense": "lead"}
+            table = place | _scale(force)
     guess.tables |= {"test.force": table, "test.response": response} | (
         {"test.level": level} if level else {}
     )

@@ -17,6 +17,13 @@ from rsgen.units import quantity, sensor_unit
 
 __all__ = ["scaled", "to_si"]
 
+_SCALES = {
+    "rms": ("root mean squares", "scale = 'rms'"),
+    "peak": ("peak amplitudes", "scale = 'peak'"),
+    "half-peak": ("halves of the peak amplitudes", "factor = 2"),
+}
+"""What the amplitudes of a file are by its word for them, and what the case must say."""
+
 
 def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
     """Give the columns whose unit the case leaves to the file, each with its SI unit."""
@@ -27,6 +34,19 @@ def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
         for column in signal.columns
         if column != signal.phase
     }
+
+
+def _check_scale(test: MeasuredTest, label: str, column: int | str, channel: Channel) -> None:
+    """Refuse amplitudes that the file says to be others than the case reads."""
+    for signal, _ in test.signals:
+        if signal is None or not channel.scale or column not in signal.columns or column == signal.phase:
+            continue
+        said, needed = _SCALES[channel.scale]
+        fits = signal.factor != 1 if channel.scale == "half-peak" else signal.scale == channel.scale
+        if not fits:
+            raise MeasurementError(
+                f"{label}: {show(channel.path)} holds {said}, as the file says; write {needed} in the case"
+            )
 
 
 def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
@@ -59,12 +79,14 @@ def to_si(
     Raises
     ------
     MeasurementError
-        The file contradicts itself about a unit.
+        The file contradicts itself about a unit, or the case about the kind of amplitudes.
     """
     findings = {}
     targets = _left_to_file(test)
     for address, channels in zip(wanted, groups, strict=True):
         target = targets.get(address, "")
+        for channel in channels:
+            _check_scale(test, label, address, channel)
         for number, channel in enumerate(channels if target else ()):
             if channel.unit_source and not channel.unit:
                 raise MeasurementError(

@@ -222,7 +222,7 @@ def read_binary(
                 raise process.broken()
             most -= array_bytes(shape, np.dtype(item["dtype"]), most)
             values = process.array(shape, item["dtype"])
-            texts = (str(item[key]) for key in ("unit", "unit_source"))
+            texts = (str(item[key]) for key in ("unit", "unit_source", "scale"))
             channels[int(item["wanted"])].append(Channel(str(item["path"]), values, *texts))
     return channels
 

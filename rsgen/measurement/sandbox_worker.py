@@ -138,6 +138,7 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
                     "shape": list(values.shape),
                     "unit": node.unit,
                     "unit_source": node.unit_source,
+                    "scale": node.scale,
                 }
             )
             arrays.append(values)

@@ -47,6 +47,7 @@ class _Array:
     remark: str = ""
     fault: str = ""
     title: str = ""
+    scale: str = ""
 
 
 def _unread() -> NDArray[Any]:
@@ -71,6 +72,8 @@ class Node(_Array):
         Why it cannot be read; "" where it can.
     title
         What the file calls a column; "" where the path says it.
+    scale
+        "rms", "peak" or "half-peak" where the file says what its amplitudes are; "" elsewhere.
     load
         Reads the numbers, once sizes are checked.
     column
@@ -103,7 +106,7 @@ class Entry(_Array):
 
     Parameters
     ----------
-    path, shape, dtype, unit, remark, fault, unit_source, title
+    path, shape, dtype, unit, remark, fault, unit_source, title, scale
         As in ``Node``.
     first
         The first values, as text.
@@ -163,7 +166,7 @@ class Channel:
         Where it was found; with wildcards there are several.
     values
         Real or complex numbers, of any shape.
-    unit, unit_source
+    unit, unit_source, scale
         As in ``Node``.
     """
 
@@ -171,6 +174,7 @@ class Channel:
     values: NDArray[Any]
     unit: str = ""
     unit_source: str = ""
+    scale: str = ""
 
 
 def is_wanted(name: str, heads: set[str] | None) -> bool:

@@ -1,8 +1,8 @@
-"""Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary), units (164).
+"""Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary), what is about them.
 
-Source of the format: the published descriptions of universal file data sets 58, "Function at Nodal DOF", and
-164, "Units". The parser is written for rsgen: published ones accept wrong counts, steps
-and a missing end.
+Source of the format: the published descriptions of universal file data sets 58, "Function at Nodal DOF", 151,
+"Header", 164, "Units", and 1858, "Dataset 58 qualifiers". The parser is written for rsgen: published ones
+accept wrong counts, steps and a missing end.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node, array_bytes
+from rsgen.measurement.uff_meaning import Qualifiers, fault_of, qualifiers, remark_of, scale_of
 from rsgen.measurement.uff_units import SI, UnitSystem, axis_unit, unit_system
 
 __all__ = ["walk_universal"]
@@ -29,15 +30,8 @@ PARSED_LINES = 20_000
 _FIELD = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
 _PLAIN = re.compile(rb"[0-9eEdD+\-.\s]*\Z")
 _BINARY = re.compile(r" {0,5}58b *(\d+) +(\d+) +(\d+) +(\d+)(?: |\Z)", re.ASCII)
-_FUNCTIONS = {
-    0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
-    5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation",
-    9: "power spectral density", 10: "energy spectral density", 11: "probability density", 12: "spectrum",
-    13: "cumulative distribution", 14: "peaks and valleys", 18: "mode indicator", 24: "shock spectrum",
-    26: "multiple coherence", 27: "order function",
-}  # fmt: skip
-_RESPONSES = (0, 1, 4, 12, 27)
-_QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure"}
+_HEADER = ("model", "description", "program", "created", "saved", "written by", "written")
+"""What the lines of data set 151 say, in their order."""
 _ABSCISSAS = {17: ("time", "s"), 18: ("frequency", "Hz"), 19: ("speed", "rpm"), 20: ("order", "")}
 
 
@@ -234,8 +228,11 @@ class _Sets:
         self.largest = largest
         self.others: list[str] = []
         self.system = SI
+        self.texts: dict[str, str] = {}
+        self.found: list[tuple[_Head, NDArray[Any], UnitSystem] | Qualifiers] = []
 
-    def walk(self) -> Iterator[tuple[_Head, NDArray[Any]]]:
+    def walk(self) -> None:
+        """Read all data sets; what is of use is in ``found`` and ``texts``, in the order of the file."""
         while (raw := self.lines.next()) is not None:
             if not raw.strip():
                 continue
@@ -246,21 +243,59 @@ class _Sets:
                 raise self.lines.fail("the file ends where a data set should begin; it is cut off")
             text = _words(name)
             if text.strip() == "58":
-                yield self.plain()
+                self.found.append((*self.plain(), self.system))
             elif text.strip().startswith("58b"):
-                yield self.raw(text)
+                self.found.append((*self.raw(text), self.system))
             elif text.strip() == "164":
                 self.system = self.units()
+            elif text.strip() == "151":
+                self.header()
+            elif text.strip() == "1858":
+                self.found.append(self.qualifiers())
             else:
                 self.others.append(self.skip(text.strip()))
+
+    def lines_of(self, name: str, most: int) -> list[str]:
+        """Give the first lines of a data set, and pass over the others."""
+        found: list[str] = []
+        while (raw := self.lines.next()) is not None:
+            if _is_end(raw):
+                return found
+            if len(found) < most:
+                found.append(_words(raw).strip())
+        raise self.lines.fail("the file ends without the closing -1, so it is cut off; send it again")
+
+    def header(self) -> None:
+        """Read data set 151: which model, when, by which program; what the first one says is kept."""
+        said = dict(zip(_HEADER, self.lines_of("151", len(_HEADER)), strict=False))
+        for name, text in said.items():
+            if name and text and text != "NONE":
+                self.texts.setdefault(f"header/{name}", " ".join(text.split()))
+
+    def qualifiers(self) -> Qualifiers:
+        lines = self.lines_of("1858", 2)
+        try:
+            return qualifiers(lines)
+        except MeasurementError as fault:
+            raise self.lines.fail(str(fault)) from None
+
+    def functions(self) -> Iterator[tuple[_Head, NDArray[Any], UnitSystem, Qualifiers]]:
+        """Give each function with its qualifiers: those before it, or behind where the file ends so."""
+        behind = isinstance(self.found[-1], Qualifiers)
+        for number, part in enumerate(self.found):
+            if isinstance(part, Qualifiers):
+                continue
+            beside = (
+                self.found[number + 1 : number + 2] if behind else self.found[max(0, number - 1) : number]
+            )
+            said = [other for other in beside if isinstance(other, Qualifiers)]
+            yield *part, said[0] if said else Qualifiers()
 
     def skip(self, name: str) -> str:
         if not re.fullmatch(r"\d{1,6}[a-z]?", name):
             raise self.lines.fail(f"{name[:20]!r} is no number of a data set; is it a universal file?")
-        while (raw := self.lines.next()) is not None:
-            if _is_end(raw):
-                return name
-        raise self.lines.fail("the file ends without the closing -1, so it is cut off; send it again")
+        self.lines_of(name, 0)
+        return name
 
     def units(self) -> UnitSystem:
         """Read data set 164: a code, and how many file units of length and force are in 1 m and in 1 N."""
@@ -320,16 +355,10 @@ class _Sets:
             raise self.lines.fail(str(fault)) from None
 
 
-def _remark(head: _Head) -> str:
-    parts = [_FUNCTIONS.get(head.function, f"function {head.function}"), head.place, head.ordinate.label]
-    parts.append(_QUANTITIES.get(head.ordinate.kind, ""))
-    if head.over.kind in (9, 13):
-        parts.append("over force")
-    return ", ".join(part for part in parts if part)
-
-
 def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
     """Walk through the data sets 58 of a universal file: k/abscissa and k/ordinate for each, k from 1.
+
+    What data set 151 says of model, program and dates is given as texts below header/.
 
     The unit of an ordinate is the label of its axis, else that of the last data set 164, else SI.
 
@@ -342,27 +371,24 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
     size = file.seek(0, 2)
     file.seek(0)
     sets = _Sets(file, size, largest)
-    number = 0
-    for number, (head, flat) in enumerate(sets.walk(), start=1):
+    sets.walk()
+    if not any(not isinstance(part, Qualifiers) for part in sets.found):
+        others = f"; there are data sets {', '.join(sets.others[:5])}" if sets.others else ""
+        raise MeasurementError(f"no data set 58 in it{others}; functions (data set 58) are read")
+    for path, text in sets.texts.items():
+        yield Node.text(path, text)
+    for number, (head, flat, system, said) in enumerate(sets.functions(), start=1):
         known, unit = _ABSCISSAS.get(head.abscissa.kind, ("", ""))
-        fault = ""
-        if head.function not in _RESPONSES:
-            what = _FUNCTIONS.get(head.function, f"function of type {head.function}")
-            fault = (
-                f"is a {what}, which is no response to one sine; "
-                "a time response, frequency response or spectrum is needed"
-            )
+        ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
+        fault = fault_of(head.function, ordinate[0], over[0], said)
         kind = f"{'complex' if head.paired else 'float'}{flat.itemsize * (16 if head.paired else 8)}"
         yield Node(
             f"{number}/abscissa", (head.count,), "float64", load=partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
-        ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
-        unit, source = axis_unit(ordinate, over, sets.system)
+        unit, source = axis_unit(ordinate, over, system)
         yield Node(
             f"{number}/ordinate", (head.count,), kind, load=partial(_ordinate, head, flat),
-            unit=unit, unit_source=source, remark=_remark(head), fault=fault,
+            unit=unit, unit_source=source, fault=fault, scale=scale_of(head.function, said),
+            remark=remark_of(head.function, (ordinate[0], over[0]), head.place, head.ordinate.label, said),
         )  # fmt: skip
-    if not number:
-        others = f"; there are data sets {', '.join(sets.others[:5])}" if sets.others else ""
-        raise MeasurementError(f"no data set 58 in it{others}; functions (data set 58) are read")

@@ -284,7 +284,7 @@ def test_universal_records() -> None:
     # fields of fixed width that touch, and exponents of Fortran
     assert arrays(universal([0, 0], numbers=" -1.00000E-01-2.00000D+00"))[1] == [-0.1, -2]
     # other data sets are skipped
-    other = b"    -1\n   151\nanything\n    -1\n"
+    other = b"    -1\n  2411\nanything\n    -1\n"
     assert arrays(other + universal([1.0]) + other)[1] == [1]
 
 
