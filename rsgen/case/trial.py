@@ -59,6 +59,11 @@ def law_faults(case: Case) -> list[str]:
     faults = []
     for number, element in enumerate(case.model.elements, start=1):
         place = f"element.{number}"
+        values = None if case.oscillator is None else case.oscillator.values
+        if values is not None:
+            faults += (wrong := _wrong_memory(place, element, values, case.test))
+            if wrong:
+                continue
         try:
             derive(element)
             if _in_time(case) or not element.force.has(Structural):
@@ -66,11 +71,8 @@ def law_faults(case: Case) -> list[str]:
         except RsgenError as fault:
             faults.append(f"{place}.force: {' '.join(str(fault).split())}")
             continue
-        if case.oscillator is not None:
-            values = case.oscillator.values
+        if values is not None:
             faults += [f"{place}.force: {text}" for text in _near_rest(element, values)]
-            faults += [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
-            faults += [f"{place}.memory.{text}" for text in _open_loops(element, values, case.test)]
     if not faults and case.oscillator is not None and isinstance(case.test, SimulatedTest):
         faults += [f"element: {text}" for text in _never_settles(case.oscillator, case.test)]
     return [f"{case.path.name}: {fault}" for fault in faults]
@@ -119,6 +121,13 @@ def _sines(test: SimulatedTest) -> Motion:
     start = np.exp(1j * np.pi / _SAMPLES)
     harmonics = np.stack([np.zeros(size.size), start * size.ravel()], axis=1)
     return Motion(omega.ravel(), harmonics)
+
+
+def _wrong_memory(
+    place: str, element: Element, values: Mapping[str, float], test: SimulatedTest | MeasuredTest
+) -> list[str]:
+    virgins = [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
+    return [*virgins, *(f"{place}.memory.{text}" for text in _open_loops(element, values, test))]
 
 
 def _wrong_virgins(element: Element, values: Mapping[str, float]) -> list[str]:

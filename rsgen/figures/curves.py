@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from rsgen.expression import symbol
+from rsgen.expression.memory import remembers
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import (
     amplitudes_tested,
@@ -130,7 +131,11 @@ def draw_damping(
     return _draw_equivalent("damping", identification, truth, ax)
 
 
-_KINDS = {"stiffness": ("Spring", "N/m", "k(X)"), "damping": ("Damper", "N*s/m", "c(X)")}
+_KINDS = {
+    "stiffness": ("Spring", "N/m", "k(X)"),
+    "damping": ("Damper", "N*s/m", "c(X)"),
+    "loss stiffness": ("Joint", "N/m", "ωc(X)"),
+}
 """What has an equivalent property, its unit and its symbol."""
 
 
@@ -237,7 +242,9 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     colours = level_colours()
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
-    speed = _acts_on_velocity(identification.model.force)
+    force_law = identification.model.force
+    joint = remembers(force_law)
+    speed = not joint and _acts_on_velocity(force_law)
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
     velocity = curve.amplitude * 2 * np.pi * curve.frequency
     rate = choose_scale(velocity, "m/s")
@@ -245,6 +252,16 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x),
         _Collapse("damping", curve.damping, model.damping, velocity, grid * model.omega, rate)
         if speed
+        # what does not depend on the rate has one curve of omega c
+        else _Collapse(
+            "loss stiffness",
+            curve.damping * 2 * np.pi * curve.frequency,
+            model.damping * model.omega,
+            curve.amplitude,
+            grid,
+            x,
+        )
+        if joint
         else _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x),
     )
     for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
@@ -263,7 +280,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         course = part.course / part.scale.factor
         axes.plot(course, line, label="refined model at resonance", **{**REFINED, "lw": 1.1})
         calm_limits(axes, [cloud, line], least=least)
-        axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2][0]}"))
+        axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2].removesuffix('(X)')}"))
     panels[0].legend(loc="best")
     if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))

@@ -19,7 +19,7 @@ from rsgen.errors import RsgenError
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import remembers
-from rsgen.figures.equivalent import amplitudes_tested, backbone, solution_of
+from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, solution_of
 from rsgen.identification import Identification
 from rsgen.law.memory import memory_form
 from rsgen.law.numeric import compile_law
@@ -130,21 +130,18 @@ def estimate_mass(surface: ResponseSurface) -> float:
     return float(found[-1] / inertia.mean())
 
 
-def _above_noise(surface: ResponseSurface, noise: float | None) -> Motion:
-    """Take the harmonics of every motion that rise above the noise; None: the smaller one of the last two."""
+def _above_noise(surface: ResponseSurface) -> Motion:
+    """Take the harmonics of every motion that rise above the noise, the smaller one of the last two."""
     harmonics = np.nan_to_num(surface.harmonics)
     size = np.abs(harmonics) / np.abs(harmonics[:, 1:2])
-    if noise is None:
-        last = np.median(size[:, -2:], axis=0)
-        noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
+    last = np.median(size[:, -2:], axis=0)
+    noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
     kept = size > _TIMES_NOISE * noise
     kept[:, 1] = True
     return Motion(surface.omega, np.where(kept, harmonics, 0))
 
 
-def measured_loops(
-    surface: ResponseSurface, rows: NDArray[np.intp], mass: float, noise: float | None = None
-) -> MeasuredLoops:
+def measured_loops(surface: ResponseSurface, rows: NDArray[np.intp], mass: float) -> MeasuredLoops:
     """Draw the restoring force along measured motions.
 
     Parameters
@@ -155,11 +152,9 @@ def measured_loops(
         (n,) points of it.
     mass
         m [kg].
-    noise
-        Of the harmonics, relative to the fundamental; None: read from the last ones.
     """
     chosen = surface.select(rows)
-    motion = _above_noise(surface, noise).select(rows)
+    motion = _above_noise(surface).select(rows)
     force = mass * (motion.omega[:, None] * motion.orders) ** 2 * motion.harmonics
     force[:, 1] += chosen.force
     sampled = Motion(motion.omega, force).waveforms(SAMPLES)[0]
@@ -279,7 +274,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
     omega = np.full(2, 2 * np.pi * float(np.median(identification.curve.frequency)))
     used = {name: values[name] for name in identification.model.parameters}
     with np.errstate(all="ignore"):
-        result = derive(identification.model.force).evaluate(amplitude, omega, used)
+        result = evaluated(derive(identification.model.force), amplitude, omega, used)
     near, far = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), (2,))
     settled = np.isfinite(near) and near > 0 and abs(far / near - 1) <= _SAME
     return float(near) if settled else float("nan")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from rsgen.describing import derive
+from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
 
@@ -19,6 +20,7 @@ __all__ = [
     "amplitudes_tested",
     "backbone",
     "calm_limits",
+    "evaluated",
     "refined_band",
     "solution_of",
     "standard_errors",
@@ -85,6 +87,36 @@ def solution_of(identification: Identification) -> dict[str, float]:
     return {name: value if np.isfinite(value) else fitted.get(name, value) for name, value in values.items()}
 
 
+def evaluated(
+    law: DescribingFunction,
+    amplitude: Floats,
+    omega: Floats,
+    values: Mapping[str, float],
+    mean: Floats | None = None,
+) -> Equivalent:
+    """Evaluate a describing function; NaN everywhere where the loop of a state does not close.
+
+    Values that were fitted may be such; those of a case file were tried before. Figures and sentences of one
+    report ask for the same loops many times.
+    """
+    rows = (amplitude, omega) if mean is None else (amplitude, omega, mean)
+    return _evaluated(law, tuple(values.items()), len(amplitude), *(row.tobytes() for row in rows))
+
+
+@lru_cache(maxsize=64)
+def _evaluated(
+    law: DescribingFunction, values: tuple[tuple[str, float], ...], count: int, *rows: bytes
+) -> Equivalent:
+    amplitude, omega, *mean = (np.frombuffer(row, dtype=np.float64, count=count) for row in rows)
+    try:
+        return law.evaluate(amplitude, omega, dict(values), *mean)
+    except RsgenError:
+        if not law.memory:
+            raise
+        unknown = np.full(count, np.nan)
+        return Equivalent(unknown, unknown, unknown)
+
+
 def backbone(identification: Identification, values: Mapping[str, float], amplitude: Floats) -> Backbone:
     """Evaluate the describing functions at m omega^2 = k(X), where the levels have their resonance.
 
@@ -108,7 +140,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     law = derive(identification.model.force)
     omega = np.full(amplitude.shape, 2 * np.pi * float(np.median(identification.curve.frequency)))
     for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
-        result = law.evaluate(amplitude, omega, used)
+        result = evaluated(law, amplitude, omega, used)
         stiffness = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), amplitude.shape)
         update = np.sqrt(np.where((stiffness > 0) & (mass > 0), stiffness, np.nan) / mass)
         done = bool(np.allclose(update, omega, rtol=1e-9, equal_nan=True))

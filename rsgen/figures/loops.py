@@ -45,6 +45,9 @@ _LOOPS = 3
 _MARKS = 32
 """Points of a measured loop that are marked."""
 
+_FEW_DECADES = 300.0
+"""Ratio of the ends of an axis up to which three numbers a decade have room."""
+
 _MEMORYLESS: dict[str, Any] = {"color": "#0072B2", "lw": 0.9, "ls": (0, (5, 2))}
 _LIMIT: dict[str, Any] = {"color": "#009E73", "lw": 1.0, "ls": (0, (4, 1.5, 1, 1.5))}
 
@@ -107,8 +110,7 @@ def draw_loops(
         raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
     if mass is None:
         mass = estimate_mass(surface) if identification is None else identification.mass
-    noise = None if identification is None or not np.isfinite(identification.noise) else identification.noise
-    loops = measured_loops(surface, rows, mass, noise)
+    loops = measured_loops(surface, rows, mass)
     lines: list[tuple[str, dict[str, Any], Floats]] = []
     if identification is not None:
         for name, style, values in (
@@ -238,8 +240,10 @@ def draw_energy(
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Numbers as everywhere in the figures, at 1, 2 and 5 of every decade where there is room."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+    """Numbers as everywhere in the figures, at 1, 2 and 5 of every decade where there are few decades."""
+    low, high = axis.get_view_interval()
+    few = high < _FEW_DECADES * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value, 3)))
 

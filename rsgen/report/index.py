@@ -158,6 +158,12 @@ def table_of_results(entries: list[_Entry]) -> str:
                 verdict,
             )
             lines.append(f"| {' | '.join(cells)} |")
+    sources = [
+        f"* {plain_text(entry.folder.name, 80).translate(_MARKDOWN)}: {source.translate(_MARKDOWN)}"
+        for entry in entries
+        if (source := plain_text(str(entry.result.get("source") or ""), 300))
+    ]
+    lines += ["", "Sources:", "", *sources] if sources else []
     return "\n".join(lines) + "\n"
 
 

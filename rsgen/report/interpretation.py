@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.describing import derive
 from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
-from rsgen.figures.equivalent import NORMAL_95, standard_errors
+from rsgen.figures.equivalent import NORMAL_95, evaluated, standard_errors
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
 from rsgen.law.element import Element
@@ -180,16 +180,18 @@ def _courses(element: Element, identification: Identification, values: dict[str,
     amplitude = np.unique(np.concatenate([np.linspace(low, high, 41), np.geomspace(low, high, 41)]))
     speed = np.full(amplitude.shape, omega)
     # the mean is a matter of all elements together
-    whole = derive(identification.model.force).evaluate(amplitude, speed, values)
+    whole = evaluated(derive(identification.model.force), amplitude, speed, values)
     mean = np.where(np.isfinite(whole.mean), whole.mean, 0.0)
     function = derive(element)
 
     def evaluate(changed: Mapping[str, float]) -> Array:
         chosen = {name: changed[name] for name in element.parameters}
-        result = function.evaluate(amplitude, speed, chosen, mean=mean)
+        result = evaluated(function, amplitude, speed, chosen, mean)
         return np.array([result.stiffness, result.damping], dtype=float)
 
     parts = evaluate(values)
+    if not np.isfinite(parts).all() and element.memory:
+        return [Finding("loop-does-not-close", "warning", names={"states": ", ".join(element.memory)})]
     errors = standard_errors(
         identification,
         values,

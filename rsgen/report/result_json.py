@@ -135,6 +135,7 @@ def build_result(
         "schema": SCHEMA,
         "case": subject.name,
         "title": subject.title,
+        "source": subject.source,
         "passed": comparison.passed,
         "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
         "outcome": sentence(identification.outcome),

@@ -55,7 +55,7 @@ def test_a_measured_loop_is_the_force_that_moved_the_mass() -> None:
     harmonics[1] = 3 * SLIP
     force = wanted[1] - M * omega**2 * harmonics[1]
     surface = rs.ResponseSurface(1.0, [omega / 2 / np.pi], force, harmonics=harmonics[None])
-    loop = measured_loops(surface, np.array([0]), M, noise=0.0)
+    loop = measured_loops(surface, np.array([0]), M)
     expected = sum((w * np.exp(1j * h * phase)).real for h, w in enumerate(wanted) if h)
     np.testing.assert_allclose(loop.force[0], expected, atol=1e-9 * FS)
     # the loop of the fundamental has the area of the force that was measured: 4 Fs (X - x_s)

@@ -465,3 +465,29 @@ def test_table_of_results_is_stable(results: Path) -> None:
             row["relative_error"] *= 1 + 1e-6
             row["first_order_error"] *= 1 + 1e-6
     assert table_of_results(entries) == table
+
+
+@pytest.mark.slow
+def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said(
+    blanks: list[Drawing],
+) -> None:
+    joint = make_element("joint <b>", "k1*x + c1*v + z", {"z": "kn1*v - 20*abs(v)*z"})
+    found = replace(
+        IDENTIFICATION,
+        model=Model([joint], mass=MASS),
+        solution=np.array([C1, K1, 1e6]),
+        refined=tuple(replace(e, value=1e6) if e.name == "kn1" else e for e in IDENTIFICATION.refined),
+    )
+    subject = Subject.of_result(found, "joint", "", "")
+    comparison = rsgen.compare(found)
+    result = build_result(subject, SURFACE, found, comparison, PREDICTION, (), {})
+    (entry,) = result["elements"]
+    assert make_element("joint", entry["force"], entry["memory"]).force == joint.force
+    assert result["dissipation"]["identified"]["energy"][1] > 0
+    text = render_page(subject, SURFACE, found, comparison, PREDICTION, (), blanks, {})
+    assert "<dt>Memory <i>z</i>′</dt>" in text
+    assert "joint &lt;b&gt;" in text
+    assert "hysteretic" in described(joint, found)
+    growing = make_element("joint", "k1*x + c1*v + z", {"z": "k1*v - kn1*abs(v)*z"})
+    open_loop = replace(found, model=Model([growing], mass=MASS), solution=np.array([C1, K1, -1e6]))
+    assert described(growing, open_loop) == "the loop of z does not close with the identified values"

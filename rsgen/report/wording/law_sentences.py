@@ -15,6 +15,7 @@ say_plainly(
         "energy-identified": "as identified it grows with the power {first:.3g} of the amplitude at "
         "{amplitude_first:.2q} and {last:.3g} at {amplitude_last:.2q} (2 is viscous damping, 2.2 to 3 "
         "micro-slip, 1 macro-slip)",
+        "loop-does-not-close": "the loop of {states} does not close with the identified values",
         "element-without-force": "no force over the tested amplitudes",
     }
 )
