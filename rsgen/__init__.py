@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from rsgen.comparison import Comparison, compare, verdict_of
     from rsgen.describing import DescribingFunction, derive
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
+    from rsgen.export import save_frf
     from rsgen.finding import Finding
     from rsgen.identification import Identification, identify
     from rsgen.law import Element, Law, laws, make_element
@@ -91,6 +92,7 @@ _PLACES = {
     "rank": "ranking",
     "read": "case",
     "read_measurement": "measurement",
+    "save_frf": "export",
     "save_surface": "surface",
     "sentence": "report.wording",
     "simulate": "simulation",
@@ -136,6 +138,7 @@ __all__ = [
     "rank",
     "read",
     "read_measurement",
+    "save_frf",
     "save_surface",
     "sentence",
     "simulate",

@@ -47,6 +47,7 @@ PUBLIC = [
     "rank",
     "read",
     "read_measurement",
+    "save_frf",
     "save_surface",
     "sentence",
     "simulate",

@@ -69,6 +69,13 @@ Surface = Annotated[
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
 ]
 
+Frf = Annotated[
+    Path | None,
+    typer.Option(
+        help="Write measured and predicted receptances as a universal file (.uff).", show_default=False
+    ),
+]
+
 Figures = Annotated[
     str | None,
     typer.Option(help="Save every figure beside the report, too: pdf, svg or png.", show_default=False),
@@ -196,17 +203,20 @@ def simulate(
 
 
 @application.command(short_help="From a case to its parameters.")
-def identify(case: OneCase, surface: Surface = None, data: Data = None, json: Json = False) -> None:
-    """Identify the parameters of a case and print them; nothing is written.
+def identify(
+    case: OneCase, surface: Surface = None, data: Data = None, frf: Frf = None, json: Json = False
+) -> None:
+    """Identify the parameters of a case and print them; nothing is written but what --frf names.
 
     \b
     Examples:
       rsgen identify cases/cubic.toml
       rsgen identify cases/cubic.toml --surface cubic.h5 --json
+      rsgen identify cases/cubic.toml --frf cubic.uff
     """
     from rsgen.cli.identify_command import identify_command
 
-    raise typer.Exit(identify_command(case, surface, data, json))
+    raise typer.Exit(identify_command(case, surface, data, frf, json))
 
 
 @application.command(short_help="Which law? The library ranked on a test.")

@@ -1,4 +1,4 @@
-"""What `rsgen identify` prints: the parameters of a case."""
+"""What `rsgen identify` prints: the parameters of a case, and writes where it is told to: its receptances."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from rsgen.case import Case, load_case
 from rsgen.cli.progress_bar import stage_progress
 from rsgen.cli.terminal import (
+    check_target,
     number,
     print_cache_fault,
     print_json,
@@ -17,6 +18,7 @@ from rsgen.cli.terminal import (
     verdict_code,
 )
 from rsgen.comparison import compare, verdict_of
+from rsgen.export import save_frf
 from rsgen.identification import Estimate, Identification, identify
 from rsgen.prediction import predict
 from rsgen.ranking import identify_best
@@ -50,16 +52,21 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
     ]
 
 
-def identify_command(path: Path, surface: Path | None, data: Path | None, json: bool) -> int:
+def identify_command(
+    path: Path, surface: Path | None, data: Path | None, frf: Path | None, json: bool
+) -> int:
     """Identify a case from its test or from a saved surface, and print the estimates."""
     print_cache_fault()
     case = load_case(path, data)
+    target = check_target(frf, ".uff", "--frf") if frf else None
     with stage_progress(case, "surface", "identification") as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_surface(case)
         note("identification", 0.0)
         identification = (identify_best if case.ranked else identify)(tested, case.model)
         verdict = _verdict(case, tested, identification)
+    if target:
+        save_frf(target, tested, predict(identification, surface=tested))
     rows = _rows(identification)
     warnings = [*map(sentence, identification.findings)]
     if json:

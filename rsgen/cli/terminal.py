@@ -155,10 +155,10 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         write_output("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
 
 
-def check_target(path: Path, ending: str) -> Path:
+def check_target(path: Path, ending: str, option: str = "--out") -> Path:
     """Refuse a name for a new file that has another ending or no folder."""
     if path.suffix.lower() != ending:
-        raise RsgenError(f"--out {path}: the name must end in {ending}")
+        raise RsgenError(f"{option} {path}: the name must end in {ending}")
     if not path.parent.is_dir():
-        raise RsgenError(f"--out {path}: there is no folder {path.parent}")
+        raise RsgenError(f"{option} {path}: there is no folder {path.parent}")
     return path
