@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsgen.cli.combinations import combination_sentences
 from rsgen.cli.terminal import print_block, print_json, print_line
 from rsgen.errors import ExpressionError, RsgenError
 
@@ -45,10 +46,11 @@ def derive_command(
     if plot is not None:
         values, omega, top = read_settings(function, settings, largest)
         write_picture(function, plot, values, omega, top)
+    notes = combination_sentences(function.force, full=True)
     if json:
-        print_json(spell(function, seconds))
+        print_json(spell(function, seconds) | ({"combinations": notes} if notes else {}))
     else:
-        describe(function, latex, plot)
+        describe(function, latex, plot, notes)
     return 0
 
 
@@ -120,8 +122,10 @@ def _written(formula: sympy.Expr | None) -> str | None:
     return text
 
 
-def describe(function: DescribingFunction, latex: bool, picture: Path | None) -> None:
-    """Print a describing function line by line."""
+def describe(
+    function: DescribingFunction, latex: bool, picture: Path | None, notes: Sequence[str] = ()
+) -> None:
+    """Print a describing function line by line, with further notes."""
     from rsgen.describing import variables_of
     from rsgen.expression.memory import State, remembers
     from rsgen.law import notation
@@ -157,7 +161,7 @@ def describe(function: DescribingFunction, latex: bool, picture: Path | None) ->
     width = max((len(name) for name in ends), default=0)
     for number, (name, limit) in enumerate(zip(ends, function.limits, strict=True)):
         print_block(f"{'' if number else 'limits':<9}  {name:<{width}} = ", _limit(limit.value, show))
-    for number, remark in enumerate(function.remarks):
+    for number, remark in enumerate((*notes, *function.remarks)):
         print_block(f"{'' if number else 'notes':<9}  ", remark)
     print_block(f"{'proof':<9}  ", _proof(function))
     if picture is not None:

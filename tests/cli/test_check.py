@@ -138,3 +138,14 @@ def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path: Path, run
     assert checked.code == 2
     assert "phase" in checked.err
     assert "phase" in " ".join(run_case(path, tmp_path / "out").faults)
+
+
+def test_parameters_that_no_test_tells_apart_are_named_before_any_test(
+    tmp_path: Path, run_cli: Callable
+) -> None:
+    path = tmp_path / "product.toml"
+    changes = {"spring": "k*g*x", "truth": "k = 5920\nc = 3.8\ng = 1.0"}
+    path.write_text(SIMULATED.format(**GOOD | changes), encoding="utf-8")
+    checked = run_cli("check", path)
+    assert checked.code == 0
+    assert "note: only g*k can be identified, not g and k separately" in checked.out

@@ -21,6 +21,14 @@ say_plainly(
 )
 
 
+@says("combinations-only")
+def _(found: Finding) -> str:
+    parameters, determined = found.names["parameters"], found.names["determined"]
+    if not determined:
+        return f"no test tells {parameters} apart: they act together in this law"
+    return f"only {determined} can be identified, not {parameters} separately: the law depends on no more"
+
+
 def _quantity(found: Finding, name: str, digits: int = 3) -> str:
     return quantity_text(*found.numbers[name], digits)
 

@@ -1,0 +1,220 @@
+"""What no test can identify: parameters that act in products or sums only, found from the law alone.
+
+Along motions of all sizes the force is a function of the parameters. Where its derivatives do not have full
+rank, whatever the values of the parameters, no motion tells them apart: a null vector that is the same in the
+logarithms of the parameters for all values belongs to products (only b*g can be identified), one that is the
+same in the parameters themselves to sums.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.arrays import Array
+from rsgen.expression import symbol
+from rsgen.finding import Finding
+from rsgen.law.numeric import compile_law
+
+__all__ = ["Combination", "combinations_of"]
+
+TRIALS = 3
+"""Random values of all parameters; a null vector of nature is there at each of them."""
+
+MOTIONS, SAMPLES = 40, 256
+"""Motions of a trial, and samples of their period: hundreds of equations a parameter."""
+
+SMALLEST, LARGEST = 0.02, 20.0
+"""Amplitudes relative to parameters around one, so that switches near one are passed and not passed."""
+
+RANK = 1e-9
+"""Singular value, relative to the largest of scaled columns, of a direction that changes no force."""
+
+CLEAR = 1e-5
+"""The next singular value must be above this: between both lies no law, only doubt, and nothing is said."""
+
+ALIKE = 1e-5
+"""Difference of directions at two sets of values that are one direction."""
+
+LARGEST_DENOMINATOR = 6
+"""Of the powers in a product."""
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """Parameters of which a test determines combinations only.
+
+    Parameters
+    ----------
+    parameters
+        Names that no test tells apart.
+    determined
+        What can be identified of them, in the expression language; empty where it is neither a product nor a
+        sum.
+    """
+
+    parameters: tuple[str, ...]
+    determined: tuple[str, ...]
+
+    @property
+    def finding(self) -> Finding:
+        """The fact as a finding."""
+        names = {"parameters": _listed(self.parameters), "determined": _listed(self.determined)}
+        return Finding("combinations-only", "info", names=names)
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
+    """Find the parameters of a law that occur in combinations only.
+
+    Examples
+    --------
+    >>> from rsgen.expression import parse
+    >>> combinations_of(parse("a*b*x + c*v"))
+    (Combination(parameters=('a', 'b'), determined=('a*b',)),)
+    >>> combinations_of(parse("k*x + k3*x**3"))
+    ()
+    """
+    if len(force.free_symbols - {symbol("x"), symbol("v")}) < 2:
+        return ()
+    law = compile_law(force)
+    known = []
+    for seed in range(TRIALS):
+        trial = _null_space(law.parameters, force, seed)
+        if trial is None or not len(trial[0]):
+            return ()
+        known.append(trial)
+    groups = _groups([null for null, _ in known])
+    return tuple(_combination(group, known, law.parameters) for group in groups)
+
+
+def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[Array, Array] | None:
+    """Give (d, p) directions in the logarithms of the parameters that change no force, and the values."""
+    rng = np.random.default_rng(seed)
+    values = np.exp(rng.uniform(-0.7, 0.7, len(names)))
+    rows = _slopes(force, values, rng)
+    if not len(rows):
+        return None
+    sizes = np.sqrt(np.mean(rows**2, axis=0))
+    if not np.all(sizes > 0):
+        # a parameter that did not act in this trial: nothing follows
+        return None
+    _, singular, directions = np.linalg.svd(rows / sizes, full_matrices=False)
+    share = singular / singular[0]
+    if np.any((share > RANK) & (share < CLEAR)):
+        return None
+    return directions[share <= RANK] / sizes, values
+
+
+def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array:
+    """Give (m, p) derivatives of the force along random motions by the logarithms of the parameters."""
+    law = compile_law(force)
+    phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST), (MOTIONS, 1)))
+    omega = np.exp(rng.uniform(-1, 1, (MOTIONS, 1)))
+    part = rng.uniform(-0.25, 0.25, (4, MOTIONS, 1))
+    if law.odd:
+        # a law that pushes both ways alike never makes even harmonics or a mean
+        part[0] = 0
+    order = np.array([1.0, 2.0, 3.0])[:, None, None]
+    weight = np.stack([np.ones((MOTIONS, 1)), part[0], part[1]])
+    turn = order * (phase + 0.37) + np.stack([np.zeros((MOTIONS, 1)), part[2], part[3]])
+    x = size * np.sum(weight * np.sin(turn), axis=0)
+    v = size * omega * np.sum(weight * order * np.cos(turn), axis=0)
+    a = -size * omega**2 * np.sum(weight * order**2 * np.sin(turn), axis=0)
+    with np.errstate(all="ignore"):
+        sample = law.sample(x, v, a, 2 * np.pi / omega / SAMPLES, values)
+        rows = np.stack([np.broadcast_to(part, x.shape) for part in sample.by_parameter], axis=-1) * values
+        # every motion counts alike, however large its force
+        largest = np.max(np.abs(rows), axis=(1, 2), keepdims=True)
+        rows = (rows / largest).reshape(-1, len(values))
+    known: Array = rows[np.isfinite(rows).all(axis=1)]
+    return known
+
+
+def _groups(spaces: list[Array]) -> list[list[int]]:
+    """Sort the parameters that null vectors move into groups that no null vector connects."""
+    projector = spaces[0].T @ np.linalg.pinv(spaces[0].T)
+    linked = np.abs(projector) > ALIKE
+    groups: list[list[int]] = []
+    for i in np.flatnonzero(linked.diagonal()):
+        if not any(i in group for group in groups):
+            groups.append([int(j) for j in np.flatnonzero(linked[i])])
+    return groups
+
+
+def _combination(group: list[int], known: list[tuple[Array, Array]], names: tuple[str, ...]) -> Combination:
+    """Name what is determined of a group: products, or else sums, or else nothing with a name."""
+    inside = tuple(names[i] for i in group)
+    for powers in (True, False):
+        spaces = [null if powers else null * values for null, values in known]
+        parts = [_reduced(space[:, group]) for space in spaces]
+        if any(part is None or not len(part) for part in parts):
+            continue
+        first = parts[0]
+        if first is None or any(
+            part is None or part.shape != first.shape or np.abs(part - first).max() > ALIKE for part in parts
+        ):
+            continue
+        written = _written(first, inside, powers)
+        if written:
+            return Combination(inside, written)
+    return Combination(inside, ())
+
+
+def _reduced(space: Array) -> Array | None:
+    """Bring the rows of a null space to the form with unit columns; None where it has none."""
+    _, singular, directions = np.linalg.svd(space, full_matrices=False)
+    rows = directions[singular > ALIKE * singular[0]]
+    size = len(rows)
+    best: tuple[float, Array] | None = None
+    for columns in combinations(range(space.shape[1]), size):
+        block = rows[:, columns]
+        if abs(np.linalg.det(block)) < ALIKE:
+            continue
+        reduced = np.linalg.solve(block, rows)
+        # what stays of the others: few and positive powers read best
+        cost = float(np.sum(np.abs(reduced)) + 2 * np.sum(reduced > ALIKE))
+        if best is None or cost < best[0] - ALIKE:
+            best = cost, reduced
+    return None if best is None else best[1]
+
+
+def _pivots(reduced: Array) -> NDArray[np.intp]:
+    """Find the columns of the unit matrix in a reduced null space."""
+    unit = (np.abs(reduced) > ALIKE).sum(axis=0) == 1
+    found = [next(int(j) for j in np.flatnonzero(unit) if abs(row[j] - 1) < ALIKE) for row in reduced]
+    return np.array(found, dtype=np.intp)
+
+
+def _written(reduced: Array, names: tuple[str, ...], powers: bool) -> tuple[str, ...]:
+    """Write what is orthogonal to a null space as products or sums; empty where its numbers are odd."""
+    pivots = _pivots(reduced)
+    found = []
+    for j in range(len(names)):
+        if j in pivots:
+            continue
+        weights = np.zeros(len(names))
+        weights[j] = 1.0
+        weights[pivots] = -reduced[:, j]
+        simple = [Fraction(float(w)).limit_denominator(LARGEST_DENOMINATOR) for w in weights]
+        if np.abs(weights - np.array([float(s) for s in simple])).max() > 10 * ALIKE:
+            return ()
+        # whole numbers, the first of them positive
+        whole = np.lcm.reduce([weight.denominator for weight in simple])
+        whole *= next(1 if weight > 0 else -1 for weight in simple if weight)
+        pairs = [
+            (sympy.Symbol(n), sympy.Integer(int(w * int(whole)))) for n, w in zip(names, simple, strict=True)
+        ]
+        found.append(
+            sympy.Mul(*(n**w for n, w in pairs)) if powers else sympy.Add(*(n * w for n, w in pairs))
+        )
+    return tuple(sorted(map(str, found)))
