@@ -8,13 +8,15 @@ With the samples of force and response as arrays, two lines make a surface::
 ``TimeHistory.from_times`` takes instants in place of the sampling rate. Several histories (levels, up and
 down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests;
 ``follow_decay`` gives frequency and damping of a free decay against its amplitude, and ``record_findings``
-finds where a record is clipped or stands still.
+finds where a record is clipped or stands still. ``from_sep5`` and ``to_sep5`` take and give channels as the
+SDyPy family has them.
 """
 
 from __future__ import annotations
 
 from rsgen.history.decay import FreeDecay, follow_decay, from_free_decay
 from rsgen.history.record import TimeHistory
+from rsgen.history.sep5 import from_sep5, to_sep5
 from rsgen.history.soundness import record_findings
 from rsgen.history.stepped_sine import from_stepped_sine
 from rsgen.history.sweep_law import SweepLaw
@@ -26,9 +28,11 @@ __all__ = [
     "TimeHistory",
     "follow_decay",
     "from_free_decay",
+    "from_sep5",
     "from_stepped_sine",
     "from_swept_sine",
     "record_findings",
+    "to_sep5",
 ]
 
 
