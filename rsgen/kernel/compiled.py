@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError
 from rsgen.kernel.generation import generate, parameter_order
+from rsgen.kernel.memory_rows import MemoryRows
 from rsgen.kernel.store import load_kernel
 from rsgen.law.memory import memory_form
 
@@ -32,9 +33,10 @@ class Integrated:
     Parameters
     ----------
     state
-        (D, k) y = (x, v/omega) [m], so that both parts weigh the same; then the states of a law with memory.
+        (R, k) y = (x, v/omega) [m], so that both parts weigh the same; then what a law remembers, as in
+        ``MemoryRows``.
     history
-        (2, D, k) the states two periods and one period before.
+        (2, R, k) the states, of Masing laws their loop only, two periods and one period before.
     harmonics
         (k, H+1) complex displacement of the last period [m]; (k, 0) where none was recorded.
     peak
@@ -74,18 +76,13 @@ class Kernel:
     ----------
     parameters
         Names in the order in which ``integrate`` takes their values.
-    states
-        Names of the states of the law, in the order of the rows after x and v/omega.
+    rows
+        What stands in the rows of a state.
     """
 
     parameters: tuple[str, ...]
-    states: tuple[str, ...]
+    rows: MemoryRows
     _enter: Callable[..., Any]
-
-    @property
-    def size(self) -> int:
-        """D, how many numbers the state of a point has."""
-        return 2 + len(self.states)
 
     def integrate(
         self,
@@ -108,7 +105,7 @@ class Kernel:
         points
             (k,) rows of ``force`` and ``omega``; a row may occur more than once.
         state
-            (D, k) y = (x, v/omega) [m], then the states of the law, at the start; left as it is.
+            (R, k) y = (x, v/omega) [m], then what the law remembers, at the start; left as it is.
         force, omega
             (n, 2) real and imaginary part of F [N], and (n,) angular frequency [rad/s].
         mass
@@ -129,7 +126,7 @@ class Kernel:
         RsgenError
             Shapes or types of the arrays do not belong together.
         """
-        k, size, columns = len(points), self.size, 0 if harmonics is None else harmonics + 1
+        k, size, columns = len(points), self.rows.count, 0 if harmonics is None else harmonics + 1
         after = np.array(state, dtype=np.float64, order="C")
         history = np.empty((2, size, k))
         waves = np.empty((k, columns), dtype=np.complex128)
@@ -175,5 +172,5 @@ def compile_kernel(
     """
     source = generate(force, values=values, locate_all=locate_all)
     memory = memory_form(force)
-    states = () if memory is None else tuple(rate.symbol.name for rate in memory.rates)
-    return Kernel(parameter_order(force), states, load_kernel(source))
+    rows = MemoryRows(0, 0) if memory is None else MemoryRows(len(memory.rates), len(memory.curves))
+    return Kernel(parameter_order(force), rows, load_kernel(source))

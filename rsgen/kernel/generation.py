@@ -9,8 +9,10 @@ from pathlib import Path
 
 import sympy
 
+from rsgen.errors import ExpressionError
 from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
+from rsgen.kernel.memory_rows import DEEPEST, MemoryRows
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
@@ -19,8 +21,15 @@ __all__ = ["generate", "parameter_order"]
 
 _TEMPLATE = "kernel/kernel.py.j2"
 
-_FIXED_ROWS, _EVENT_ROWS = 9, 4
-"""Rows of the lane table that every law has, and that laws with events have as well; see the template."""
+_FIXED_ROWS, _EVENT_ROWS, _CURVE_ROWS, _LOOSE_ROWS = 9, 4, 12, 9
+"""Rows of the lane table: of every law, of those with events, of Masing laws, and of these apart from their
+stack; see the template."""
+
+NO_SIMULATION = (
+    "structural(h) exists under periodic motion only: it cannot be simulated in time; identify it, or "
+    'simulate by method "harmonic-balance"'
+)
+"""Why a law with structural damping has no kernel."""
 
 _OF_STATES = {"zs": "z", "zn": "zn", "zm": "zm", "bs": "b"}
 """Values of the states, at the end of a step and within it, and their rates, as the template names them."""
@@ -38,6 +47,7 @@ class _Located:
     threshold: str
     jumps: bool
     holds_still: bool
+    kind: str = "plain"
 
     @property
     def rests(self) -> bool:
@@ -48,6 +58,16 @@ class _Located:
 @dataclass(frozen=True, slots=True)
 class _State:
     """A state with an equation, as the template writes it."""
+
+    index: int
+    name: str
+    text: str
+    body: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A Masing law, as the template writes it."""
 
     index: int
     name: str
@@ -75,6 +95,7 @@ def _located(
     names: dict[sympy.Symbol, str],
     states: Sequence[sympy.Symbol],
     every: bool,
+    still: bool,
 ) -> dict[Switch, _Located]:
     """Find the switches whose zeros are located; ``forms`` are those of the force and of the equations."""
     x, v, a = symbol("x"), symbol("v"), sympy.Dummy("a", real=True)
@@ -102,20 +123,76 @@ def _located(
             threshold=code(switch.threshold) if switch.threshold is not None else "0.0",
             # only the force itself can hold the mass
             jumps=onsets[0][0] and switch.variable == "v",
-            holds_still=not states,
+            holds_still=still,
         )
     return found
 
 
-def _gate(piece: Piece, located: dict[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
+def _turning(located: list[_Located], corners: bool) -> tuple[int, int]:
+    """Add what Masing laws locate, the end of a loop and corners, and v = 0 where it is missing.
+
+    The numbers of v = 0 and of the end of a loop; that of corners comes next.
+    """
+    turns = [entry.index for entry in located if entry.code == "v"]
+    if not turns:
+        located.append(_Located(len(located), "v", "v", "vn", "a", "0.0", False, False, "turn"))
+        turns = [len(located) - 1]
+    close = len(located)
+    code, after, rate = "(lim - x)*sw", "(lim - xn)*sw", "(-v)*sw"
+    located.append(_Located(close, "end of the loop", code, after, rate, "0.0", False, False, "close"))
+    if corners:
+        code, after = "corner - abs(x - xr)*iw", "corner - abs(xn - xr)*iw"
+        # w times the direction over w squared: the direction over w
+        rate = "(-v)*sw*iw*iw"
+        located.append(
+            _Located(close + 1, "before a corner", code, after, rate, "0.0", False, False, "corner")
+        )
+    return turns[0], close
+
+
+def _corners(forms: Sequence[NormalForm], every: bool) -> tuple[sympy.Expr, ...]:
+    """Where virgin curves have corners that are located, as distances from the last reversal."""
+    places = dict.fromkeys(
+        switch.threshold
+        for form in forms
+        for switch in dict.fromkeys(switch for piece in form.pieces for switch in piece.switches)
+        if switch.variable == "x" and (every or any(_onsets(form, switch)))
+    )
+    return tuple(places)
+
+
+def _virgin(law: sympy.Expr) -> sympy.Expr:
+    """A virgin curve with real powers that the normal form takes: x is never negative here."""
+    x = symbol("x")
+    return law.replace(
+        lambda e: e.is_Pow and e.base.has(x) and not e.exp.is_integer,
+        lambda e: sympy.Abs(e.base) ** e.exp,
+    )
+
+
+def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
     gates = [f"g{located[s].index}" for s in piece.switches if s in located]
     inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
     return gates, inside
 
 
+def _past(piece: Piece, places: Sequence[sympy.Expr], body: Body) -> list[str]:
+    """Say where a piece of a virgin curve acts: beyond corners that are past, or others as it is there."""
+    return [
+        f"(past >= {body.write(s.threshold)})"
+        if s.threshold in places
+        else f"({body.write(s.function)} > 0.0)"
+        for s in piece.switches
+    ]
+
+
 def _force_body(
-    form: NormalForm, names: dict[sympy.Symbol, str], located: dict[Switch, _Located]
+    form: NormalForm,
+    names: dict[sympy.Symbol, str],
+    located: Mapping[Switch, _Located],
+    corners: Sequence[sympy.Expr] | None = None,
 ) -> list[str]:
+    """Write the sum of all pieces; ``corners`` are the located ones of a virgin curve."""
     x, v = symbol("x"), symbol("v")
     body = Body({x: "x", v: "v", **names})
     terms = [_factored(piece.term, x, v) for piece in form.pieces]
@@ -127,7 +204,7 @@ def _force_body(
     parts = []
     for piece, term in zip(form.pieces, terms, strict=True):
         code = body.write(term)
-        gates, inside = _gate(piece, located, body)
+        gates, inside = _gate(piece, located, body) if corners is None else ([], _past(piece, corners, body))
         if inside:
             code = f"({code} if {' & '.join(inside)} else 0.0)"
         parts.append("*".join([*gates, code]))
@@ -168,25 +245,43 @@ def generate(
         The law holds a function that no law may use.
     """
     memory = memory_form(force)
-    equations = () if memory is None else tuple(rate.rate for rate in memory.rates)
-    forms = tuple(
-        normal_form(law) if values is None else normal_form_at(law, values) for law in (force, *equations)
+    if memory is not None and memory.lag is not None:
+        raise ExpressionError(NO_SIMULATION)
+    rates = () if memory is None else tuple(rate.rate for rate in memory.rates)
+    curves = () if memory is None else tuple(_virgin(curve.virgin) for curve in memory.curves)
+    forms, virgins = (
+        tuple(normal_form(law) if values is None else normal_form_at(law, values) for law in laws)
+        for laws in ((force, *rates), curves)
     )
-    return _source(forms, memory, parameter_order(force), locate_all)
+    return _source(forms, virgins, memory, parameter_order(force), locate_all)
 
 
 @lru_cache(maxsize=64)
 def _source(
-    forms: tuple[NormalForm, ...], memory: MemoryForm | None, order: tuple[str, ...], locate_all: bool
+    forms: tuple[NormalForm, ...],
+    virgins: tuple[NormalForm, ...],
+    memory: MemoryForm | None,
+    order: tuple[str, ...],
+    locate_all: bool,
 ) -> str:
     import jinja2  # only generation needs it
 
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
     symbols = [] if memory is None else [rate.symbol for rate in memory.rates]
-    located = _located(forms, names, symbols, locate_all)
+    masing = [] if memory is None else [curve.symbol for curve in memory.curves]
+    plain = _located(forms, names, symbols, locate_all, memory is None)
+    located = list(plain.values())
+    places = _corners(virgins, locate_all)
+    turn, close = _turning(located, bool(places)) if masing else (-1, -1)
     inside = names | {z: f"z{number}" for number, z in enumerate(symbols)}
+    along = names | {symbol("x"): "q"}
+    curves = [
+        _Curve(number, z.name, _comment(write(form.expression)), _force_body(form, along, {}, places))
+        for number, (z, form) in enumerate(zip(masing, virgins, strict=True))
+    ]
+    inside |= {z: f"m{number}" for number, z in enumerate(masing)}
     states = [
-        _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, located))
+        _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, plain))
         for number, (z, form) in enumerate(zip(symbols, forms[1:], strict=True))
     ]
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
@@ -194,19 +289,38 @@ def _source(
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
+    rows = MemoryRows(len(states), len(curves))
     first = _FIXED_ROWS + (_EVENT_ROWS if located else 0)
+    first_curve = first + 2 * len(states)
+    forces = range(len(curves))
     return environment.get_template(_TEMPLATE).render(
         law=_comment(write(forms[0].expression)),
         parameters=[(f"p{number}", name) for number, name in enumerate(order)],
         names=[f"p{number}" for number in range(len(order))],
         arguments=_listed("p", len(order)),
         gates=_listed("g", len(located)),
-        located=list(located.values()),
-        force_body=_force_body(forms[0], inside, located),
+        located=located,
+        force_body=_force_body(forms[0], inside, plain),
         states=states,
-        size=2 + len(states),
+        curves=curves,
+        turn=turn,
+        close=close,
+        corners=[Body(names, inline=True).write(place) for place in places],
+        deepest=DEEPEST,
+        kept=rows.names[: rows.stack - rows.first] if curves else [],
+        first_kept=rows.first,
+        size=rows.count,
         first=first,
-        gate=first + 2 * len(states),
+        first_curve=first_curve,
+        gate=first_curve + (_CURVE_ROWS + 3 * len(curves) if curves else 0),
+        stack=_LOOSE_ROWS + DEEPEST * (1 + len(curves)) if curves else 0,
+        ms=", xr, iw, sw, lim, past, corner" + _listed("nr", len(curves)) if curves else "",
+        lane_ms="".join(
+            f", lane[{row}, i]"
+            for row in ("XR", "IW", "SW", "LIMIT", "PAST", "CORNER", *(f"NR + {c}" for c in forces))
+        )
+        if curves
+        else "",
         **{name: _listed(letters, len(states)) for name, letters in _OF_STATES.items()},
     )
 

@@ -67,7 +67,7 @@ def verify(
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     F, omega = surface.force[points], surface.omega[points]
     force = np.column_stack([F.real, F.imag])
-    state = np.zeros((kernel.size, len(points)))
+    state = np.zeros((kernel.rows.count, len(points)))
     repeats = np.zeros(len(points), dtype=bool)
     found = np.full(len(points), complex(np.nan, np.nan))
     active = np.arange(len(points))

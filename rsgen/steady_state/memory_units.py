@@ -17,7 +17,7 @@ _SMALL = 1e-3
 
 
 def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:
-    """What one metre of displacement makes of each state [its unit/m], (D - 2,); None without states.
+    """What one metre of displacement makes of each of D numbers [its unit/m], (D,); None without states.
 
     From the equations z' = g(x, v, z) at rest: |dg/dv| + |dg/dx|/omega; what depends on neither follows the
     other states. Only norms and the distances of neighbouring orbits depend on it.
@@ -47,4 +47,6 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
         steps = np.abs(up - down) / (2 * x)
         direct = steps[:, :2].sum(axis=1) / w
         units = np.where(direct > 0, direct, steps[:, 2:].sum(axis=1) / w)
-    return np.where(np.isfinite(units) & (units > 0), units, 1.0)
+    units = np.where(np.isfinite(units) & (units > 0), units, 1.0)
+    loop = (1.0, 1.0) if memory.curves else ()
+    return np.array([1.0, 1.0, *units, *loop])

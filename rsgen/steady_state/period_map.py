@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.kernel import Integrated, Kernel
+from rsgen.steady_state.loop_memory import LoopMemory
 
 __all__ = ["PeriodMap"]
 
@@ -19,9 +20,14 @@ Indices = NDArray[np.intp]
 class PeriodMap:
     """The period maps of n test points of one oscillator.
 
-    States are y = (x, v/omega) [m], so that both parts weigh the same, followed by the states of a law with
-    memory over ``units``, (D - 2,) or None: k of them are an array (D, k). ``force`` (n, 2) holds the real
-    and imaginary part of F [N].
+    States are y = (x, v/omega) [m], so that both parts weigh the same, followed for a law with memory by its
+    states over ``units``, (D,) or None, and by the loop of its Masing laws: k of them are an array (D, k).
+    ``force`` (n, 2) holds the real and imaginary part of F [N].
+
+    ``memory`` is what the points remember besides. A transient goes on with it and changes it. Fixed points
+    are those of the closed loop alone, whose force after a reversal follows from the reversal before and not
+    from the whole history: with the history the offset of a loop is arbitrary (eigenvalue one), alone it is
+    the one that the transient has left.
     """
 
     kernel: Kernel
@@ -30,10 +36,16 @@ class PeriodMap:
     force: Array
     omega: Array
     units: Array | None = None
+    memory: LoopMemory | None = None
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""
-        return replace(self, force=self.force[points], omega=self.omega[points])
+        return replace(
+            self,
+            force=self.force[points],
+            omega=self.omega[points],
+            memory=None if self.memory is None else self.memory.of(points),
+        )
 
     def scale(self) -> Array:
         """(n,) displacement [m] below which a motion is none at all: a millionth of |F| / (m omega^2)."""
@@ -48,8 +60,9 @@ class PeriodMap:
         harmonics: int | None = None,
         *,
         peaks: bool = False,
+        transient: bool = False,
     ) -> Integrated:
-        """Carry states over periods.
+        """Carry states over periods; a transient takes its memory along.
 
         ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (D, k), or (D, r k) with the
         points r times in a row.
@@ -58,7 +71,7 @@ class PeriodMap:
         if several > 1:
             points = np.concatenate([points] * several)
         if len(steps) and (steps == steps[0]).all():
-            return self._integrate(points, y, int(steps[0]), periods, harmonics, peaks)
+            return self._integrate(points, y, int(steps[0]), periods, harmonics, peaks, transient)
         if several > 1:
             steps = np.concatenate([steps] * several)
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
@@ -70,7 +83,7 @@ class PeriodMap:
         )
         for kind in np.unique(steps):
             mine = np.flatnonzero(steps == kind)
-            part = self._integrate(points[mine], y[:, mine], int(kind), periods, harmonics, peaks)
+            part = self._integrate(points[mine], y[:, mine], int(kind), periods, harmonics, peaks, transient)
             whole.state[:, mine], whole.history[:, :, mine] = part.state, part.history
             whole.harmonics[mine] = part.harmonics
             if peaks:
@@ -78,15 +91,29 @@ class PeriodMap:
         return whole
 
     def _integrate(
-        self, points: Indices, y: Array, steps: int, periods: int, harmonics: int | None, peaks: bool
+        self,
+        points: Indices,
+        y: Array,
+        steps: int,
+        periods: int,
+        harmonics: int | None,
+        peaks: bool,
+        transient: bool,
     ) -> Integrated:
+        size = len(y)
         if self.units is not None:
-            y = np.concatenate([y[:2], y[2:] * self.units[:, None]])
+            y = y * self.units[:, None]
+        if self.memory is not None:
+            y = self.memory.joined(points, y, transient=transient)
         moved = self.kernel.integrate(
             points, y, self.force, self.omega, self.mass, self.values,
             steps=steps, periods=periods, harmonics=harmonics, peaks=peaks,
         )  # fmt: skip
+        if self.memory is not None:
+            if transient:
+                self.memory.keep(points, moved.state)
+            moved = replace(moved, state=moved.state[:size], history=moved.history[:, :size])
         if self.units is not None:
-            moved.state[2:] /= self.units[:, None]
-            moved.history[:, 2:] /= self.units[:, None]
+            moved.state[:] /= self.units[:, None]
+            moved.history[:] /= self.units[:, None]
         return moved

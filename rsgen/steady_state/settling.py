@@ -30,6 +30,7 @@ _LINEAR = 0.05  # departure of the last two periods from the linear map, of the 
 _CLOSE = 1e-5  # of the amplitude: nearer than this the departure is rounding
 _CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
+_TURNS = 2.0  # of the motion in a period, at the top and at the bottom of a loop
 _TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
 # below the first of attraction, the map is made again with this many steps and this offset; then it attracts
 # if more than the last
@@ -71,7 +72,8 @@ def _one_round(
     period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Array
 ) -> Indices:
     before, steps = result.y[:, active], result.steps[active]
-    moved = period_map.carry(active, before, steps, periods)
+    memory = None if period_map.memory is None else period_map.memory.rows[:, active]
+    moved = period_map.carry(active, before, steps, periods, transient=True)
     y, history = moved.state, moved.history
     bounded = np.isfinite(norm(y))
     if not bounded.all():
@@ -81,7 +83,9 @@ def _one_round(
                 break
             # too few steps make a stiff law explode: that is no answer yet
             steps[lost] *= _STIFF
-            again = period_map.carry(active[lost], before[:, lost], steps[lost], periods)
+            if period_map.memory is not None and memory is not None:
+                period_map.memory.rows[:, active[lost]] = memory[:, lost]
+            again = period_map.carry(active[lost], before[:, lost], steps[lost], periods, transient=True)
             y[:, lost], history[:, :, lost] = again.state, again.history
             bounded = np.isfinite(norm(y))
         result.steps[active] = steps
@@ -111,6 +115,9 @@ def _accept(
     distance, inside = norm(earlier), attraction(fixed.jacobian)
     linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
     sure = fixed.found & linear & (inside > 0)
+    if period_map.memory is not None:
+        # loops within the loop are not those of the closed loop alone
+        sure &= period_map.memory.turns(active) == _TURNS
     faint = np.flatnonzero(sure & (inside < _FAINT))
     if len(faint):
         # the integration itself damps a little: look with steps so fine that it does not

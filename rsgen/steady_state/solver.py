@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,6 +13,7 @@ from rsgen.errors import RsgenError
 from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state.batches import map_batches
+from rsgen.steady_state.loop_memory import LoopMemory
 from rsgen.steady_state.memory_units import units_of_states
 from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
@@ -58,7 +61,8 @@ def solve_steady_states(
     _check(F, f, harmonics, accuracy)
     y = None if start is None else np.asarray(start, dtype=np.float64)
     kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
-    if y is not None and y.shape not in {(len(f), 2), (len(f), kernel.size)}:
+    rows = kernel.rows
+    if y is not None and y.shape not in {(len(f), 2), (len(f), rows.smooth + rows.curves)}:
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
@@ -89,12 +93,17 @@ def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: floa
 
 def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, accuracy: float) -> SteadyStates:
     omega, units = period_map.omega, period_map.units
-    y = np.zeros((period_map.kernel.size, len(omega)))
+    rows = period_map.kernel.rows
+    y = np.zeros((rows.smooth, len(omega)))
     if start is not None:
-        y[: start.shape[1]] = start.T
+        given = min(start.shape[1], rows.smooth)
+        y[:given] = start.T[:given]
         y[1] /= omega
         if units is not None:
-            y[2:] /= units[:, None]
+            y /= units[:, None]
+    offsets = np.zeros((0, len(omega))) if start is None else start.T[rows.smooth :]
+    memory = LoopMemory.at_start(rows, offsets, len(omega)) if rows.curves else None
+    period_map = replace(period_map, memory=memory)
     # far unstable motions overflow on their way; their outcome is not settled
     with np.errstate(over="ignore", invalid="ignore"):
         settling = settle(period_map, y, from_rest=start is None)
@@ -102,14 +111,19 @@ def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, acc
         # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
         lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))
         if len(lost):
-            again = settle(
-                period_map.of(lost), y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE
-            )
-            refined.replace(lost, refine(period_map.of(lost), again, harmonics, accuracy))
+            few = period_map.of(lost)
+            if memory is not None:
+                few = replace(few, memory=LoopMemory.at_start(rows, offsets[:, lost], len(lost)))
+            again = settle(few, y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE)
+            refined.replace(lost, refine(few, again, harmonics, accuracy))
+            if memory is not None and few.memory is not None:
+                memory.rows[:, lost] = few.memory.rows
     state = refined.y.T.copy()
-    state[:, 1] *= omega
     if units is not None:
-        state[:, 2:] *= units
+        state *= units
+    state[:, 1] *= omega
+    if memory is not None:
+        state = np.hstack([state, memory.offsets(np.arange(len(omega))).T])
     unsettled = np.flatnonzero(refined.outcome)
     refined.harmonics[unsettled] = complex(np.nan, np.nan)
     refined.peak[unsettled] = np.nan

@@ -1,0 +1,92 @@
+"""What Masing laws remember beside their loop, point by point: carried along by transients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.arrays import Array
+from rsgen.kernel.memory_rows import ALONE, DEEPEST, EVERYTHING, WITHIN, MemoryRows
+
+__all__ = ["LoopMemory"]
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopMemory:
+    """The rows of n points after the smooth ones, (R - D, n), as transients left them.
+
+    ``layout`` says which row is what.
+    """
+
+    layout: MemoryRows
+    rows: Array
+
+    @classmethod
+    def at_start(cls, layout: MemoryRows, offset: Array, count: int) -> LoopMemory:
+        """A closed loop around the forces ``offset`` (C, n) [N], or no memory at all: (0, n).
+
+        A motion that grows beyond the loop follows the virgin curve around its middle: what was remembered
+        outside of it is forgotten.
+        """
+        memory = cls(layout, np.zeros((layout.count - layout.smooth, count)))
+        if len(offset):
+            memory.rows[0] = WITHIN
+            memory.rows[memory._offset] = offset
+        return memory
+
+    @property
+    def _offset(self) -> slice:
+        first = self.layout.row("OFFSET + 0") - self.layout.smooth
+        return slice(first, first + self.layout.curves)
+
+    def of(self, points: Indices) -> LoopMemory:
+        """The memory of some of the points, by themselves."""
+        return LoopMemory(self.layout, self.rows[:, points])
+
+    def joined(self, points: Indices, y: Array, *, transient: bool) -> Array:
+        """All rows of states y (D, k): with the whole memory, or with the closed loop alone."""
+        rows = self.rows[:, points] if transient else np.zeros((len(self.rows), len(points)))
+        if not transient:
+            rows[0] = ALONE
+            rows[self._offset] = self.offsets(points)
+        return np.concatenate([y, rows])
+
+    def keep(self, points: Indices, state: Array) -> None:
+        """Remember what a transient left in all rows (R, k)."""
+        self.rows[:, points] = state[self.layout.smooth :]
+
+    def _row(self, name: str, points: Indices) -> Array:
+        return np.asarray(self.rows[self.layout.row(name) - self.layout.smooth, points])
+
+    def turns(self, points: Indices) -> Array:
+        """How often the motion turned in the last period, (k,)."""
+        return self._row("TURNS", points)
+
+    def offsets(self, points: Indices) -> Array:
+        """Force in the middle of each loop (C, k) [N].
+
+        A motion that still grows runs back to the virgin curve, and its loops are centred on it. One that has
+        decayed keeps an offset: the mean of its last reversals, 1 : 2 : 1, so that steady growth or decay
+        between them drops out.
+        """
+        curves = self.layout.curves
+        base = self.rows[self._offset, points]
+        kind, depth = self.rows[0, points], self._row("DEPTH", points).astype(np.intp)
+        within = np.flatnonzero((kind == EVERYTHING) & (self._row("IW", points) < 0.75) & (depth > 0))
+        if not len(within):
+            return base
+        depth, here = depth[within], points[within]
+        first = self.layout.stack - self.layout.smooth
+        for curve in range(curves):
+            stack = self.rows[first + (1 + curve) * DEEPEST : first + (2 + curve) * DEEPEST]
+            last = self._row(f"NR + {curve}", here)
+            middle = base[curve, within]
+            before = stack[depth - 1, here]
+            # before the first reversal there is its mirror image on the virgin curve
+            earlier = np.where(depth > 1, stack[np.maximum(depth - 2, 0), here], 2 * middle - before)
+            base[curve, within] = (earlier + 2 * before + last) / 4
+        return base
