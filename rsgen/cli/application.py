@@ -334,7 +334,7 @@ def inspect(
     everything: Annotated[bool, typer.Option("--all", help="List every array.")] = False,
     json: Json = False,
 ) -> None:
-    """Show what is in a data file (MATLAB, HDF5, NumPy, universal, text), and propose a [test] table.
+    """Show what is in a data file (text, MATLAB, universal, TDMS, Excel, ...), and propose a [test] table.
 
     \b
     Examples:

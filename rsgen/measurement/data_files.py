@@ -39,7 +39,7 @@ _OTHERS = (
     (0, b"TDSh", "the index of a TDMS file; the .tdms file beside it is needed"),
     (0, b"\x1f\x8b", "a packed file; unpack it"),
     (0, b"7z\xbc\xaf", "a packed file; unpack it"),
-    (0, b"%PDF", "a PDF; text, MATLAB, HDF5, NumPy and universal files are read"),
+    (0, b"%PDF", "a PDF; text, MATLAB, HDF5, universal files and others of numbers are read"),
     (38, b"application/vnd.oasis", "an OpenDocument file; save its sheet as .xlsx or CSV"),
 )
 """Other files that laboratories send: place of the signature, signature, what it is."""

@@ -185,6 +185,7 @@ def main() -> None:
         except Exception as fault:
             # what a reader says of its variables helps nobody
             internal = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
+            internal = internal or (isinstance(fault, OSError) and fault.errno is not None)
             reason = "its parts do not fit together" if internal else " ".join(str(fault).split())[:160]
             raise MeasurementError(
                 f"cannot be read as {order['format']}: {reason or type(fault).__name__}; it is damaged"
