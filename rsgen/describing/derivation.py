@@ -175,7 +175,7 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
         return _derive_memoryless(force, names, known, may_centre=True)
     own = tuple(name for name in names if parts.plain.has(symbol(name)))
     plain = _derive_memoryless(parts.plain, own, known & set(own), may_centre=parts.centred)
-    return add_memory(force, names, parts, plain)
+    return add_memory(force, names, parts, plain, known)
 
 
 @lru_cache(maxsize=256)

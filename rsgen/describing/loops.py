@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from rsgen.describing.stepping import Cycles, System
 from rsgen.errors import ExpressionError
@@ -38,6 +39,9 @@ REPELLING = 1e-4
 CYCLES_AT_ONCE = 4096
 TRIALS = 16
 """Random cycles of which one at least must close."""
+
+STEPPED = 2
+"""Of these so many are stepped through time, one by one."""
 
 ZERO_ODD = 1e-11
 """Share of the force below which f(x, v, z) + f(-x, -v, -z) is zero."""
@@ -92,6 +96,34 @@ class Loop:
         state = self.system.advance(state, -np.pi / 2, np.minimum(phi, np.pi / 2), True, every)
         state = self.system.advance(state, np.pi / 2, np.maximum(phi, np.pi / 2), False, every)
         return self.system.forces(phi, state, every)
+
+    def stepped(self, X_: float, omega: float, values: Mapping[str, float]) -> tuple[float, float, float]:
+        """Step one turn of the law as it is written through time, without knowing its switches.
+
+        Returns
+        -------
+        Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start.
+        """
+        numbers = tuple(values[name] for name in self.parameters)
+        fields = tuple(np.array([number]) for number in numbers)
+        cycles = Cycles(np.array([X_]), np.zeros(1), np.array([omega]), fields)
+        (begin, _), size = self._start(cycles), len(self.system.rates)
+        states = tuple(rate.symbol for rate in self.system.rates)
+        names = (STATE_X, STATE_V, *states, *(symbol(n) for n in ("X", "X0", "omega", *self.parameters)))
+        law = compiled((*(rate.rate for rate in self.system.rates), self.system.force), names)
+
+        def slope(phi: float, state: Array) -> Array:
+            sine, cosine = np.sin(phi), np.cos(phi)
+            parts = law(X_ * sine, omega * X_ * cosine, *state[:size], X_, 0.0, omega, *numbers)
+            return np.array([*(part / omega for part in parts[:-1]), parts[-1] * sine, parts[-1] * cosine])
+
+        start = np.concatenate((begin[:, 0], (0.0, 0.0)))
+        ends = (-np.pi / 2, 3 * np.pi / 2)
+        scale = float(np.max(np.abs(begin))) or 1.0
+        run = solve_ivp(slope, ends, start, "DOP853", max_step=0.2, rtol=1e-9, atol=1e-11 * scale)
+        end = run.y[:, -1]
+        miss = float(np.max(np.abs(end[:size] - start[:size]))) / scale
+        return float(end[size] / (np.pi * X_)), float(end[size + 1] / (np.pi * omega * X_)), miss
 
     def _start(self, cycles: Cycles) -> tuple[Array, bool]:
         """Find the states at phi = -pi/2 from which a cycle repeats, and whether half of it says all."""
@@ -183,8 +215,12 @@ def is_odd(rest: sympy.Expr, memory: MemoryForm) -> bool:
     return _odd((rest, *(rate.rate for rate in memory.rates)), memory.states)
 
 
-def try_loops(loop: Loop) -> None:
-    """Compute loops at random values of everything.
+def try_loops(loop: Loop) -> float:
+    """Compute loops at random values of everything, and step some of them through time.
+
+    Returns
+    -------
+    Largest difference in stiffness or damping, relative to both, from loops stepped through time.
 
     Raises
     ------
@@ -195,8 +231,17 @@ def try_loops(loop: Loop) -> None:
     values = {name: np.exp(rng.uniform(-1, 1, TRIALS)) for name in loop.parameters}
     amplitude, omega = np.exp(rng.uniform(-2, 1, TRIALS)), np.exp(rng.uniform(-1, 1, TRIALS))
     found = loop.harmonics(amplitude, np.zeros(TRIALS), omega, values)
-    if not np.any(np.isfinite(found[0])):
+    closed = np.flatnonzero(np.isfinite(found[0]))
+    if not len(closed):
         raise ExpressionError(
             f"memory: the loop of {loop.states} does not close at X = {amplitude[0]:.3g} m or any of "
             f"{TRIALS} amplitudes tried with positive parameters: under a sine it grows or drifts for ever"
         )
+    worst = 0.0
+    for row in closed[:STEPPED]:
+        numbers = {name: float(value[row]) for name, value in values.items()}
+        stiffness, damping, miss = loop.stepped(float(amplitude[row]), float(omega[row]), numbers)
+        size = abs(stiffness) + omega[row] * abs(damping)
+        differences = (found[0][row] - stiffness, omega[row] * (found[1][row] - damping))
+        worst = max(worst, miss, *(abs(difference) / size for difference in differences))
+    return float(worst)

@@ -160,6 +160,8 @@ def test_bouc_wen_against_its_states_stepped_through_time():
         lambda x, v, y: [1.3 * v - 0.8 * abs(v) * y[0] + 1.1 * v * abs(y[0])],
         lambda x, v, y: x + y[0], 2.0, OMEGA, 1, 8,
     )  # fmt: skip
+    assert law.checked_to is not None
+    assert 0 < law.checked_to < 1e-7
     found = law.evaluate(2.0, OMEGA, values)
     assert found.stiffness == pytest.approx(wanted[0], rel=1e-8)
     assert found.damping == pytest.approx(wanted[1], rel=1e-8)
@@ -205,6 +207,20 @@ def test_pictures_of_loops_have_the_energy_beside_them():
     area = 0.5e-3 * abs(np.sum(x * np.roll(force, -1) - force * np.roll(x, -1)))
     assert energy.lines[0].get_ydata()[-1] == pytest.approx(area, rel=1e-3)
     assert "Energy of a cycle D" in drawing.alternative
+
+
+def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
+    steps = derive("masing(Piecewise((x, x < b), (b + (x - b)/2, x < c), (b + (c - b)/2, True)))")
+    late = derive("masing(k*Max(0, x - b))")
+    assert (steps.closed_form, late.closed_form) == (True, True)
+    for b, c in ((0.8, 1.4), (1.4, 0.8)):
+        k, loss = equivalent(lambda x, b=b, c=c: np.where(
+            x < b, x, np.where(x < c, (b + x) / 2, (b + c) / 2)), 2.0, OMEGA)  # fmt: skip
+        found = steps.evaluate(2.0, OMEGA, {"b": b, "c": c})
+        assert (found.stiffness, found.damping) == pytest.approx((k, loss), rel=1e-9)
+    assert late.evaluate(0.5, OMEGA, {"k": 1.0, "b": 0.7}).stiffness == 0
+    assumed = derive("masing(K*x - R*x**(chi + 2))", ["chi > 0"])
+    assert [str(limit.value) for limit in assumed.limits if limit.place == 0] == ["K", "0"]
 
 
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3"])
