@@ -17,7 +17,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import peers
+from benchmarks import hysteresis, peers
 from benchmarks.peers import JOBS, Job
 from rsgen.kernel import compile_kernel
 from rsgen.output import write_atomic
@@ -217,6 +217,7 @@ def report() -> str:
         "|---|---|---|---|---|---|---|---|",
         *("| " + " | ".join(row) + " |" for row in rows),
         "",
+        *hysteresis.table(),
         f"Arithmetic of one core: {peak:.0f} Gflop/s in a product of two large matrices; the Duffing kernel",
         f"does {reached:.0f} Gflop/s, {100 * reached / peak:.0f} % of it.",
         "",
