@@ -31,9 +31,10 @@ START_SECONDS = 60.0
 WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
 """Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
-ends sooner, after a second of work, but only where the system can count that."""
+ends sooner, after a second of work or some of a text, but only where the system can count that."""
 UNCOUNTED = 10.0
-"""Where it cannot, waiting is shorter by this factor."""
+"""Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
+_TEXTS = ("lvm", "xlsx")
 _READY = b"ready\n"
 _WORKER = "rsgen.measurement.sandbox_worker"
 _EXTRAS = {"tdms": ("nptdms", "TDMS files"), "xlsx": ("openpyxl", "Excel workbooks")}
@@ -162,9 +163,9 @@ def _check_extra(name: str, form: str) -> None:
         )
 
 
-def _seconds(size: int) -> float:
+def _seconds(size: int, form: str) -> float:
     seconds = WAIT_SECONDS + size / WAIT_RATE
-    return seconds if find_spec("resource") else seconds / UNCOUNTED
+    return seconds if find_spec("resource") or form in _TEXTS else seconds / UNCOUNTED
 
 
 @contextmanager
@@ -181,7 +182,7 @@ def _reading(
             raise MeasurementError(
                 f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
             )
-        with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size)) as process:
+        with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size, form)) as process:
             try:
                 yield process, process.answer(), size
             except (KeyError, TypeError, ValueError, IndexError):

@@ -181,7 +181,8 @@ def _parse(text: bytes, first: int) -> NDArray[np.float64]:
     for number, line in enumerate(text.splitlines(), start=first):
         rest = _FIELD.sub("", line.decode("utf-8", "replace")).strip()
         if rest:
-            raise MeasurementError(f"line {number}: {rest[:20]!r} is no number; finite numbers are needed")
+            what = f"{rest[:20]!r} is no number" if rest.strip(", ") else "decimal commas"
+            raise MeasurementError(f"line {number}: {what}; finite numbers are needed")
         values += (float(field.upper().replace("D", "E")) for field in _FIELD.findall(line.decode()))
     return np.array(values)
 
@@ -236,6 +237,8 @@ class _Sets:
         while (raw := self.lines.next()) is not None:
             if not raw.strip():
                 continue
+            if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+                raise self.lines.fail("two bytes a sign (UTF-16); save the file as UTF-8")
             if not _is_end(raw):
                 raise self.lines.fail("a data set begins with a line of -1; is it a universal file?")
             name = self.lines.next()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import scipy.io
+import scipy.io.wavfile
 from numpy.random import Generator
 
 from rsgen.measurement import HistoryRule, LevelRule, MeasuredTest, Signal
@@ -18,8 +20,13 @@ __all__ = ["ENDINGS", "arrays", "good", "history_plan", "power_of_ten", "table_p
 
 ENDINGS = {
     "csv": ".csv", "mat": ".mat", "hdf5": ".h5", "npy": ".npy", "npz": ".npz", "uff": ".uff",
-    "surface": ".h5",
+    "surface": ".h5", "lvm": ".lvm", "wav": ".wav",
 }  # fmt: skip
+ENDINGS |= {
+    form: f".{form}" for form, package in (("tdms", "nptdms"), ("xlsx", "openpyxl")) if find_spec(package)
+}
+_BEFORE = {"lvm": ("1/", "2/"), "tdms": ("table/", "record/"), "xlsx": ("table/", "record/")}
+"""What stands before the names of the table's columns, and of the history's."""
 ROWS = 40
 SAMPLES = 1200
 
@@ -83,6 +90,52 @@ def _surface(folder: Path) -> bytes:
     return path.read_bytes()
 
 
+def _groups() -> dict[str, dict[str, np.ndarray[Any, Any]]]:
+    """The table and the history, as recorders keep them: real numbers, in groups."""
+    parts = arrays()
+    table = {"f": parts["f"], "F": parts["F"], "re": parts["x"].real, "im": parts["x"].imag}
+    return {"table": table, "record": {name: parts[name] for name in ("t", "u", "a")}}
+
+
+def _labview() -> bytes:
+    lines = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t.", "***End_of_Header***\t", "\t"]
+    for group in _groups().values():
+        lines += [f"Channels\t{len(group)}", "***End_of_Header***\t", "\t".join(["X_Value", *group])]
+        rows = enumerate(zip(*group.values(), strict=True))
+        lines += ["\t".join([str(number), *(f"{v:.9g}" for v in row)]) for number, row in rows]
+        lines.append("")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _recorded(form: str) -> bytes:
+    """A file of a recorder: the table and the history as groups, sheets or channels."""
+    file: Any = io.BytesIO()
+    if form == "wav":
+        channels = [values for group in _groups().values() for name, values in group.items() if name != "t"]
+        missing = [np.pad(v, (0, SAMPLES - len(v)), constant_values=np.nan) for v in channels]
+        scipy.io.wavfile.write(file, 100, np.stack(missing, axis=1))
+    elif form == "tdms":
+        from nptdms import ChannelObject, TdmsWriter
+
+        with TdmsWriter(file) as made:
+            for group, channels_of in _groups().items():
+                made.write_segment([ChannelObject(group, *channel) for channel in channels_of.items()])
+    else:
+        from openpyxl import Workbook
+
+        book = Workbook()
+        book.remove(book.active)
+        for group, columns in _groups().items():
+            sheet = book.create_sheet(group)
+            for row in (
+                list(columns),
+                *(list(map(float, row)) for row in zip(*columns.values(), strict=True)),
+            ):
+                sheet.append(row)
+        book.save(file)
+    return bytes(file.getvalue())
+
+
 def good(form: str, folder: Path) -> bytes:
     """A good file of a format."""
     parts = arrays()
@@ -100,6 +153,10 @@ def good(form: str, folder: Path) -> bytes:
         np.save(opened, np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag]))
     elif form == "hdf5":
         return _hdf5(parts)
+    elif form == "lvm":
+        return _labview()
+    elif form in ("wav", "tdms", "xlsx"):
+        return _recorded(form)
     elif form == "uff":
         return universal(parts["u"]) + universal(parts["a"])
     else:
@@ -116,6 +173,15 @@ def table_plan(path: Path, form: str) -> MeasuredTest:
         columns = (1, 2, Signal(real=3, imaginary=4))
     elif form == "uff":
         columns = ("1/abscissa", "1/ordinate", Signal(amplitude="2/ordinate"))
+    elif form in _BEFORE:
+        f, F, re, im = (f"{_BEFORE[form][0]}{name}" for name in ("f", "F", "re", "im"))
+        columns = (f, F, Signal(real=re, imaginary=im))
+    elif form == "wav":
+        columns = (1, 2, Signal(real=3, imaginary=4, unit="m"))
+        level = LevelRule(column=2)
+        return MeasuredTest(
+            (path,), 1, Signal(amplitude=2, unit="N"), columns[2], "displacement", level=level
+        )
     f, F, x = columns
     return MeasuredTest((path,), f, Signal(amplitude=F), x, "displacement", level=LevelRule(column=F))
 
@@ -129,6 +195,12 @@ def history_plan(path: Path, form: str) -> MeasuredTest:
         columns = (2, 3, 1)
     elif form == "uff":
         columns = ("1/ordinate", "2/ordinate", "1/abscissa")
+    elif form in _BEFORE:
+        u, a, t = columns = tuple(f"{_BEFORE[form][1]}{name}" for name in ("u", "a", "t"))
+    elif form == "wav":
+        signals = Signal(samples=5, unit="N"), Signal(samples=6, unit="m/s^2")
+        rule = HistoryRule("swept-sine", rate_column="rate")
+        return MeasuredTest((path,), None, *signals, "acceleration", history=rule)
     u, a, t = columns
     rule = HistoryRule("swept-sine", time=t)
     return MeasuredTest((path,), None, Signal(samples=u), Signal(samples=a), "acceleration", history=rule)

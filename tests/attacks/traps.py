@@ -16,6 +16,7 @@ from numpy.random import Generator
 
 from tests.attacks.good_files import arrays, good, power_of_ten, universal
 from tests.attacks.traps_hdf5 import hdf5_declared, hdf5_outside, hdf5_tree, surface
+from tests.attacks.traps_recorders import labview, sound, tdms, workbook
 
 __all__ = ["TRAPS", "Trap"]
 
@@ -286,5 +287,9 @@ TRAPS: dict[str, tuple[Trap, ...]] = {
     "hdf5": (hdf5_declared, hdf5_outside, hdf5_tree),
     "uff": (universal_counts, universal_binary, universal_sets),
     "surface": (surface,),
+    "lvm": (labview,),
+    "wav": (sound,),
+    "tdms": (tdms,),
+    "xlsx": (workbook,),
 }  # fmt: skip
 """Files of each format that are traps from the beginning."""

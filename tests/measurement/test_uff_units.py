@@ -305,3 +305,19 @@ def test_inspect_and_init_say_which_units(
     # the force of each function is not in the file
     case.write_text(case.read_text(encoding="utf-8").replace("? N", "1 N"), encoding="utf-8")
     np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)
+
+
+def test_universal_files_that_a_spreadsheet_has_saved(tmp_path: Path) -> None:
+    """Two bytes a sign, and commas in place of points, are named as what they are."""
+    path = tmp_path / "a.uff"
+    path.write_text(function(ACCELERANCE), encoding="utf-16")
+    with pytest.raises(
+        MeasurementError, match=r"line 1: two bytes a sign \(UTF-16\); save the file as UTF-8"
+    ):
+        list_contents(path)
+    lines = function(ACCELERANCE).split("\n")
+    path.write_text(
+        "\n".join([*lines[:13], *(line.replace(".", ",") for line in lines[13:])]), encoding="utf-8"
+    )
+    with pytest.raises(MeasurementError, match=r"line 14: decimal commas; finite numbers are needed"):
+        list_contents(path)
