@@ -8,7 +8,7 @@ leaves errors of the order of 1/H^2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 import sympy
@@ -16,108 +16,73 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.law.memory import memory_form
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.harmonic_basis import (
+    Basis,
+    Floats,
+    basis_of,
+    product,
+    project,
+    to_coefficients,
+    to_harmonics,
+    waveforms,
+)
+from rsgen.simulation.memory_balance import MemoryLoops
 from rsgen.simulation.point_grid import Progress, in_parts, swept
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 
 __all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
 
-Floats = NDArray[np.float64]
-
 _ITERATIONS = 40
 """Newton steps at most; ten are usual, a step that jumps over a corner needs more."""
 _CONVERGED = 1e-12
 """Last Newton correction, of the amplitude: rounding."""
-_SAMPLES_A_HARMONIC = 16
-"""Samples of the waveform a harmonic: polynomials to the power 15 are projected without aliasing."""
-_FEWEST_SAMPLES = 256
-"""Samples of the waveform at least: few harmonics see the corners of a law as well."""
 _CHUNK = 512
 """Points solved at once: bounds the memory of the Jacobians."""
 _HALVINGS = 6
 """Halvings of a Newton step that does not bring the balance down."""
 _FAINT = 1e-9
 """Of |F|/(m omega^2): an amplitude below it is none."""
+_TINY = 1e-9
+"""Of |F|/(m omega^2): the amplitude at which the slopes at rest are taken."""
+_NEIGHBOUR = 1e-7
+"""Of the motion: distance of neighbouring loops, where truncation and rounding are both small."""
 _DAMPED = 0.02
 """Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Basis:
-    """Waveforms from coefficients q = (X0, Re X1, -Im X1, Re X2, ...): x = displacement @ q and so on.
-
-    A product g(phase) x has the coefficients M q, where M takes the Fourier coefficients of g at the sums and
-    the differences of the orders: ``same`` and ``sum`` are their places, with a sign each. ``turn`` @ q are
-    the coefficients of the derivative by the phase.
-    """
-
-    displacement: Floats
-    velocity: Floats
-    order: Floats
-    turn: Floats
-    same: NDArray[np.intp]
-    sum: NDArray[np.intp]
-    same_sign: Floats
-    sum_sign: Floats
+class _Law(Protocol):
+    """A law along motions that are given by their coefficients q (n, 2H+1)."""
 
     @property
-    def samples(self) -> int:
-        return len(self.displacement)
+    def mass(self) -> float:
+        """m [kg]."""
+        ...
+
+    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        """Waveforms (n, samples) of the force [N]."""
+        ...
+
+    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """Coefficients (n, 2H+1) of the force [N], and how they change with q (n, 2H+1, 2H+1) [N/m]."""
+        ...
+
+    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        """States with equations at the start of the period (r, n)."""
+        ...
 
 
-@lru_cache(maxsize=8)
-def _basis(harmonics: int) -> _Basis:
-    samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
-    phase = 2 * np.pi * np.arange(samples) / samples
-    shape = np.ones((samples, 2 * harmonics + 1))
-    rate = np.zeros((samples, 2 * harmonics + 1))
-    order = np.zeros(2 * harmonics + 1)
-    for h in range(1, harmonics + 1):
-        shape[:, 2 * h - 1], shape[:, 2 * h] = np.cos(h * phase), np.sin(h * phase)
-        rate[:, 2 * h - 1], rate[:, 2 * h] = -h * np.sin(h * phase), h * np.cos(h * phase)
-        order[2 * h - 1 : 2 * h + 1] = h
-    turn = np.zeros((len(order), len(order)))
-    for h in range(1, harmonics + 1):
-        turn[2 * h - 1, 2 * h], turn[2 * h, 2 * h - 1] = h, -h
-    is_sine = (np.arange(len(order)) > 0) & (np.arange(len(order)) % 2 == 0)
-    whole = order.astype(np.intp)
-    difference = whole[None, :] - whole[:, None]
-    row, column = is_sine[:, None], is_sine[None, :]
-    mixed = row != column
-    # cos a cos b, sin a sin b: cosines of a - b and a + b; mixed: sines
-    sines = np.where(mixed, 2 * harmonics + 1, 0)
-    same_sign = np.where(mixed, np.sign(difference) * np.where(column, 1, -1), 1)
-    sum_sign = np.where(row & column, -1, 1)
-    half = np.where(whole == 0, 0.5, 1.0)[:, None]
-    return _Basis(
-        shape,
-        rate,
-        order,
-        turn,
-        np.abs(difference) + sines,
-        whole[None, :] + whole[:, None] + sines,
-        0.5 * half * same_sign,
-        0.5 * half * sum_sign,
-    )
-
-
-def _project(basis: _Basis, waveform: Floats) -> Floats:
-    """Coefficients (n, 2H+1) of waveforms (n, samples)."""
-    spectrum = np.fft.rfft(waveform, axis=1)[:, : int(basis.order[-1]) + 1] * (2 / basis.samples)
-    return _to_coefficients(spectrum / np.where(np.arange(spectrum.shape[1]) == 0, 2, 1))
-
-
-def _product(basis: _Basis, waveform: Floats) -> Floats:
-    """Matrices (n, 2H+1, 2H+1) that multiply by waveforms (n, samples)."""
-    spectrum = np.fft.rfft(waveform, axis=1)[:, : 2 * int(basis.order[-1]) + 1] * (2 / basis.samples)
-    parts = np.hstack([spectrum.real, -spectrum.imag])
-    matrix: Floats = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
-    return matrix
+def _law_of(oscillator: Oscillator) -> _Law:
+    form = memory_form(oscillator.force)
+    if form is not None:
+        return _Remembering(oscillator.mass, MemoryLoops.of(oscillator, form))
+    return _Plain.of(oscillator)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Law:
+class _Plain:
     """n(x, v) and its two slopes as numpy functions, mass included."""
 
     mass: float
@@ -125,7 +90,7 @@ class _Law:
     values: tuple[float, ...]
 
     @classmethod
-    def of(cls, oscillator: Oscillator) -> _Law:
+    def of(cls, oscillator: Oscillator) -> _Plain:
         x, v = symbol("x"), symbol("v")
         law = oscillator.force
         slopes = (law, _slope(law, x), _slope(law, v))
@@ -133,9 +98,50 @@ class _Law:
         functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
         return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
 
-    def __call__(self, x: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        n, by_x, by_v = self.functions(x, v, *self.values)
-        return n + 0 * x, by_x + 0 * x, by_v + 0 * x
+    def _along(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, ...]:
+        x = q @ basis.displacement.T
+        v = omega[:, None] * (q @ basis.velocity.T)
+        return tuple(wave + 0 * x for wave in self.functions(x, v, *self.values))
+
+    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        return self._along(basis, q, omega)[0]
+
+    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        force, by_x, by_v = self._along(basis, q, omega)
+        slope = product(basis, by_x) + product(basis, omega[:, None] * by_v) @ basis.turn
+        return project(basis, force), slope
+
+    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        return np.zeros((0, len(q)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Remembering:
+    """A law with memory: closed loops along the motion, and neighbouring loops for how they change."""
+
+    mass: float
+    loops: MemoryLoops
+
+    def loop(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """Waveforms of the force, and the states at the start of the period."""
+        order = np.maximum(basis.order, 1)
+        between = waveforms(2 * basis.samples, int(basis.order[-1]))
+        x, v = (q @ wave.T for wave in between)
+        return self.loops(x, omega[:, None] * v, q @ (basis.velocity / order).T, omega)
+
+    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        return self.loop(basis, q, omega)[0]
+
+    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+        return self.loop(basis, q, omega)[1]
+
+    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        n, size = q.shape
+        offset = _NEIGHBOUR * np.linalg.norm(q, axis=1) + np.finfo(float).tiny
+        trials = np.concatenate([q, *(q + offset[:, None] * unit for unit in np.eye(size))])
+        found = project(basis, self.force(basis, trials, np.tile(omega, 1 + size)))
+        force, others = found[:n], found[n:].reshape(size, n, size)
+        return force, np.moveaxis((others - force) / offset[:, None], 0, 2)
 
 
 def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
@@ -144,16 +150,18 @@ def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
     return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
 
 
-def _balance(law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats) -> tuple[Floats, Floats]:
+def _balance(law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats) -> tuple[Floats, Floats]:
     """Residual (n, 2H+1) [N] and Jacobian (n, 2H+1, 2H+1) [N/m] of the balance of every harmonic."""
-    x = q @ basis.displacement.T
-    v = omega[:, None] * (q @ basis.velocity.T)
-    force, by_x, by_v = law(x, v)
     inertia = law.mass * (omega[:, None] * basis.order) ** 2
-    residual = _project(basis, force) - inertia * q - load
-    jacobian = _product(basis, by_x) + _product(basis, omega[:, None] * by_v) @ basis.turn
+    force, jacobian = law.linearised(basis, q, omega)
+    residual = force - inertia * q - load
     jacobian[:, np.arange(len(basis.order)), np.arange(len(basis.order))] -= inertia
     return residual, jacobian
+
+
+def _residual(law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats) -> Floats:
+    inertia = law.mass * (omega[:, None] * basis.order) ** 2
+    return project(basis, law.force(basis, q, omega)) - inertia * q - load
 
 
 def _solve(matrix: Floats, right: Floats) -> Floats:
@@ -167,7 +175,7 @@ def _solve(matrix: Floats, right: Floats) -> Floats:
 
 
 def _newton(
-    law: _Law, basis: _Basis, q: Floats, load: Floats, omega: Floats
+    law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     q = q.copy()
     done = np.zeros(len(q), dtype=bool)
@@ -181,7 +189,7 @@ def _newton(
         done[active] = np.linalg.norm(step, axis=1) <= _CONVERGED * size
         factor = np.ones(len(active))
         for _ in range(_HALVINGS):
-            trial, _ = _balance(law, basis, q[active] + factor[:, None] * step, load[active], omega[active])
+            trial = _residual(law, basis, q[active] + factor[:, None] * step, load[active], omega[active])
             worse = ~(np.linalg.norm(trial, axis=1) <= here * (1 + 1e-9)) & ~done[active]
             if not worse.any():
                 break
@@ -191,16 +199,6 @@ def _newton(
         if not len(active):
             break
     return q, done
-
-
-def _to_harmonics(q: Floats) -> NDArray[np.complex128]:
-    return np.hstack([q[:, :1].astype(np.complex128), q[:, 1::2] - 1j * q[:, 2::2]])
-
-
-def _to_coefficients(harmonics: NDArray[np.complex128]) -> Floats:
-    q = np.empty((len(harmonics), 2 * harmonics.shape[1] - 1))
-    q[:, 0], q[:, 1::2], q[:, 2::2] = harmonics[:, 0].real, harmonics[:, 1:].real, -harmonics[:, 1:].imag
-    return q
 
 
 def solve_harmonic_balance(
@@ -235,10 +233,10 @@ def solve_harmonic_balance(
     """
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    law, basis = _Law.of(oscillator), _basis(harmonics)
+    law, basis = _law_of(oscillator), basis_of(harmonics)
     load = np.zeros((len(F), 2 * harmonics + 1))
     load[:, 1], load[:, 2] = F.real, -F.imag
-    q = _linear_guess(law, F, omega, harmonics) if guess is None else _to_coefficients(guess)
+    q = _linear_guess(law, F, omega, harmonics) if guess is None else to_coefficients(guess)
     parts = [slice(low, low + _CHUNK) for low in range(0, len(F), _CHUNK)]
     solved = [_newton(law, basis, q[part], load[part], omega[part]) for part in parts]
     q = np.concatenate([entry[0] for entry in solved])
@@ -247,27 +245,29 @@ def solve_harmonic_balance(
 
 
 def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics: int) -> Floats:
-    tiny = np.array([1e-12])
-    _, stiffness, damping = law(tiny, tiny)
-    impedance = stiffness - law.mass * omega**2 + 1j * omega * damping
-    impedance += 1j * _DAMPED * law.mass * omega**2
+    basis = basis_of(1)
+    tiny = np.zeros((len(F), 3))
+    tiny[:, 1] = _TINY * np.maximum(np.abs(F), np.finfo(float).tiny) / (law.mass * omega**2)
+    _, slope = law.linearised(basis, tiny, omega)
+    inertia = law.mass * omega**2
+    impedance = slope[:, 1, 1] - inertia + 1j * (_DAMPED * inertia - slope[:, 2, 1])
     guess = np.zeros((len(F), harmonics + 1), dtype=np.complex128)
     guess[:, 1] = F / impedance
-    return _to_coefficients(guess)
+    return to_coefficients(guess)
 
 
 def _states(
-    law: _Law, basis: _Basis, q: Floats, F: NDArray[np.complex128], omega: Floats, done: NDArray[np.bool_]
+    law: _Law, basis: Basis, q: Floats, F: NDArray[np.complex128], omega: Floats, done: NDArray[np.bool_]
 ) -> SteadyStates:
     x = q @ basis.displacement.T
     v = omega[:, None] * (q @ basis.velocity.T)
-    n, _, _ = law(x, v)
+    n = law.force(basis, q, omega)
     acceleration = -(omega[:, None] ** 2) * ((q * basis.order**2) @ basis.displacement.T)
     phase = 2 * np.pi * np.arange(basis.samples) / basis.samples
     applied = F.real[:, None] * np.cos(phase) - F.imag[:, None] * np.sin(phase)
     rest = law.mass * acceleration + n - applied
     left = np.linalg.norm(rest, axis=1) / np.sqrt(basis.samples) / np.abs(F)
-    harmonics = _to_harmonics(q)
+    harmonics = to_harmonics(q)
     harmonics[~done] = complex(np.nan, np.nan)
     peak = np.where(done[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan)
     return SteadyStates(
@@ -305,19 +305,21 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
 
 def first_order_force(
     oscillator: Oscillator, amplitude: Floats, omega: Floats
-) -> tuple[NDArray[np.complex128], Floats]:
-    """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic."""
-    law, basis = _Law.of(oscillator), _basis(1)
+) -> tuple[NDArray[np.complex128], Floats, Floats]:
+    """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic.
+
+    Then the states of the law at t = 0, (r, n), r = 0 without memory.
+    """
+    law, basis = _law_of(oscillator), basis_of(1)
     mean = np.zeros_like(amplitude)
     for _ in range(_ITERATIONS):
         q = np.column_stack([mean, amplitude, np.zeros_like(amplitude)])
-        force, by_x, _ = law(q @ basis.displacement.T, omega[:, None] * (q @ basis.velocity.T))
-        stiffness = by_x.mean(axis=1)
-        move = -force.mean(axis=1) / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
+        fundamental, slope = law.linearised(basis, q, omega)
+        stiffness = slope[:, 0, 0]
+        move = -fundamental[:, 0] / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
         move = np.clip(move, -amplitude, amplitude)
         mean = mean + move
         if np.all(np.abs(move) <= _FAINT * amplitude):
             break
-    fundamental = _project(basis, force)
-    F = _to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude
-    return F, mean
+    F = to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude
+    return F, mean, law.states(basis, q, omega)

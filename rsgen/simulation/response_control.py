@@ -7,7 +7,7 @@ motion would survive under constant force is read from the Jacobian of the perio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
-from rsgen.kernel import Kernel, compile_kernel
+from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import first_order_force
 from rsgen.simulation.point_grid import Progress, in_parts
@@ -23,6 +23,9 @@ from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates
 from rsgen.steady_state.batches import map_batches
 from rsgen.steady_state.fixed_point import attraction
+from rsgen.steady_state.loop_memory import LoopMemory
+from rsgen.steady_state.memory_units import units_of_states
+from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.solver import LOCATED
 
 __all__ = ["ControlledStates", "control_grid", "solve_response_control"]
@@ -56,38 +59,43 @@ class ControlledStates(SteadyStates):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shooting:
-    """The four conditions on (x, v/omega, Re F / s, Im F / s) of each point, all scaled by X."""
+    """The D + 2 conditions on (y, Re F / s, Im F / s) of each point, all scaled by X.
 
-    kernel: Kernel
-    mass: float
-    values: Array
+    y = (x, v/omega), and for a law with memory what the period map adds: its D numbers (``PeriodMap``).
+    """
+
+    period_map: PeriodMap
     amplitude: Array
-    omega: Array
+
+    @property
+    def omega(self) -> Array:
+        """(n,) angular frequency [rad/s]."""
+        return self.period_map.omega
 
     def unit(self, points: NDArray[np.intp]) -> Array:
         """Force of one unit of the unknowns: what the inertia of the fundamental amplitude needs."""
-        return np.asarray(self.mass * self.omega[points] ** 2)
+        return np.asarray(self.period_map.mass * self.omega[points] ** 2)
 
     def orbit(
         self, points: NDArray[np.intp], w: Array, steps: int, harmonics: int
     ) -> tuple[Array, ComplexArray, Array]:
-        force = w[:, 2:] * self.unit(points)[:, None]
-        orbit = self.kernel.integrate(
-            np.arange(len(points)), w[:, :2].T, force, self.omega[points], self.mass, self.values,
-            steps=steps, periods=1, harmonics=harmonics,
-        )  # fmt: skip
+        force = w[:, -2:] * self.unit(points)[:, None]
+        k = len(points)
+        orbit = replace(self.period_map.of(points), force=force).carry(
+            np.arange(k), w[:, :-2].T, np.full(k, steps), 1, harmonics, peaks=True
+        )
         return orbit.state.T, orbit.harmonics, orbit.peak
 
     def conditions(self, points: NDArray[np.intp], w: Array, steps: int) -> Array:
         end, harmonics, _ = self.orbit(points, w, steps, 1)
         X = harmonics[:, 1]
-        return np.column_stack([end - w[:, :2], X.real - self.amplitude[points], X.imag])
+        return np.column_stack([end - w[:, :-2], X.real - self.amplitude[points], X.imag])
 
     def linearised(self, points: NDArray[np.intp], w: Array, steps: int) -> tuple[Array, Array]:
-        """Conditions (k, 4) and their Jacobian (k, 4, 4) from four neighbouring orbits."""
-        offset = _OFFSET * self.amplitude[points]
-        trials = [w] + [w + offset[:, None] * np.eye(4)[i] for i in range(4)]
-        found = np.split(self.conditions(np.tile(points, 5), np.concatenate(trials), steps), 5)
+        """Conditions (k, D + 2) and their Jacobian (k, D + 2, D + 2) from as many neighbouring orbits."""
+        offset, size = _OFFSET * self.amplitude[points], w.shape[1]
+        trials = [w] + [w + offset[:, None] * np.eye(size)[i] for i in range(size)]
+        found = np.split(self.conditions(np.tile(points, 1 + size), np.concatenate(trials), steps), 1 + size)
         columns = [(there - found[0]) / offset[:, None] for there in found[1:]]
         return found[0], np.stack(columns, axis=2)
 
@@ -116,12 +124,22 @@ def solve_response_control(
         raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
     kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
     values = np.array([oscillator.values[name] for name in kernel.parameters])
+    omega = 2 * np.pi * f
+    inertia: ComplexArray = (oscillator.mass * omega**2 * X).astype(np.complex128)
+    units = units_of_states(oscillator, inertia, omega)
 
     def solve(batch: slice) -> ControlledStates:
-        shooting = _Shooting(kernel, oscillator.mass, values, X[batch], 2 * np.pi * f[batch])
-        F, mean = first_order_force(oscillator, X[batch], shooting.omega)
+        n, rows = len(X[batch]), kernel.rows
+        memory = LoopMemory.at_start(rows, np.zeros((0, n)), n) if rows.curves else None
+        period_map = PeriodMap(kernel, oscillator.mass, values, np.zeros((n, 2)), omega[batch], units, memory)
+        shooting = _Shooting(period_map, X[batch])
+        F, mean, states = first_order_force(oscillator, X[batch], shooting.omega)
         F = F / shooting.unit(np.arange(len(F)))
-        w = np.column_stack([X[batch] + mean, np.zeros_like(mean), F.real, F.imag])
+        y = np.zeros((n, rows.smooth))
+        y[:, 0], y[:, 2 : rows.first] = X[batch] + mean, states.T
+        if rows.curves:
+            y[:, rows.first], y[:, rows.first + 1] = mean + X[batch], mean - X[batch]
+        w = np.column_stack([y if units is None else y / units, F.real, F.imag])
         # a motion that overflows on the way has no answer; its outcome is not settled
         with np.errstate(over="ignore", invalid="ignore"):
             return _refine(shooting, w, harmonics, accuracy)
@@ -141,12 +159,12 @@ def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
 
 
 def _refine(shooting: _Shooting, w: Array, H: int, accuracy: float) -> ControlledStates:
-    n = len(w)
+    n, size = len(w), w.shape[1] - 2
     result = SimpleNamespace(
         force=np.full(n, complex(np.nan, np.nan)),
         harmonics=np.full((n, H + 1), complex(np.nan, np.nan)),
         peak=np.full((n, 2), np.nan),
-        state=np.full((n, 2), np.nan),
+        state=np.full((n, size + shooting.period_map.kernel.rows.curves), np.nan),
         residual=np.full(n, np.nan),
         outcome=np.ones(n, dtype=np.int8),
         error=np.full(n, np.nan),
@@ -160,8 +178,8 @@ def _refine(shooting: _Shooting, w: Array, H: int, accuracy: float) -> Controlle
         steps *= 2
         finer, found, jacobian = _newton(shooting, points, w, steps, 0.01 * accuracy)
         coarse, points, w = w[found], points[found], finer[found]
-        change = np.hypot(w[:, 2] - coarse[:, 2], w[:, 3] - coarse[:, 3])
-        error = change / np.maximum(np.hypot(w[:, 2], w[:, 3]), np.finfo(float).tiny) / _RICHARDSON
+        change = np.hypot(*(w - coarse)[:, -2:].T)
+        error = change / np.maximum(np.hypot(*w[:, -2:].T), np.finfo(float).tiny) / _RICHARDSON
         _record(shooting, result, points, w, steps, H, error, jacobian[found])
         points, w = points[error > accuracy], w[error > accuracy]
     result.outcome[points] = 1
@@ -179,13 +197,16 @@ def _record(
     jacobian: Array,
 ) -> None:
     end, waves, peak = shooting.orbit(points, w, steps, H)
-    result.force[points] = (w[:, 2] + 1j * w[:, 3]) * shooting.unit(points)
+    size, units = w.shape[1] - 2, shooting.period_map.units
+    result.force[points] = (w[:, -2] + 1j * w[:, -1]) * shooting.unit(points)
     result.harmonics[points], result.peak[points], result.error[points] = waves, peak, error
-    result.state[points] = np.column_stack([w[:, 0], w[:, 1] * shooting.omega[points]])
-    result.residual[points] = np.hypot(*(end - w[:, :2]).T) / shooting.amplitude[points]
+    result.state[points] = 0.0
+    result.state[points, :size] = w[:, :-2] if units is None else w[:, :-2] * units
+    result.state[points, 1] *= shooting.omega[points]
+    result.residual[points] = np.linalg.norm(end - w[:, :-2], axis=1) / shooting.amplitude[points]
     result.outcome[points] = 0
     # the first block of the Jacobian is that of P(y) - y at constant force
-    result.stable[points] = attraction((jacobian[:, :2, :2] + np.eye(2)).transpose(1, 2, 0)) > 0
+    result.stable[points] = attraction((jacobian[:, :size, :size] + np.eye(size)).transpose(1, 2, 0)) > 0
 
 
 def _newton(
@@ -193,7 +214,7 @@ def _newton(
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     w = w.copy()
     found = np.zeros(len(points), dtype=bool)
-    jacobian = np.zeros((len(points), 4, 4))
+    jacobian = np.zeros((len(points), w.shape[1], w.shape[1]))
     active = np.arange(len(points))
     for _ in range(_ITERATIONS):
         mine = points[active]
@@ -205,7 +226,7 @@ def _newton(
             break
         move = -np.linalg.solve(slope, value[:, :, None])[:, :, 0]
         done = np.linalg.norm(move, axis=1) <= tolerance * np.minimum(
-            shooting.amplitude[mine], np.hypot(w[active, 2], w[active, 3])
+            shooting.amplitude[mine], np.hypot(*w[active, -2:].T)
         )
         factor = np.ones(len(active))
         for _ in range(_HALVINGS):

@@ -1,0 +1,82 @@
+"""Virtual tests of laws with memory: two independent ways to one number, control, sweeps, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.oscillator import Oscillator
+from rsgen.simulation import SimulatedTest, simulate, verify
+from rsgen.simulation.harmonic_balance import solve_harmonic_balance
+from rsgen.simulation.memory_balance import MemoryLoops
+from rsgen.simulation.response_control import solve_response_control
+from rsgen.steady_state import solve_steady_states
+
+LINEAR = {"c": 3.8, "k": 5922.0}
+JENKINS = Oscillator(1.5, "c*v + k*x + masing(Min(kt*x, Fs))", LINEAR | {"kt": 3000.0, "Fs": 2.0})
+BOUC_WEN = Oscillator(
+    2.0,
+    rs.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}),
+    {"c": 10.0, "k": 5e4, "alpha": 5e4, "bg": 800.0, "bd": -1100.0},
+)
+POWER = Oscillator(1.5, "c*v + k*x + masing(K*x - R*x**p)", LINEAR | {"K": 3000.0, "R": 2e4, "p": 1.5})
+
+LAWS = pytest.mark.parametrize(
+    ("oscillator", "f0"),
+    [(JENKINS, 10.5), (BOUC_WEN, 33.0), (POWER, 11.5)],
+    ids=["jenkins", "bouc-wen", "power"],
+)
+
+
+@LAWS
+def test_harmonic_balance_with_loops_of_its_own_agrees(oscillator: Oscillator, f0: float) -> None:
+    F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
+    found = solve_steady_states(oscillator, F, f, accuracy=1e-6)
+    balance = solve_harmonic_balance(oscillator, F, f, harmonics=9)
+    # corners between two of 256 samples, and harmonics beyond the ninth
+    np.testing.assert_allclose(balance.harmonics[:, 1], found.harmonics[:, 1], rtol=2e-4)
+
+
+@LAWS
+def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator: Oscillator, f0: float) -> None:
+    X, f = np.repeat([2e-4, 2e-3], 3), np.tile(f0 * np.array([0.9, 1.0, 1.15]), 2)
+    held = solve_response_control(oscillator, X, f, accuracy=1e-6)
+    assert held.settled.all()
+    assert held.stable.all()
+    free = solve_steady_states(oscillator, held.force, f, accuracy=1e-6)
+    np.testing.assert_allclose(free.harmonics[:, 1], X, rtol=1e-5)
+
+
+@LAWS
+def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator: Oscillator, f0: float) -> None:
+    grid = {"level": np.array([1.0, 8.0]), "frequency": f0 * np.linspace(0.85, 1.15, 7), "accuracy": 1e-5}
+    rest, up, down = (simulate(oscillator, SimulatedTest(**grid, sweep=s)) for s in ("rest", "up", "down"))
+    for surface in (up, down):
+        np.testing.assert_allclose(surface.harmonics[:, 1], rest.harmonics[:, 1], rtol=2e-5)
+    assert verify(oscillator, rest, sample=6).largest < 2e-5
+
+
+def test_structural_damping_is_balanced_and_not_simulated_in_time() -> None:
+    o = Oscillator(1.5, "k*x + c*v + structural(h)", LINEAR | {"h": 200.0})
+    f = np.linspace(8, 12, 5)
+    omega = 2 * np.pi * f
+    grid = {"level": np.array([3.0]), "frequency": f}
+    balance = simulate(o, SimulatedTest(**grid, method="harmonic-balance"))
+    exact = 3.0 / (5922 - 1.5 * omega**2 + 1j * (3.8 * omega + 200))
+    np.testing.assert_allclose(balance.harmonics[:, 1], exact, rtol=1e-9)
+    with pytest.raises(rs.RsgenError, match="periodic motion only"):
+        simulate(o, SimulatedTest(**grid))
+
+
+def test_loops_within_the_loop_of_the_oracle_are_those_of_a_slider() -> None:
+    # a strong third harmonic; the slider is stepped, and has forgotten its start after one period
+    loops = MemoryLoops.of(JENKINS, rs.law.memory.memory_form(JENKINS.force))
+    phase = 2 * np.pi * np.arange(8192) / 8192
+    x = 2e-3 * (np.cos(phase) + 0.8 * np.cos(3 * phase + 0.7))
+    (force,), _ = loops(x[None], 0 * x[None], 0 * x[None, ::2], np.array([60.0]))
+    slider, stepped, places = 0.0, [], x[::2]
+    for change in np.tile(np.diff(places, prepend=places[-1]), 2):
+        slider = float(np.clip(slider + 3000 * change, -2, 2))
+        stepped.append(slider)
+    np.testing.assert_allclose(force - 5922 * places, stepped[len(places) :], atol=1e-12)
