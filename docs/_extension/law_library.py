@@ -10,6 +10,7 @@ import rsgen
 from rsgen.describing import DescribingFunction, variables_of
 from rsgen.figures import draw_derivation, unit_text
 from rsgen.law import Law
+from rsgen.law.memory import rates_of
 from rsgen.law.notation import latex
 
 from .execution import drawing_node, made_section
@@ -25,8 +26,9 @@ def describe_law(law: Law, function: DescribingFunction) -> str:
         for name in ("stiffness", "damping")
     }
     lines = [
-        f"`{law.name}`: `{law.formula}`",
+        f"`{law.name}`: `{law.text}`",
         _formula("n(x, v)", latex(function.force)),
+        *(_formula(rf"\dot {latex(z)}", latex(rate)) for z, rate in rates_of(function.force).items()),
         _formula(f"k({arguments['stiffness']})", latex(function.stiffness)),
         _formula(f"c({arguments['damping']})", latex(function.damping)),
     ]
@@ -55,7 +57,7 @@ def _proof(function: DescribingFunction) -> str:
         return (
             "no closed form is known; the integral is evaluated by quadrature, split at the switching angles"
         )
-    part = "closed form" if function.closed_form else "closed part"
+    part = "closed form" if function.closed_form else "loop" if function.memory else "closed part"
     return f"the {part} agrees with an independent quadrature to {function.checked_to:.1e}"
 
 

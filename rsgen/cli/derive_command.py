@@ -78,7 +78,7 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
     of each formula and ``quadrature`` the part of the law that is integrated by numbers. A closed formula
     that is longer than ``rsgen.expression.parse`` reads is None as well.
     """
-    from sympy import Integral
+    from sympy import Integral, S
 
     from rsgen.expression import write
     from rsgen.expression.memory import remembers
@@ -97,7 +97,7 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 4),
     }
     if not function.closed_form:
-        gone = {part: 0 for f in formulas.values() if f is not None for part in f.atoms(Integral)}
+        gone = {part: S.Zero for f in formulas.values() if f is not None for part in f.atoms(Integral)}
         answer["closed_part"] = {
             name: None if formula is None else _written(formula.xreplace(gone))
             for name, formula in formulas.items()
@@ -127,19 +127,19 @@ def describe(
 ) -> None:
     """Print a describing function line by line, with further notes."""
     from rsgen.describing import variables_of
-    from rsgen.expression.memory import State, remembers
+    from rsgen.expression.memory import remembers
     from rsgen.law import notation
+    from rsgen.law.memory import rates_of
 
     show = notation.latex if latex else notation.readable
 
     def head(name: str, formula: sympy.Expr) -> str:
         return f"{name}({', '.join(map(show, variables_of(formula)))})"
 
-    equations = {z: rate for state in function.force.atoms(State) for z, rate in state.equations.items()}
-    states = sorted(equations, key=str)
+    equations = rates_of(function.force)
     rows = [
-        ("force", f"n({', '.join(('x', 'v', *map(show, states)))})", function.force),
-        *(("" if n else "memory", f"{show(z)}'", equations[z]) for n, z in enumerate(states)),
+        ("force", f"n({', '.join(('x', 'v', *map(show, equations)))})", function.force),
+        *(("" if n else "memory", f"{show(z)}'", equations[z]) for n, z in enumerate(equations)),
         ("stiffness", head("k", function.stiffness), function.stiffness),
         ("damping", head("c", function.damping), function.damping),
     ]

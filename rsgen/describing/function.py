@@ -71,7 +71,13 @@ def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
         return sympy.Piecewise(*((_scaled(value, factor), condition) for value, condition in formula.args))
     if formula.is_Add:
         return sympy.Add(*(_scaled(addend, factor) for addend in formula.args))
-    return sympy.powsimp(formula * factor)
+    scaled = sympy.powsimp(formula * factor)
+    integrals = [part for part in sympy.Mul.make_args(scaled) if isinstance(part, sympy.Integral)]
+    if len(integrals) == 1:
+        # what stands behind an integral would read as a part of it
+        front = scaled / integrals[0]
+        scaled = sympy.Integral(front * integrals[0].function, *integrals[0].limits)
+    return scaled
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 
 import sympy
 
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
-from rsgen.law.memory import equations_of, memory_form, with_memory
+from rsgen.law.memory import equations_of, memory_form, rates_of, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
 from rsgen.text_table import TextTable
@@ -35,7 +36,9 @@ class _Summand:
         return _sum(other, self)
 
     def _repr_latex_(self) -> str:
-        return f"$n(x, v) = {latex(_as_law(self).force)}$"
+        force = _as_law(self).force
+        rates = (rf",\quad \dot {latex(z)} = {latex(rate)}" for z, rate in rates_of(force).items())
+        return f"$n(x, v) = {latex(force)}{''.join(rates)}$"
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +300,8 @@ class Law(_Summand):
     def _repr_html_(self) -> str:
         """Show the formula and, of a law of the library, what its parameters are."""
         formula = f"<p>{mathml(sympy.Eq(sympy.Symbol('n'), self.force, evaluate=False))}</p>"
+        for name, rate in self.memory.items():
+            formula += f"<p><code>{escape(name)}' = {escape(rate)}</code></p>"
         if not self.table:
             return formula
         rows = tuple((row.name, row.meaning, row.unit) for row in self.table)

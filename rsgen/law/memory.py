@@ -19,7 +19,7 @@ from rsgen.expression import check_name, parse, symbol, write
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import Inner, Masing, State, Structural, remembers
 
-__all__ = ["Curve", "Inner", "MemoryForm", "Rate", "equations_of", "memory_form", "with_memory"]
+__all__ = ["Curve", "Inner", "MemoryForm", "Rate", "equations_of", "memory_form", "rates_of", "with_memory"]
 
 _TYPICAL = (1.0, 0.3, 2.5)
 """Values of all parameters, and displacements, at which the sign of a virgin curve is looked at."""
@@ -135,10 +135,15 @@ def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
     return rate
 
 
+def rates_of(force: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
+    """Give g of z' = g(x, v, z) for all states of a law, by symbol; empty where it has none."""
+    found = {z: rate for state in force.atoms(State) for z, rate in state.equations.items()}
+    return {z: found[z] for z in sorted(found, key=str)}
+
+
 def equations_of(force: sympy.Expr) -> dict[str, str]:
     """Give the equations of all states of a law as text, by name; empty where it has none."""
-    found = {z: rate for state in force.atoms(State) for z, rate in state.equations.items()}
-    return {str(z): write(found[z]) for z in sorted(found, key=str)}
+    return {str(z): write(rate) for z, rate in rates_of(force).items()}
 
 
 @lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ def test_equations_of_states_are_shown(run_cli: Callable) -> None:
     assert said.code == 0
     assert "n(x, v, z)  = k x + z" in said.out
     assert "memory     z'          = alpha v - bd v |z| - bg z |v|" in said.out
-    assert "energy     D(X)" in said.out
+    assert "energy     D(X)        = integral_0^2pi X cos(phi) z(phi) dphi" in said.out
 
 
 def test_states_in_json(run_cli: Callable) -> None:

@@ -97,6 +97,15 @@ def test_laws_show_themselves():
     assert repr(laws).splitlines()[0].split() == ["linear-spring", "k*x"]
 
 
+def test_laws_with_memory_show_the_equations_of_their_states():
+    law = Law("k*x + z", memory={"z": "v - Piecewise((z, z < 1), (0, True))"})
+    assert r",\quad \dot z = v - " in law._repr_latex_()
+    assert "<code>z' = v - Piecewise((z, z &lt; 1), (0, True))</code>" in law._repr_html_()
+    assert law.text == "k*x + z, z' = v - Piecewise((z, z < 1), (0, True))"
+    assert "bouc-wen" in repr(laws)
+    assert "z' = alpha*v - " in repr(laws)
+
+
 FORCES = np.repeat([4.0, 8.0], 15)
 FREQUENCIES = np.tile(np.linspace(9.0, 11.5, 15), 2)
 WAYS = (
