@@ -19,7 +19,7 @@ from rsgen.report.subject import Subject
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"))
 PAPER = {"cubic", "cubic-hardening", "quintic", "coulomb", "piecewise", "bilinear", "combined", "joint"}
-BEYOND = {"bouc-wen"}
+BEYOND = {"jenkins", "iwan4", "bouc-wen"}
 
 pytestmark = pytest.mark.slow
 

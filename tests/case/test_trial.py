@@ -37,6 +37,7 @@ def faults(folder: Path, force: str, memory: str, truth: str) -> list[str]:
         ("z", "a*v - b*abs(v)*z", "a = 2000, b = 100"),
         ("z", "a*v", "a = 2000"),
         ("z", "a*v - b*z", 'a = 2000, b = "1e-3 1/s"'),
+        ("masing(Min(kt*x, Fs))", "", "kt = 2000, Fs = 3"),
         ("s*z", LUGRE, "s = 10000, Fc = 1, Fs = 1.5, vs = 0.01"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,14 +13,19 @@ from rsgen.errors import RsgenError
 from rsgen.expression import parse
 from rsgen.figures.cycles import (
     branch_mean,
+    dissipated_energy,
     estimate_mass,
+    loop_force,
     measured_energy,
     measured_loops,
     shows_loops,
     slip_limits,
+    small_stiffness,
+    stiffness_ratio,
 )
-from rsgen.motion import project
+from rsgen.motion import Motion, project
 from rsgen.oscillator import Model
+from tests.samples import cubic_identification, cubic_surface
 
 M, KT, FS = 1.5, 4e4, 8.0
 SLIP = FS / KT
@@ -146,3 +153,28 @@ def test_loops_are_drawn_before_any_law() -> None:
     few = figures.draw_loops(surface, mass=2 * M, points=np.array([3]))
     assert few.alternative.startswith("Loops with a mass of 3 kg")
     assert few.alternative.count("dissipates") == 1
+
+
+def test_the_energy_of_an_identified_joint_is_its_closed_form() -> None:
+    truth = {"k": 5920.0, "kt": KT, "Fs": FS}
+    law = "k*x + masing(Min(kt*x, Fs))"
+    # only model, mass and tested amplitudes, 0.5 to 52 mm, count
+    found = replace(cubic_identification(cubic_surface()), model=Model(law, mass=M))
+    refined = dissipated_energy(found, truth)
+    np.testing.assert_allclose(refined.energy, 4 * FS * (refined.amplitude - SLIP), rtol=1e-9)
+    # the slope of log(X - x_s): in macro-slip the energy grows with the amplitude itself
+    slope = refined.amplitude / (refined.amplitude - SLIP)
+    np.testing.assert_allclose(refined.course[1:-1], slope[1:-1], rtol=1e-2)
+    assert refined.course[-1] == pytest.approx(1.0, abs=0.01)
+    assert small_stiffness(found, truth) == pytest.approx(5920.0 + KT, rel=1e-9)
+    place, ratio = stiffness_ratio(found, truth)
+    expected = rs.derive(law).evaluate(place, 60.0, truth).stiffness / (5920.0 + KT)
+    np.testing.assert_allclose(ratio, expected, rtol=1e-9)
+
+
+def test_identified_and_true_loops_follow_masings_rule() -> None:
+    # a sample at a corner has the mean of its step
+    phase = 2 * np.pi * np.arange(512) / 512
+    motion = Motion(np.array([60.0]), np.array([[0, 3 * SLIP]], dtype=complex))
+    force = loop_force(Model("masing(Min(kt*x, Fs))"), {"kt": KT, "Fs": FS}, motion)
+    np.testing.assert_allclose(force[0], jenkins(phase, 3 * SLIP), atol=5e-3 * FS)
