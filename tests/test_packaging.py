@@ -16,7 +16,10 @@ from tests.try_wheel import declared_versions
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-OF_A_RUN = [*PROJECT["dependencies"], *EXTRAS["show"], *EXTRAS["cluster"]]
+OF_A_RUN = [
+    *PROJECT["dependencies"],
+    *(wanted for extra in ("show", "cluster", "tdms", "xlsx") for wanted in EXTRAS[extra]),
+]
 
 
 def test_the_version_is_that_of_the_installed_package(run_cli):

@@ -31,8 +31,12 @@ def _power(surface: ResponseSurface) -> float:
     return float(surface.frequency @ work) / most if most > 0 else 0.0
 
 
+@np.errstate(all="ignore")
 def _slope(surface: ResponseSurface) -> float:
-    """Correlate the real part of the dynamic stiffness with the square of the frequency, level by level."""
+    """Correlate the real part of the dynamic stiffness with the square of the frequency, level by level.
+
+    Numbers that no test has may overflow; then nothing is concluded from them.
+    """
     stiffness = surface.force / surface.harmonics[:, 1]
     weight = 1 / np.abs(stiffness) ** 2
     square = surface.frequency**2
