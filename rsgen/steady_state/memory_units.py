@@ -1,19 +1,52 @@
-"""By what the states of a law are divided, so that they weigh as displacement and velocity do."""
+"""Sizes of the states of a law: what they are divided by, and how fast they follow the motion."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+import sympy
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.memory import memory_form
 from rsgen.oscillator import Oscillator
 
-__all__ = ["units_of_states"]
+__all__ = ["Stiffness", "units_of_states"]
 
 _SMALL = 1e-3
 """Of the displacement that the force gives the mass alone: there states follow without their limits."""
+
+
+_STABLE = 2.0
+"""Steps times rate up to which the method of Runge and Kutta is stable, with some margin: the limit is 2.78."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stiffness:
+    """How fast the states of a law follow the motion: -dg/dz of each equation z' = g."""
+
+    slopes: Numeric
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, oscillator: Oscillator) -> Stiffness | None:
+        """Differentiate the equations; None for a law without."""
+        memory = memory_form(oscillator.force)
+        if memory is None or not memory.rates:
+            return None
+        at_rest = {rate.symbol: sympy.S.Zero for rate in memory.rates}
+        slopes = tuple(sympy.diff(rate.rate, rate.symbol).subs(at_rest) for rate in memory.rates)
+        names = oscillator.parameters
+        arguments = (symbol("x"), symbol("v"), *(symbol(name) for name in names))
+        return cls(compiled(slopes, arguments), tuple(oscillator.values[name] for name in names))
+
+    def steps(self, amplitude: Array, omega: Array) -> Array:
+        """Steps a period (k,) that motions of an amplitude (k,) [m] need to stay stable."""
+        rates = self.slopes(amplitude, omega * amplitude, *self.values)
+        fastest = np.max([np.abs(np.nan_to_num(rate)) + 0 * omega for rate in rates], axis=0)
+        return np.asarray(2 * np.pi / omega * fastest / _STABLE)
 
 
 def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:

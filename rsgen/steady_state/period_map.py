@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.kernel import Integrated, Kernel
 from rsgen.steady_state.loop_memory import LoopMemory
+from rsgen.steady_state.memory_units import Stiffness
 
 __all__ = ["PeriodMap"]
 
@@ -37,6 +38,7 @@ class PeriodMap:
     omega: Array
     units: Array | None = None
     memory: LoopMemory | None = None
+    stiffness: Stiffness | None = None
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""

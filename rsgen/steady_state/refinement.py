@@ -16,14 +16,13 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.steady_state.fixed_point import correction, find_fixed_points, norm
 from rsgen.steady_state.period_map import Indices, PeriodMap
 from rsgen.steady_state.settling import SETTLED, UNSETTLED, Settling
+from rsgen.steady_state.step_grid import grid_above
 
 __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
 _SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
 _FIRST = 24  # steps of the first of two answers that are compared
-_GRID = np.array([24 * 2**k for k in range(10)] + [32 * 2**k for k in range(10)])
-_GRID.sort()
 _COMPARED = 5  # harmonics from whose change the error follows
 _PERIODS = 8  # with the coarse Jacobian, before a new one is made
 
@@ -59,7 +58,7 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
     )
     jacobian = settling.jacobian.copy()
     points = np.flatnonzero(settling.outcome == SETTLED)
-    steps = np.maximum(settling.steps, _grid_above(np.maximum(_FIRST, 2.0 * harmonics + 2)))
+    steps = np.maximum(settling.steps, grid_above(np.maximum(_FIRST, 2.0 * harmonics + 2)))
     few = min(harmonics, _COMPARED)
     # the coarse fixed point belongs to other steps, or is good enough to be recorded at once
     late = 0 if len(points) and (steps[points] == settling.steps[points]).all() else 1
@@ -76,14 +75,9 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
         points = points[~(result.error[points] <= accuracy)]
         steps[points] = finer[points]
         wanted = steps[points] * (result.error[points] / (_SAFETY * accuracy)) ** (1 / _ORDER)
-        finer[points] = _grid_above(wanted)
+        finer[points] = grid_above(wanted)
         points = points[finer[points] > steps[points]]
     return result
-
-
-def _grid_above(wanted: float | Array) -> NDArray[np.int64]:
-    """The next number of steps on offer: few different ones fill the batches."""
-    return np.asarray(_GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)])
 
 
 def _estimate(result: Refined, points: Indices, last: ComplexArray, ratio: Array) -> Array:

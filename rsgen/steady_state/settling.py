@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm, times
 from rsgen.steady_state.period_map import Indices, PeriodMap
+from rsgen.steady_state.step_grid import grid_above
 
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
 
@@ -30,6 +31,8 @@ _LINEAR = 0.05  # departure of the last two periods from the linear map, of the 
 _CLOSE = 1e-5  # of the amplitude: nearer than this the departure is rounding
 _CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
+_GROWS = 1.5  # times the amplitude at the start of a round, for which its steps are stable
+_LEAST_OF_DRIVEN = 2.5e-7  # of the least size: four times what the force makes of the mass alone
 _TURNS = 2.0  # of the motion in a period, at the top and at the bottom of a loop
 _TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
 # below the first of attraction, the map is made again with this many steps and this offset; then it attracts
@@ -71,6 +74,11 @@ def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int =
 def _one_round(
     period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Array
 ) -> Indices:
+    if period_map.stiffness is not None:
+        # states that follow fast need short steps; the motion may still grow in this round
+        largest = np.maximum(_GROWS * norm(result.y[:2, active]), least[active] / _LEAST_OF_DRIVEN)
+        wanted = period_map.stiffness.steps(largest, period_map.omega[active])
+        result.steps[active] = np.maximum(result.steps[active], grid_above(wanted))
     before, steps = result.y[:, active], result.steps[active]
     memory = None if period_map.memory is None else period_map.memory.rows[:, active]
     moved = period_map.carry(active, before, steps, periods, transient=True)
@@ -121,7 +129,7 @@ def _accept(
     faint = np.flatnonzero(sure & (inside < _FAINT))
     if len(faint):
         # the integration itself damps a little: look with steps so fine that it does not
-        fine = np.full(len(faint), _FAINT_STEPS)
+        fine = np.maximum(_FAINT_STEPS, steps[faint])
         _, jacobian = jacobians(
             period_map, active[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
         )

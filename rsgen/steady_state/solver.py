@@ -14,7 +14,7 @@ from rsgen.kernel import compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state.batches import map_batches
 from rsgen.steady_state.loop_memory import LoopMemory
-from rsgen.steady_state.memory_units import units_of_states
+from rsgen.steady_state.memory_units import Stiffness, units_of_states
 from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
@@ -69,10 +69,10 @@ def solve_steady_states(
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f
-    units = units_of_states(oscillator, F, omega)
+    units, stiffness = units_of_states(oscillator, F, omega), Stiffness.of(oscillator)
 
     def solve(batch: slice) -> SteadyStates:
-        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch], units)
+        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch], units, stiffness=stiffness)
         return _solve_batch(period_map, None if y is None else y[batch], harmonics, accuracy)
 
     done = map_batches(solve, len(f))

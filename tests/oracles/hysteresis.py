@@ -122,3 +122,16 @@ def settle(
             return X, wave
         last = X
     raise AssertionError("the reference does not repeat")
+
+
+def lugre(
+    m: float, c: float, k: float, s0: float, s1: float, Fc: float, Fs: float, vs: float
+) -> Structure:
+    """Friction by bristles, z' = v - s0 |v| z / g(v), with the sign of v as mode: stiff."""
+
+    def rate(force: float, y: np.ndarray, way: float) -> list[float]:
+        x, v, z = y
+        dz = v - s0 * way * v * z / (Fc + (Fs - Fc) * np.exp(-((v / vs) ** 2)))
+        return [v, (force - c * v - k * x - s0 * z - s1 * dz) / m, dz]
+
+    return Structure(rate, lambda way: [(lambda y: y[1] * way, lambda y: -way)], 1.0, 3)

@@ -138,3 +138,19 @@ def test_masing_laws_agree_with_sliders(law: tuple[np.ndarray, np.ndarray], accu
         start, mode = _on_the_loop(near.state[i], *law)
         X, _ = hysteresis.settle(structure, F[i], 2 * np.pi * f[i], start=start, mode=mode)
         assert abs(asked.harmonics[i, 1] / X - 1) < accuracy
+
+
+@pytest.mark.slow
+def test_stiff_bristles_agree_with_dop853() -> None:
+    # 5000 times faster than the motion: explicit steps of a 24th of a period would explode
+    dz = "(v - s0*abs(v)*z/(Fc + (Fs - Fc)*exp(-(v/vs)**2)))"
+    law = rs.Law(f"c*v + k*x + s0*z + s1*{dz}", memory={"z": dz})
+    values = {"c": C, "k": K, "s0": 1e5, "s1": 30.0, "Fc": 0.5, "Fs": 0.7, "vs": 0.02}
+    F, f = np.array([2.0, 6.0]), np.array([9.5, 10.6])
+    structure = hysteresis.lugre(1.5, **values)
+    for accuracy in (1e-4, 1e-6):
+        found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=accuracy)
+        for i, omega in enumerate(2 * np.pi * f):
+            y = found.state[i]
+            X, _ = hysteresis.settle(structure, F[i], omega, start=y, mode=float(np.sign(y[1])))
+            assert abs(found.harmonics[i, 1] / X - 1) < accuracy
