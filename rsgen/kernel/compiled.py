@@ -154,7 +154,11 @@ class Kernel:
 
 
 def compile_kernel(
-    force: sympy.Expr, *, values: Mapping[str, float] | None = None, locate_all: bool = False
+    force: sympy.Expr,
+    *,
+    values: Mapping[str, float] | None = None,
+    locate_all: bool = False,
+    coarse: bool = False,
 ) -> Kernel:
     """Compile a force law, or find it compiled.
 
@@ -162,7 +166,7 @@ def compile_kernel(
     ----------
     force
         n(x, v) [N].
-    values, locate_all
+    values, locate_all, coarse
         As in ``generate``.
 
     Raises
@@ -170,7 +174,7 @@ def compile_kernel(
     ExpressionError
         The law holds a function that no law may use.
     """
-    source = generate(force, values=values, locate_all=locate_all)
+    source = generate(force, values=values, locate_all=locate_all, coarse=coarse)
     memory = memory_form(force)
     rows = MemoryRows(0, 0) if memory is None else MemoryRows(len(memory.rates), len(memory.curves))
     return Kernel(parameter_order(force), rows, load_kernel(source))

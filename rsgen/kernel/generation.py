@@ -25,6 +25,9 @@ _FIXED_ROWS, _EVENT_ROWS, _CURVE_ROWS, _LOOSE_ROWS = 9, 4, 12, 9
 """Rows of the lane table: of every law, of those with events, of Masing laws, and of these apart from their
 stack; see the template."""
 
+_FEW_CORNERS = 4
+"""Of virgin curves: of more each is slight, and every coarse step would meet several."""
+
 NO_SIMULATION = (
     "structural(h) exists under periodic motion only: it cannot be simulated in time; identify it, or "
     'simulate by method "harmonic-balance"'
@@ -221,7 +224,11 @@ def _factored(term: sympy.Expr, x: sympy.Symbol, v: sympy.Symbol) -> sympy.Expr:
 
 
 def generate(
-    force: sympy.Expr, *, values: Mapping[str, float] | None = None, locate_all: bool = False
+    force: sympy.Expr,
+    *,
+    values: Mapping[str, float] | None = None,
+    locate_all: bool = False,
+    coarse: bool = False,
 ) -> str:
     """Write the kernel of a force law as Python source.
 
@@ -238,6 +245,8 @@ def generate(
         for every wording of the law; without, it holds for all values.
     locate_all
         Also locate where only the curvature of the law jumps, as in v|v|: for accuracies beyond 1e-6.
+    coarse
+        For the way to a steady state only: many corners of a virgin curve are passed without being located.
 
     Raises
     ------
@@ -253,13 +262,17 @@ def generate(
         tuple(normal_form(law) if values is None else normal_form_at(law, values) for law in laws)
         for laws in ((force, *rates), curves)
     )
-    return _source(forms, virgins, memory, parameter_order(force), locate_all)
+    places = _corners(virgins, locate_all)
+    if coarse and len(places) > _FEW_CORNERS:
+        places = ()
+    return _source(forms, virgins, places, memory, parameter_order(force), locate_all)
 
 
 @lru_cache(maxsize=64)
 def _source(
     forms: tuple[NormalForm, ...],
     virgins: tuple[NormalForm, ...],
+    places: tuple[sympy.Expr, ...],
     memory: MemoryForm | None,
     order: tuple[str, ...],
     locate_all: bool,
@@ -271,7 +284,6 @@ def _source(
     masing = [] if memory is None else [curve.symbol for curve in memory.curves]
     plain = _located(forms, names, symbols, locate_all, memory is None)
     located = list(plain.values())
-    places = _corners(virgins, locate_all)
     turn, close = _turning(located, bool(places)) if masing else (-1, -1)
     inside = names | {z: f"z{number}" for number, z in enumerate(symbols)}
     along = names | {symbol("x"): "q"}

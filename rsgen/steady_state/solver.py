@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule
 from rsgen.errors import RsgenError
-from rsgen.kernel import compile_kernel
+from rsgen.kernel import Kernel, compile_kernel
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state.batches import map_batches
 from rsgen.steady_state.loop_memory import LoopMemory
@@ -62,6 +62,9 @@ def solve_steady_states(
     y = None if start is None else np.asarray(start, dtype=np.float64)
     kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
     rows = kernel.rows
+    coarse = kernel
+    if rows.curves:
+        coarse = compile_kernel(oscillator.force, values=oscillator.values, coarse=True)
     if y is not None and y.shape not in {(len(f), 2), (len(f), rows.smooth + rows.curves)}:
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
@@ -72,8 +75,10 @@ def solve_steady_states(
     units, stiffness = units_of_states(oscillator, F, omega), Stiffness.of(oscillator)
 
     def solve(batch: slice) -> SteadyStates:
-        period_map = PeriodMap(kernel, oscillator.mass, values, parts[batch], omega[batch], units, stiffness=stiffness)
-        return _solve_batch(period_map, None if y is None else y[batch], harmonics, accuracy)
+        period_map = PeriodMap(
+            kernel, oscillator.mass, values, parts[batch], omega[batch], units, stiffness=stiffness
+        )
+        return _solve_batch(period_map, coarse, None if y is None else y[batch], harmonics, accuracy)
 
     done = map_batches(solve, len(f))
     return done[0] if len(done) == 1 else SteadyStates.joined(done)
@@ -91,7 +96,9 @@ def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: floa
             raise RsgenError(f"{name}: {fault}")
 
 
-def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, accuracy: float) -> SteadyStates:
+def _solve_batch(
+    period_map: PeriodMap, coarse: Kernel, start: Array | None, harmonics: int, accuracy: float
+) -> SteadyStates:
     omega, units = period_map.omega, period_map.units
     rows = period_map.kernel.rows
     y = np.zeros((rows.smooth, len(omega)))
@@ -106,7 +113,7 @@ def _solve_batch(period_map: PeriodMap, start: Array | None, harmonics: int, acc
     period_map = replace(period_map, memory=memory)
     # far unstable motions overflow on their way; their outcome is not settled
     with np.errstate(over="ignore", invalid="ignore"):
-        settling = settle(period_map, y, from_rest=start is None)
+        settling = settle(replace(period_map, kernel=coarse), y, from_rest=start is None)
         refined = refine(period_map, settling, harmonics, accuracy)
         # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
         lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))

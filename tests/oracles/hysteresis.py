@@ -124,9 +124,7 @@ def settle(
     raise AssertionError("the reference does not repeat")
 
 
-def lugre(
-    m: float, c: float, k: float, s0: float, s1: float, Fc: float, Fs: float, vs: float
-) -> Structure:
+def lugre(m: float, c: float, k: float, s0: float, s1: float, Fc: float, Fs: float, vs: float) -> Structure:
     """Friction by bristles, z' = v - s0 |v| z / g(v), with the sign of v as mode: stiff."""
 
     def rate(force: float, y: np.ndarray, way: float) -> list[float]:
