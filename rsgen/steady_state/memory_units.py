@@ -20,7 +20,7 @@ _SMALL = 1e-3
 
 
 _STABLE = 2.0
-"""Steps times rate up to which the method of Runge and Kutta is stable, with some margin: the limit is 2.78."""
+"""Steps times rate up to which the method of Runge and Kutta is stable, with a margin: the limit is 2.78."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
