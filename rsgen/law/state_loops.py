@@ -75,25 +75,52 @@ class _Recurrence:
 
     def solve(self, right: Array) -> Array:
         """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division."""
-        samples, size, columns, count = right.shape
+        samples, size, columns, _ = right.shape
         right = _product(self.inverse, right)
-        # of the homogeneous solutions beside the particular ones
-        path = np.zeros((samples + 1, size, columns + size, count))
         unit = np.eye(size)
+        # blocks of samples side by side, each from a start of its own: few long steps instead of many short
+        length = _block_length(samples)
+        blocks = samples // length
+        forward = self.forward.reshape(blocks, length, *self.forward.shape[1:])
+        sources = right.reshape(blocks, length, *right.shape[1:])
+        # of the homogeneous solutions beside the particular ones
+        inside = np.zeros((length + 1, blocks, size, columns + size, right.shape[3]))
+        inside[0, :, :, columns:] = unit[:, :, None]
+        for j in range(length):
+            inside[j + 1] = _product(forward[:, j], inside[j])
+            inside[j + 1, :, :, :columns] += sources[:, j]
+        path = np.zeros((blocks + 1, *inside.shape[2:]))
         path[0, :, columns:] = unit[:, :, None]
-        for j in range(samples):
-            path[j + 1] = _product(self.forward[j], path[j])
-            path[j + 1, :, :columns] += right[j]
-        lack = unit - np.moveaxis(path[-1, :, columns:], -1, 0)
-        ends = np.moveaxis(path[-1, :, :columns], -1, 0)
-        # the smallest of the solutions, where the states keep what they begin with
-        bound = np.concatenate([lack, np.broadcast_to(_UNDETERMINED * unit, lack.shape)], axis=1)
-        good = np.isfinite(bound).all(axis=(1, 2))
-        begin = np.full(ends.shape, np.nan)
-        begin[good] = np.linalg.pinv(bound[good])[:, :, :size] @ ends[good]
-        begin = np.moveaxis(begin, 0, -1)
-        solution: Array = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
-        return solution
+        for j in range(blocks):
+            path[j + 1] = _product(inside[-1, j, :, columns:], path[j])
+            path[j + 1, :, :columns] += inside[-1, j, :, :columns]
+        begin = _closing(path[-1, :, columns:], path[-1, :, :columns])
+        starts = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
+        solution = inside[:-1, :, :, :columns] + _product(inside[:-1, :, :, columns:], starts)
+        return np.asarray(np.swapaxes(solution, 0, 1).reshape(right.shape))
+
+
+def _closing(gain: Array, ends: Array) -> Array:
+    """(q, k, n) start that returns to itself after a period: (1 - gain) z = ends; the smallest where states
+    keep what they begin with.
+    """
+    size = len(gain)
+    unit = np.eye(size)
+    lack = unit - np.moveaxis(gain, -1, 0)
+    bound = np.concatenate([lack, np.broadcast_to(_UNDETERMINED * unit, lack.shape)], axis=1)
+    good = np.isfinite(bound).all(axis=(1, 2))
+    right = np.moveaxis(ends, -1, 0)
+    begin = np.full(right.shape, np.nan)
+    begin[good] = np.linalg.pinv(bound[good])[:, :, :size] @ right[good]
+    return np.moveaxis(begin, 0, -1)
+
+
+def _block_length(samples: int) -> int:
+    """Give the divisor of a number of samples that is next to its root."""
+    length = int(samples**0.5)
+    while samples % length:
+        length -= 1
+    return length
 
 
 def _product(matrix: Array, right: Array) -> Array:
@@ -157,7 +184,7 @@ def close_loops(
         here = (motion[0][open_rows], motion[1][open_rows], motion[2][open_rows])
         own = [value if np.ndim(value) == 0 else value[open_rows] for value in values]
         at = states[:, open_rows]
-        rate, slopes = _rates(equations, here, at, step[open_rows], own)
+        rate, slopes = _rates(equations, here, at, step[open_rows], own, by_parameters=False)
         recurrence = _linearised(slopes[:, 2 : 2 + size], step[open_rows, 0])
         gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
         before = np.transpose(at, (2, 0, 1))
@@ -193,6 +220,8 @@ def _rates(
     states: Array,
     step: Array,
     values: Sequence[Any] | Array,
+    *,
+    by_parameters: bool = True,
 ) -> tuple[Array, Array]:
     """g (q, n, s) and its slopes (q, 2 + q + p, n, s) by x, v, states, parameters."""
     x, v, a = motion

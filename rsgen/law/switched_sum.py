@@ -47,7 +47,13 @@ class SwitchedSum:
     _slopes: int
 
     def __call__(
-        self, moving: Sequence[Array], rates: Sequence[Array], step: Array, values: Sequence[Any] | Array
+        self,
+        moving: Sequence[Array],
+        rates: Sequence[Array],
+        step: Array,
+        values: Sequence[Any] | Array,
+        *,
+        by_parameters: bool = True,
     ) -> tuple[Array, ...]:
         """Evaluate the expression, its slopes by each moving variable, and those by each parameter.
 
@@ -59,8 +65,11 @@ class SwitchedSum:
             Sampling interval [s], broadcast against them.
         values
             (p,) SI values of the parameters, or arrays that broadcast.
+        by_parameters
+            Whether the slopes by the parameters are wanted.
         """
-        sums = [np.zeros_like(moving[0]) for _ in range(1 + self._slopes)]
+        slopes = self._slopes if by_parameters else len(moving)
+        sums = [np.zeros_like(moving[0]) for _ in range(1 + slopes)]
         with np.errstate(all="ignore"):
             outputs = self._function(*moving, *values)
             shares = [_share(outputs, switch, rates, step) for switch in self._steps]
@@ -81,7 +90,7 @@ class SwitchedSum:
     ) -> None:
         if not term.switches:
             sums[0] += outputs[term.value]
-            for total, index in zip(sums[1:], term.derivatives, strict=True):
+            for total, index in zip(sums[1:], term.derivatives, strict=False):
                 if index is not None:
                     total += outputs[index]
             return
@@ -95,7 +104,7 @@ class SwitchedSum:
 
         value = inside(outputs[term.value])
         sums[0] += factor * value
-        for total, index in zip(sums[1:], term.derivatives, strict=True):
+        for total, index in zip(sums[1:], term.derivatives, strict=False):
             if index is not None:
                 total += factor * inside(outputs[index])
         for switch in term.switches:
@@ -105,7 +114,7 @@ class SwitchedSum:
                     rest = rest * shares[other][0]
             if not term.everywhere:
                 rest = np.where(shares[switch][1] > 0, rest, 0.0)
-            for total, index in zip(sums[1:], self._steps[switch].derivatives, strict=True):
+            for total, index in zip(sums[1:], self._steps[switch].derivatives, strict=False):
                 if index is not None:
                     total += rest * outputs[index]
 
