@@ -85,7 +85,7 @@ def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_the_force_along_a_harmonic_motion_is_the_describing_function(law: Law) -> None:
     amplitude, omega = np.array([0.4, 1.3, 2.7]), np.array([0.7, 1.1, 2.0])
-    exact = derive(law.formula).evaluate(amplitude, omega, law.example)
+    exact = derive(law).evaluate(amplitude, omega, law.example)
     known = np.isfinite(exact.mean) & np.isfinite(exact.stiffness)
     mean = np.where(known, exact.mean, 0.0)
     motion = Motion(omega, np.stack([mean, amplitude.astype(complex)], axis=1))
