@@ -282,4 +282,6 @@ def read_table(
     block = np.repeat(np.arange(len(parts)), lengths)
     if text is not None:
         return Table(label, columns, "line", np.tile(text.line, len(parts)), block, findings, names, units)
-    return Table(label, columns, "row", np.arange(1, sum(lengths) + 1), block, findings, names, units)
+    # rows of several entries are counted through
+    first = groups[0][0].row if len(parts) == 1 else 1
+    return Table(label, columns, "row", first + np.arange(sum(lengths)), block, findings, names, units)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -103,5 +104,7 @@ def to_si(
             if factor != 1:
                 about["source"] = channel.unit_source or "the file"
                 findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
-            channels[number] = Channel(channel.path, scaled(channel.values, factor), target)
+            channels[number] = replace(
+                channel, values=scaled(channel.values, factor), unit=target, unit_source=""
+            )
     return tuple(findings.values())

@@ -223,8 +223,9 @@ def read_binary(
                 raise process.broken()
             most -= array_bytes(shape, np.dtype(item["dtype"]), most)
             values = process.array(shape, item["dtype"])
-            texts = (str(item[key]) for key in ("unit", "unit_source", "scale"))
-            channels[int(item["wanted"])].append(Channel(str(item["path"]), values, *texts))
+            unit, source, scale = (str(item[key]) for key in ("unit", "unit_source", "scale"))
+            channel = Channel(str(item["path"]), values, unit, source, scale, int(item["row"]))
+            channels[int(item["wanted"])].append(channel)
     return channels
 
 

@@ -140,6 +140,7 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
                     "unit": node.unit,
                     "unit_source": node.unit_source,
                     "scale": node.scale,
+                    "row": node.row,
                 }
             )
             arrays.append(values)

@@ -78,10 +78,13 @@ class Node(_Array):
         Reads the numbers, once sizes are checked.
     column
         The number by which a table's column goes as well, from 1; 0 where there is none.
+    row
+        The row of the file, from 1, in which its first number stands.
     """
 
     load: Callable[[], NDArray[Any]] = _unread
     column: int = 0
+    row: int = 1
 
     @classmethod
     def text(cls, path: str, content: str, shape: tuple[int, ...] = ()) -> Node:
@@ -166,7 +169,7 @@ class Channel:
         Where it was found; with wildcards there are several.
     values
         Real or complex numbers, of any shape.
-    unit, unit_source, scale
+    unit, unit_source, scale, row
         As in ``Node``.
     """
 
@@ -175,6 +178,7 @@ class Channel:
     unit: str = ""
     unit_source: str = ""
     scale: str = ""
+    row: int = 1
 
 
 def is_wanted(name: str, heads: set[str] | None) -> bool:

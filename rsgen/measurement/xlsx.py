@@ -191,7 +191,7 @@ def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterato
         yield Node(
             path, values.shape, "float64", load=partial(np.asarray, values), unit=unit_in(title), title=title,
             fault=fault,
-            column=offset + place + 1 if only else 0,
+            column=offset + place + 1 if only else 0, row=first + 1,
         )  # fmt: skip
 
 

@@ -116,6 +116,7 @@ def test_a_workbook_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., 
     # the row without a number is counted
     (lost,) = (finding for finding in surface.findings if finding.code == "rows-without-number")
     assert lost.numbers["rows"].value == 1
+    assert lost.names["first"] == "row 9"
 
 
 def test_sheets_are_levels_and_stored_values_are_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
