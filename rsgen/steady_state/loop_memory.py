@@ -14,6 +14,9 @@ __all__ = ["LoopMemory"]
 
 Indices = NDArray[np.intp]
 
+_TURNS = 2.0
+"""Turns of a motion in a period, at the top and at the bottom of its loop."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopMemory:
@@ -62,9 +65,9 @@ class LoopMemory:
     def _row(self, name: str, points: Indices) -> Array:
         return np.asarray(self.rows[self.layout.row(name) - self.layout.smooth, points])
 
-    def turns(self, points: Indices) -> Array:
-        """How often the motion turned in the last period, (k,)."""
-        return self._row("TURNS", points)
+    def has_inner_loops(self, points: Indices) -> NDArray[np.bool_]:
+        """Where the last period of the transient had other turns (k,) than those at top and bottom."""
+        return np.asarray(self._row("TURNS", points) != _TURNS)
 
     def offsets(self, points: Indices) -> Array:
         """Force in the middle of each loop (C, k) [N].

@@ -24,7 +24,8 @@ _ORDER = 4  # of the integration between events
 _SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
 _FIRST = 24  # steps of the first of two answers that are compared
 _COMPARED = 5  # harmonics from whose change the error follows
-_PERIODS = 8  # with the coarse Jacobian, before a new one is made
+_PERIODS = 8  # with the coarse Jacobian, before a new one is made; of a transient before a look
+_ROUNDS = 256  # of so many periods, for motions that only their transient leads to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +92,36 @@ def _estimate(result: Refined, points: Indices, last: ComplexArray, ratio: Array
     return np.asarray(relative / (ratio ** (_ORDER - 1) - 1) + result.residual[points])
 
 
+def _repeat(
+    period_map: PeriodMap,
+    result: Refined,
+    points: Indices,
+    steps: NDArray[np.int64],
+    tolerance: float,
+    harmonics: int,
+    *,
+    peaks: bool,
+) -> None:
+    """Carry transients with their whole memory until they repeat: motions with loops within the loop."""
+    for _ in range(_ROUNDS if len(points) else 0):
+        moved = period_map.carry(
+            points, result.y[:, points], steps, _PERIODS, harmonics, peaks=peaks, transient=True
+        )
+        size = np.maximum(norm(moved.state), period_map.scale()[points])
+        last, before = norm(moved.state - moved.history[1]), norm(moved.history[1] - moved.history[0])
+        share = np.divide(last, before, out=np.zeros_like(last), where=before > last)
+        result.y[:, points], result.residual[points] = moved.state, last / size
+        result.harmonics[points, : harmonics + 1] = moved.harmonics
+        if peaks:
+            result.peak[points] = moved.peak
+        # what is still to come of a geometric approach
+        left = ~(last * np.maximum(share / (1 - share), 1.0) <= tolerance * size)
+        points, steps = points[left], steps[left]
+        if not len(points):
+            return
+    result.outcome[points] = UNSETTLED
+
+
 def _solve(
     period_map: PeriodMap,
     result: Refined,
@@ -107,6 +138,10 @@ def _solve(
 
     Recording costs, so it begins with turn ``first_record``, when the corrections have become small.
     """
+    if period_map.memory is not None:
+        inner = period_map.memory.has_inner_loops(points)
+        _repeat(period_map, result, points[inner], steps[points[inner]], tolerance, harmonics, peaks=peaks)
+        points = points[~inner]
     active, here, mine = points, result.y[:, points], steps[points]
     slope, least = jacobian[:, :, points], period_map.scale()[points]
     for turn in range(2 * _PERIODS):

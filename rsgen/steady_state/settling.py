@@ -33,7 +33,6 @@ _CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the m
 _STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
 _GROWS = 1.5  # times the amplitude at the start of a round, for which its steps are stable
 _LEAST_OF_DRIVEN = 2.5e-7  # of the least size: four times what the force makes of the mass alone
-_TURNS = 2.0  # of the motion in a period, at the top and at the bottom of a loop
 _TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
 # below the first of attraction, the map is made again with this many steps and this offset; then it attracts
 # if more than the last
@@ -125,7 +124,7 @@ def _accept(
     sure = fixed.found & linear & (inside > 0)
     if period_map.memory is not None:
         # loops within the loop are not those of the closed loop alone
-        sure &= period_map.memory.turns(active) == _TURNS
+        sure &= ~period_map.memory.has_inner_loops(active)
     faint = np.flatnonzero(sure & (inside < _FAINT))
     if len(faint):
         # the integration itself damps a little: look with steps so fine that it does not

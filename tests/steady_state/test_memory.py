@@ -154,3 +154,21 @@ def test_stiff_bristles_agree_with_dop853() -> None:
             y = found.state[i]
             X, _ = hysteresis.settle(structure, F[i], omega, start=y, mode=float(np.sign(y[1])))
             assert abs(found.harmonics[i, 1] / X - 1) < accuracy
+
+
+@pytest.mark.slow
+def test_loops_within_the_loop_agree_with_sliders() -> None:
+    # a third of the resonance: the hardening spring makes a third harmonic that turns the motion six times
+    law = rs.Law("c*v + k*x + k3*x**3 + masing(Min(kt*x, Fs))")
+    values = {"c": 6.0, "k": 3000.0, "k3": 6e6, "kt": 1500.0, "Fs": 0.5}
+    F, f = np.array([30.0, 60.0]), np.array([2.3, 2.6])
+    structure = hysteresis.sliders(
+        1.5, lambda x, v: 3000 * x + 6e6 * x**3 + 6 * v, np.array([1500.0]), np.array([0.5])
+    )
+    exact = [hysteresis.settle(structure, F[i], 2 * np.pi * f[i]) for i in range(2)]
+    turns = [np.count_nonzero(np.diff(np.sign(np.diff(wave))) != 0) for _, wave in exact]
+    assert min(turns) > 2
+    for accuracy in (1e-4, 1e-6):
+        found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=accuracy)
+        assert found.settled.all()
+        assert np.abs(found.harmonics[:, 1] / [X for X, _ in exact] - 1).max() < accuracy
