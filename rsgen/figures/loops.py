@@ -33,7 +33,7 @@ from rsgen.figures.responses import choose_levels
 from rsgen.identification import Identification
 from rsgen.motion import cycle_work
 from rsgen.surface import ResponseSurface
-from rsgen.units.scale import choose_scale, number_text, quantity_text
+from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["draw_energy", "draw_loops"]
 
@@ -135,8 +135,8 @@ def draw_loops(
     for axes in panels[-1:] if ax is None else panels:
         axes.set_xlabel(x.label("Displacement x"))
     panels[0].legend(loc="upper left")
-    many = "largest motions of a small, a middle and the largest level" if points is None else "chosen points"
-    caption = f"Loops of the restoring force at the {many}: an open loop dissipates."
+    where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
+    caption = f"Loops of the restoring force at {where}: an open loop dissipates."
     return Drawing("loops", figure, caption, _loop_words(surface, rows, mass, loops.force, lines), ax is None)
 
 
