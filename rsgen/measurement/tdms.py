@@ -19,7 +19,7 @@ _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
 """Properties in which DIAdem, LabVIEW and users keep the unit of a channel."""
 _READ = "fiubc"
 """Kinds of numbers; texts and instants of a clock are none."""
-_PERIODS = ("", "s", "Time", "time")
+_PERIODS = ("", "s")
 
 
 def _text(properties: Mapping[str, Any], *names: str) -> str:
@@ -35,6 +35,12 @@ def _step(properties: Mapping[str, Any]) -> float:
     return float(step) if known else 0.0  # type: ignore[arg-type]
 
 
+def _unit_of_steps(properties: Mapping[str, Any]) -> str:
+    """Give the unit of a waveform's abscissa; "" is that of a time."""
+    frequency = "freq" in _text(properties, "wf_xname").casefold()
+    return _text(properties, "wf_xunit_string") or ("Hz" if frequency else "")
+
+
 def _even(start: float, step: float, count: int) -> NDArray[np.float64]:
     return np.asarray(start + step * np.arange(count), dtype=np.float64)
 
@@ -42,7 +48,7 @@ def _even(start: float, step: float, count: int) -> NDArray[np.float64]:
 def _abscissas(group: Any) -> Iterator[Node]:
     """Give the sampling rate of a group's waveforms, or the frequencies of its spectra."""
     waves = [channel for channel in group.channels() if _step(channel.properties) and len(channel)]
-    sampled = [wave for wave in waves if _text(wave.properties, "wf_xunit_string") in _PERIODS]
+    sampled = [wave for wave in waves if _unit_of_steps(wave.properties) in _PERIODS]
     rates = {1 / _step(wave.properties) for wave in sampled}
     taken = {channel.name for channel in group.channels()}
     for wave in sampled if len(rates) > 1 or "rate" in taken else sampled[:1]:
@@ -50,7 +56,7 @@ def _abscissas(group: Any) -> Iterator[Node]:
         rate = np.array(1 / _step(wave.properties))
         yield Node(path, (), "float64", load=partial(np.asarray, rate), unit="Hz", remark="sampling rate")
     for wave in waves:
-        unit = _text(wave.properties, "wf_xunit_string")
+        unit = _unit_of_steps(wave.properties)
         if unit in _PERIODS:
             continue
         start, step, count = wave.properties.get("wf_start_offset", 0.0), _step(wave.properties), len(wave)
