@@ -86,7 +86,8 @@ def _sweep_by_sweep(
         here = slice(begin, begin + len(part))
         chosen = np.flatnonzero(good[here])
         if len(chosen):
-            yield part, chosen, here, np.abs(part.motion.displacement / steady[here])[chosen]
+            # of points that are not good the force may be next to nothing
+            yield part, chosen, here, np.abs(part.motion.displacement[chosen] / steady[here][chosen])
         begin += len(part)
 
 
