@@ -7,8 +7,9 @@ which and ``closed`` sums them. ``regimes`` writes the sum as cases in X, ``limi
 balances the mean, ``quadrature`` integrates what has no closed form, ``proof`` compares, ``printed`` holds
 the formulas of a source against ours, and ``derivation`` leads through it.
 
-Of laws with memory ``remembering`` adds the parts: ``masing`` has closed forms of Masing laws, ``branches``
-their loops for quadrature, ``loops`` the closed loops of states, which ``stepping`` advances.
+Of laws with memory ``remembering`` adds the parts: ``masing`` has closed forms of Masing laws by the pieces
+of their ``virgin`` curves, ``branches`` their loops for quadrature, ``loops`` the closed loops of states,
+which ``stepping`` advances.
 """
 
 from rsgen.describing.derivation import derive

@@ -22,12 +22,12 @@ from rsgen.describing.closed import close
 from rsgen.describing.limits import Limit
 from rsgen.describing.powers import quarter
 from rsgen.describing.regimes import Reading, tidy
+from rsgen.describing.virgin import pieces_of
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
-from rsgen.law.normal_form import expanded
-from rsgen.law.pieces import NormalForm, Piece, normal_form
+from rsgen.law.pieces import NormalForm, Piece
 
-__all__ = ["ClosedMasing", "asymptotes", "close_masing", "decisive_in"]
+__all__ = ["ClosedMasing", "asymptotes", "close_masing"]
 
 X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
 STATE_X = symbol("x")
@@ -70,11 +70,15 @@ class Partial:
 
 @dataclass(frozen=True, slots=True)
 class ClosedMasing:
-    """Stiffness and damping of a Masing law as formulas; ``partials`` stand in them for integrals."""
+    """Stiffness and damping of a Masing law as formulas; ``partials`` stand in them for integrals.
+
+    They hold where all of ``assumed`` is positive.
+    """
 
     stiffness: Reading
     damping: Reading
     partials: tuple[Partial, ...]
+    assumed: tuple[sympy.Expr, ...] = ()
 
     @property
     def shown(self) -> Pair:
@@ -91,6 +95,13 @@ class ClosedMasing:
         formulas = (self.stiffness.formula, self.damping.formula)
         stiffness, damping = compiled(formulas, arguments)(X_, omega, *values, *inside)
         return np.broadcast_to(stiffness, X_.shape), np.broadcast_to(damping, X_.shape)
+
+    def holds(self, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> NDArray[np.bool_]:
+        """Say where all of ``assumed`` is positive."""
+        found = np.asarray(True)
+        for part in compiled(self.assumed, names)(*values) if self.assumed else ():
+            found = found & (part > 0)
+        return found
 
     def inaccurate(
         self,
@@ -125,45 +136,8 @@ class ClosedMasing:
         partials = (
             Partial(p.name, p.power.xreplace(places), p.threshold.xreplace(places)) for p in self.partials
         )
-        return ClosedMasing(stiffness, damping, tuple(partials))
-
-
-def decisive_in(virgin: sympy.Expr) -> set[str]:
-    """Name the parameters of a virgin curve whose sign decides how the formulas look."""
-    form = normal_form(_continued(virgin))
-    found: set[sympy.Basic] = set()
-    for switch in form.switches:
-        found |= switch.function.free_symbols
-    for atom in virgin.atoms(sympy.Abs, sympy.sign, sympy.Max, sympy.Min, sympy.Heaviside):
-        found |= atom.free_symbols
-    for power in virgin.atoms(sympy.Pow):
-        if not power.exp.is_Integer and power.base is not sympy.E:
-            found |= power.base.free_symbols
-    return {free.name for free in found - {STATE_X}}
-
-
-def _continued(virgin: sympy.Expr) -> sympy.Expr:
-    return virgin.xreplace({STATE_X: sympy.Abs(STATE_X)})
-
-
-def _by_threshold(virgin: sympy.Expr) -> dict[sympy.Expr | None, sympy.Expr] | None:
-    """Sort the pieces of n(x) for x > 0 by their threshold; None where its sign is not known."""
-    found: dict[sympy.Expr | None, sympy.Expr] = {}
-    for piece in normal_form(_continued(virgin)).pieces:
-        level: sympy.Expr | None = None
-        for switch in piece.switches:
-            if switch.variable != "x" or switch.threshold is None:
-                return None
-            level = switch.threshold
-        if level is not None and level.is_nonpositive:
-            level = None
-        elif level is not None and not level.is_positive:
-            return None
-        # a positive symbol in its place takes abs and products of powers away
-        place = sympy.Symbol("x", positive=True)
-        term = piece.term.subs(sympy.Abs(STATE_X), place).xreplace({STATE_X: place})
-        found[level] = found.get(level, sympy.S.Zero) + sympy.powsimp(sympy.expand(term))
-    return {level: expanded(term) for level, term in found.items()}
+        assumed = tuple(expression.xreplace(places) for expression in self.assumed)
+        return ClosedMasing(stiffness, damping, tuple(partials), assumed)
 
 
 def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
@@ -176,12 +150,12 @@ def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
     factor
         Constant in front of the law.
     """
-    terms = _by_threshold(virgin)
-    if terms is None:
+    pieces = pieces_of(virgin)
+    if pieces is None:
         return None
     partials: dict[tuple[sympy.Expr, sympy.Expr], Partial] = {}
     written: dict[sympy.Expr | None, tuple[Pair, dict[sympy.Symbol, sympy.Expr]]] = {}
-    for level, term in terms.items():
+    for level, term in pieces.terms.items():
         ends = {} if level is None else _ends(level)
         total: Pair = (sympy.S.Zero, sympy.S.Zero)
         for addend in sympy.Add.make_args(term):
@@ -195,14 +169,15 @@ def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
         _read({level: (pair[0] * factor, ends) for level, (pair, ends) in written.items()}),
         _read({level: (pair[1] * factor * per_energy, ends) for level, (pair, ends) in written.items()}),
     )
-    return ClosedMasing(*readings, tuple(partials.values()))
+    return ClosedMasing(*readings, tuple(partials.values()), pieces.assumed)
 
 
 def asymptotes(virgin: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
     """Give what stiffness and damping become for X -> 0 and X -> oo, by the leading powers of n(x)."""
-    terms = _by_threshold(virgin)
-    if terms is None:
+    pieces = pieces_of(virgin)
+    if pieces is None:
         return
+    terms = pieces.terms
     near, far = terms.get(None, sympy.S.Zero), sympy.expand(sympy.Add(*terms.values()))
     for place, curve in ((sympy.S.Zero, near), (sympy.oo, far)):
         powers: dict[sympy.Expr, sympy.Expr] = {}
@@ -234,10 +209,15 @@ def _smooth_start(near: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
 def _ends(level: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
     """Give angle, root and cosine at a threshold."""
     above, below = sympy.fraction(sympy.together(level))
+    root = (
+        sympy.sqrt(above * (below * X - above)) / below
+        if below.is_positive
+        else sympy.sqrt(level * (X - level))
+    )
     return {
         # a tangent keeps its digits at the onset, X near b, where cosine and sine do not
         _ANGLE: sympy.atan(sympy.sqrt((below * X - above) / above)),
-        _ROOT: sympy.sqrt(above * (below * X - above)) / below,
+        _ROOT: root,
         _COSINE: sympy.sqrt((below * X - above) / (below * X)),
     }
 
@@ -334,7 +314,8 @@ def _read(terms: dict[sympy.Expr | None, tuple[sympy.Expr, dict[sympy.Symbol, sy
 def _tidy(formula: sympy.Expr, written: dict[sympy.Symbol, sympy.Expr] | None = None) -> sympy.Expr:
     """Collect what belongs to the same angle, root or integral and to the same power of X."""
     written = written or {}
-    if not any(power.exp.free_symbols for power in formula.atoms(sympy.Pow) if power.base == X):
+    powers_of = formula.atoms(sympy.Pow)
+    if not any(p.base.is_Add or (p.base == X and p.exp.free_symbols) for p in powers_of):
         return tidy(formula, written)
     inside = sorted((f for f in formula.free_symbols if f.name.startswith("integral_")), key=str)
     total = sympy.S.Zero

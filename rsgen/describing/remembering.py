@@ -18,9 +18,10 @@ from rsgen.describing.branches import Branches, loop_of, on_cycle
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
 from rsgen.describing.limits import Limit
 from rsgen.describing.loops import Loop, is_odd, try_loops
-from rsgen.describing.masing import ClosedMasing, asymptotes, close_masing, decisive_in
+from rsgen.describing.masing import ClosedMasing, asymptotes, close_masing
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE
 from rsgen.describing.regimes import Reading
+from rsgen.describing.virgin import decisive_in
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import Masing, State
@@ -32,6 +33,9 @@ __all__ = ["Parts", "add_memory", "take_apart"]
 
 X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
 STATE_X, STATE_V = symbol("x"), symbol("v")
+
+DRAWN = 400
+"""Sets of parameters of which those are taken in which the assumptions of a formula hold."""
 
 STEPPED_TOLERANCE = 1e-6
 """Difference from a loop stepped through time: a hundred times the error of the stepping."""
@@ -126,6 +130,8 @@ class _Formulas:
             return self.branches.harmonics(X_, mean, omega, values)
         names = tuple(map(symbol, self.parameters))
         numbers = tuple(values[name] for name in self.parameters)
+        if not np.all(self.closed.holds(names, numbers)):
+            return self.branches.harmonics(X_, mean, omega, values)
         found = [np.array(part) for part in self.closed.evaluate(X_, omega, names, numbers)]
         odd = np.flatnonzero(self.closed.inaccurate(X_, omega, names, numbers, found))
         if len(odd):
@@ -233,9 +239,11 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
         if error <= PROOF_TOLERANCE:
             conditions = (*closed.stiffness.conditions, *closed.damping.conditions)
             evaluated = _Formulas(closed, names, positive, branches)
+            texts = [readable(a) for a in closed.assumed if len(a.free_symbols) == 2]
+            said = [f"They hold for positive {' and '.join(texts)}; otherwise quadrature."] if texts else []
             return _Added(
                 *closed.shown, sympy.S.Zero, evaluated, conditions, checked_to=error, positive=positive,
-                limits=ends,
+                limits=ends, remarks=tuple(said),
             )  # fmt: skip
         remark = (
             f"The closed form of masing({readable(virgin)}) differs from quadrature by {error:.1e}, more "
@@ -259,12 +267,16 @@ def _worst(
 ) -> float:
     """Compare formulas with quadrature of the loop, branch by branch, on random cycles in all regimes."""
     rng = np.random.default_rng(seed)
-    values = {
-        name: np.exp(rng.uniform(-1, 1, SETS)) * signs.get(name, rng.choice((-1.0, 1.0), SETS))
-        for name in branches.parameters
-    }
-    names = tuple(map(symbol, values))
-    numbers = tuple(values.values())
+    names = tuple(map(symbol, branches.parameters))
+    numbers: tuple[Array, ...] = ()
+    for name in branches.parameters:
+        sign = signs.get(name, rng.choice((-1.0, 1.0), DRAWN))
+        numbers = (*numbers, np.exp(rng.uniform(-1, 1, DRAWN)) * sign)
+    rows = np.flatnonzero(np.broadcast_to(closed.holds(names, numbers), (DRAWN,)))[:SETS]
+    if len(rows) < SETS:
+        return float(np.inf)
+    numbers = tuple(number[rows] for number in numbers)
+    values = dict(zip(branches.parameters, numbers, strict=True))
     amplitude, omega = np.exp(rng.uniform(-1.2, 1.2, SETS)), np.exp(rng.uniform(-1, 1, SETS))
     if levels:
         edges = np.sort(

@@ -32,6 +32,9 @@ MOTIONS, SAMPLES = 40, 256
 SMALLEST, LARGEST = 0.02, 20.0
 """Amplitudes relative to parameters around one, so that switches near one are passed and not passed."""
 
+MOST_PARAMETERS = 12
+"""Laws of more parameters are not looked at: the derivatives of a deep one would take half a minute."""
+
 RANK = 1e-9
 """Singular value, relative to the largest of scaled columns, of a direction that changes no force."""
 
@@ -83,7 +86,7 @@ def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
     >>> combinations_of(parse("k*x + k3*x**3"))
     ()
     """
-    if len(force.free_symbols - {symbol("x"), symbol("v")}) < 2:
+    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MOST_PARAMETERS:
         return ()
     law = compile_law(force)
     known = []

@@ -40,8 +40,8 @@ def answer(text: str) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            derive_command(text, (), None, (), None, json=False, latex=False)
-            derive_command(text, (), None, (), None, json=True, latex=False)
+            derive_command(text, (), (), None, (), None, json=False, latex=False)
+            derive_command(text, (), (), None, (), None, json=True, latex=False)
             parameter_units(make_element("law", text).force)
         except RsgenError as fault:
             sentence = str(fault)
