@@ -7,6 +7,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import rsgen
+from rsgen.law.memory import memory_form
 from rsgen.law.notation import latex
 
 from .execution import drawing_node, made_section
@@ -31,12 +32,17 @@ class Gallery(SphinxDirective):
         found = rsgen.identify(surface, case.model)
         comparison = rsgen.compare(found, case.truth, case.accept)
         verdict = rsgen.explain(rsgen.verdict_of(found, comparison)).strip().splitlines()[0]
-        law = latex(sum(element.force for element in case.oscillator.elements))
+        law = latex(case.oscillator.force)
+        remembered = memory_form(case.oscillator.force)
+        for rate in () if remembered is None else remembered.rates:
+            law += f", \\qquad \\dot{{{latex(rate.symbol)}}} = {latex(rate.rate)}"
         text = f"`cases/{path.name}`; {case.source}.\n\n$$\nn(x, v) = {law}\n$$\n\n"
         text += f"{verdict}\n\n```text\n{comparison}\n```\n"
         section = made_section(self, case.title, case.name, text)
         section.append(drawing_node(rsgen.figures.draw_surface(surface), f"surface-{case.name}"))
         section.append(drawing_node(rsgen.figures.draw_collapse(found), f"collapse-{case.name}"))
+        if remembered is not None:
+            section.append(drawing_node(rsgen.figures.draw_loops(surface, found), f"loops-{case.name}"))
         return section
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,3 +180,18 @@ def test_identified_and_true_loops_follow_masings_rule() -> None:
     motion = Motion(np.array([60.0]), np.array([[0, 3 * SLIP]], dtype=complex))
     force = loop_force(Model("masing(Min(kt*x, Fs))"), {"kt": KT, "Fs": FS}, motion)
     np.testing.assert_allclose(force[0], jenkins(phase, 3 * SLIP), atol=5e-3 * FS)
+
+
+def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchmark(
+    measured_data: Callable[[str], Path],
+) -> None:
+    folder = measured_data("bouc_wen").parent
+    surface = rs.read(Path(__file__).parents[1] / "cases" / "bouc_wen.toml", folder)
+    # m = 2 kg; the truth of the joint gives the energy along the same motion
+    assert estimate_mass(surface) == pytest.approx(2.0, rel=1e-2)
+    row = np.array([int(np.argmax(surface.amplitude))])
+    loop = measured_loops(surface, row, 2.0)
+    values = {"k": 5e4, "c": 10.0, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
+    law = rs.Law("k*x + c*v + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
+    true = loop_force(Model(law), values, loop.motion)
+    assert np.max(np.abs(loop.force - true)) < 0.03 * np.max(np.abs(true))
