@@ -14,6 +14,7 @@ from rsgen.declaration import Rule
 from rsgen.errors import RsgenError, require, require_number
 from rsgen.expression import write
 from rsgen.law import Element, LawLike, as_elements
+from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.observation import Observation
 
@@ -38,6 +39,12 @@ class _Elements:
     def parameters(self) -> tuple[str, ...]:
         """Names of all parameters of the laws, sorted; the mass is not among them."""
         return _parameters(self.elements)
+
+    @property
+    def _law(self) -> str:
+        """The law as Python, as it makes the same elements."""
+        memory = equations_of(self.force)
+        return f"Law({write(self.force)!r}, memory={memory})" if memory else repr(write(self.force))
 
     def _repr_latex_(self) -> str:
         return f"$m \\ddot x + n(x, v) = f(t),\\quad n(x, v) = {latex(self.force)}$"
@@ -118,7 +125,7 @@ class Oscillator(_Elements):
 
     def __repr__(self) -> str:
         """Mass, law and values, as they make the same oscillator."""
-        return f"Oscillator({self.mass:g}, {write(self.force)!r}, {dict(self.values)})"
+        return f"Oscillator({self.mass:g}, {self._law}, {dict(self.values)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values as a plain dict, so that processes can exchange oscillators."""
@@ -175,4 +182,4 @@ class Model(_Elements):
         """Law, mass and what was declared about the test."""
         mass = "" if self.mass is None else f", mass={self.mass:g}"
         observed = "" if self.observation == Observation() else f", observation={self.observation!r}"
-        return f"Model({write(self.force)!r}{mass}{observed})"
+        return f"Model({self._law}{mass}{observed})"

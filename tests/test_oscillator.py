@@ -95,4 +95,8 @@ def test_a_structure_takes_any_way_to_write_a_law(law):
     assert oscillator.parameters == model.parameters == ("c", "k")
     assert repr(oscillator) == "Oscillator(2, 'c*v + k*x', {'c': 2.0, 'k': 3.0})"
     assert eval(repr(oscillator)) == Oscillator(2.0, "c*v + k*x", {"c": 2.0, "k": 3.0})
+    joint = Law("k*x + z", memory={"z": "k*v - c*abs(v)*z"})
+    remembers = Oscillator(2.0, joint, {"c": 2.0, "k": 3.0})
+    assert eval(repr(remembers)) == remembers
+    assert eval(repr(Model(joint, mass=2.0))) == Model(joint, mass=2.0)
     assert repr(model) == "Model('c*v + k*x', mass=2)"

@@ -13,6 +13,7 @@ from rsgen.comparison import Comparison, Row
 from rsgen.expression import write
 from rsgen.identification import Estimate, Identification
 from rsgen.law.element import Element
+from rsgen.law.memory import equations_of
 
 __all__ = ["Subject"]
 
@@ -57,7 +58,9 @@ class Subject:
     def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
         """Take the heading as it is given; without a title the law is the title."""
         model = identification.model
-        return cls(name, title or f"n(x, v) = {write(model.force)}", source, model.elements)
+        equations = "".join(f", {z}' = {rate}" for z, rate in equations_of(model.force).items())
+        title = title or f"n(x, v) = {write(model.force)}{equations}"
+        return cls(name, title, source, model.elements)
 
     def with_units(self, result: R) -> R:
         """Give every estimate of a result the unit that the case knows and the law does not determine."""
