@@ -147,9 +147,15 @@ def find_fixed_points(
     found = np.zeros(k, dtype=bool)
     reach = 10 * (norm(y) + least)
     active, here, everybody = np.arange(k), y, True
-    for _ in range(_ITERATIONS):
+    # more states make a Jacobian dear, and it serves the next step as well
+    spared = len(y) > 2
+    slope = jacobian
+    for turn in range(_ITERATIONS):
         size = np.maximum(norm(here), least)
-        image, slope = jacobians(period_map, points, here, steps, _OFFSET * size)
+        if spared and turn % 2:
+            image = period_map.carry(points, here, steps, 1).state
+        else:
+            image, slope = jacobians(period_map, points, here, steps, _OFFSET * size)
         move = correction(slope, image - here)
         length = norm(move)
         there = here + move
@@ -169,6 +175,6 @@ def find_fixed_points(
             continue
         everybody = False
         active, points, steps = active[left], points[left], steps[left]
-        least, reach = least[left], reach[left]
+        least, reach, slope = least[left], reach[left], slope[:, :, left]
         here = there[:, left]
     return FixedPoints(y, jacobian, found)
