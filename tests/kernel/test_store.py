@@ -17,6 +17,7 @@ import pytest
 from rsgen.expression import parse
 from rsgen.kernel import Kernel, generate, private_folder, store
 from rsgen.kernel.machine_code import compile_source
+from rsgen.kernel.memory_rows import MemoryRows
 from rsgen.kernel.private_folder import UntrustedFolderError, open_private_folder
 from rsgen.kernel.store import load_kernel
 
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of fi
 
 
 def _one_step_further(source: str) -> np.ndarray:
-    kernel = Kernel(("c", "k"), load_kernel(source))
+    kernel = Kernel(("c", "k"), MemoryRows(0, 0), load_kernel(source))
     # as a new process would: from the cache, if there is one
     store._loaded.clear()
     values = np.array([0.3, 40.0])
