@@ -22,7 +22,7 @@ from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
-__all__ = ["Simulator"]
+__all__ = ["Simulator", "go_on"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -98,10 +98,7 @@ class Simulator:
             predicted = self._near(states)
             if states is not None:
                 found = np.isfinite(predicted[:, 1])
-                # memories begin at rest and go on from where the loop has them
-                begun = np.zeros_like(states.state)
-                begun[:, : self._state.shape[1]] = self._state
-                self._state = np.where(found[:, None], states.state, begun)
+                self._state = go_on(states, found, self._state)
             self._slopes = self._differentiate(parameters, size, predicted)
         else:
             predicted = self.solve(parameters, size, self._accuracy)
@@ -163,6 +160,13 @@ class Simulator:
         with np.errstate(invalid="ignore"):
             steep = ~(np.abs(by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
         return by_force, np.stack(columns, axis=-1) if columns else none, steep
+
+
+def go_on(states: SteadyStates, good: NDArray[np.bool_], before: Array) -> Array:
+    """(n, D) states to start from: those of good points, else the ones before, memories at rest."""
+    begun = np.zeros_like(states.state)
+    begun[:, : before.shape[1]] = before
+    return np.where(good[:, None], states.state, begun)
 
 
 def _moves(parameters: Array, strength: Array) -> Array:

@@ -20,6 +20,13 @@ Array = NDArray[np.float64]
 _SINGULAR = 1e-13
 """Eigenvalue of scaled normal equations, relative to the largest, below which it counts as zero."""
 
+_HELD = 0.05
+"""Least share of the inertia that springs without memory balance: rubber isolators, which are little else
+than a loop, keep a tenth of their stiffness."""
+
+_SPARSE = 7
+"""Every n-th point tells a stiffness well enough."""
+
 _GAIN = 0.05
 """A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""
 
@@ -213,10 +220,25 @@ def fit_rows(
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
+    if _floats(guess.law, values, rows, mass):
+        return None
     background = rows.background_at + place[len(names) :]
     fitted = replace(guess, values=values, background=background)
     unseen = _unseen(residual, matrix, rows, level, balance.normal(place, residual, matrix))
     return Fitted(fitted, residual, unseen, rows.compared, balance.moved(place))
+
+
+def _floats(law: ForceLaw, values: Mapping[str, float], rows: Rows, mass: float | None) -> bool:
+    """Decide whether hardly anything but a loop holds the structure where it is.
+
+    A loop has no place of its own, so that such a law would explain any mean of the motion.
+    """
+    if not law.remembers:
+        return False
+    x, v, a, step = (part[::_SPARSE] for part in rows.trajectory)
+    sample = law.sample(x, v, a, step, np.array([values[name] for name in law.parameters]))
+    inertia = (values["m"] if mass is None else mass) * np.sqrt(np.mean(a**2) / np.mean(x**2))
+    return bool(np.mean(sample.by_x) < _HELD * inertia)
 
 
 def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:

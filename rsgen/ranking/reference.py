@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
+from rsgen.identification.simulator import go_on
 from rsgen.identification.tolerances import FLAT, MOVE, OUTLIERS, SIGMAS
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
@@ -253,7 +254,7 @@ def _hold(
 
     try:
         states = solve(drive, state)
-        state = np.where(states.settled[:, None], states.state, state)
+        state = go_on(states, states.settled, state)
         moved = solve((1 + MOVE) * drive, state)
         # a point that does not settle, or sticks, has no amplitude: it keeps its force
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -14,7 +14,6 @@ from itertools import permutations
 import sympy
 
 from rsgen.expression import parse, symbol
-from rsgen.expression.memory import remembers
 from rsgen.law.element import Element, Law, Range, Search, make_element
 from rsgen.law.library import laws
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -58,8 +57,8 @@ def base_law() -> ForceLaw:
 
 @lru_cache(maxsize=1)
 def library_terms() -> tuple[Term, ...]:
-    """Give the terms of all laws of the library, each once; those with memory do not take part yet."""
-    return tuple(Term(law, law.search) for law in laws if law.search is not None and not remembers(law.force))
+    """Give the terms of all laws of the library, each once."""
+    return tuple(Term(law, law.search) for law in laws if law.search is not None)
 
 
 @lru_cache(maxsize=256)
