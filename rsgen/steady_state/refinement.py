@@ -21,6 +21,7 @@ from rsgen.steady_state.step_grid import grid_above
 __all__ = ["Refined", "refine"]
 
 _ORDER = 4  # of the integration between events
+_ORDER_OF_MEMORY = 2  # taken for the estimate: reversals and corners meet in one of the first coarse steps
 _SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
 _FIRST = 24  # steps of the first of two answers that are compared
 _COMPARED = 5  # harmonics from whose change the error follows
@@ -89,7 +90,8 @@ def _estimate(result: Refined, points: Indices, last: ComplexArray, ratio: Array
     amplitude = np.abs(result.harmonics[points, 1])
     relative = np.divide(largest, amplitude, out=np.zeros_like(largest), where=amplitude > 0)
     # one order less than between events: crossings located in different steps do not cancel
-    return np.asarray(relative / (ratio ** (_ORDER - 1) - 1) + result.residual[points])
+    order = _ORDER - 1 if len(result.y) == 2 else _ORDER_OF_MEMORY
+    return np.asarray(relative / (ratio**order - 1) + result.residual[points])
 
 
 def _repeat(
