@@ -231,6 +231,7 @@ class Law(_Summand):
         if not self.elements:
             element = make_element(self.name or UNNAMED, self.formula, self.memory)
             object.__setattr__(self, "elements", (element,))
+        memory_form(self.force)  # states of one name with different equations are a fault here already
         object.__setattr__(self, "memory", equations_of(self.force))
         if not isinstance(self.formula, str):
             object.__setattr__(self, "formula", write(self.formula))
@@ -280,7 +281,8 @@ class Law(_Summand):
         Raises
         ------
         RsgenError
-            The law has no parameter of this name, or the new name cannot be one.
+            The law has no parameter of this name, the new name cannot be one, or a state gets the name of
+            another state or of a parameter.
 
         Examples
         --------
@@ -293,6 +295,14 @@ class Law(_Summand):
             raise RsgenError(
                 f"law {self.name or self.formula!r} has no parameter {', '.join(unknown)}; "
                 f"it has {', '.join(self.parameters)}"
+            )
+        states = [renames.get(name, name) for name in self.memory]
+        taken = states + [renames.get(name, name) for name in self.parameters]
+        clash = sorted({name for name in states if taken.count(name) > 1})
+        if clash:
+            raise RsgenError(
+                f"law {self.name or self.formula!r}: {', '.join(clash)}: a state cannot have the name of "
+                "another state or of a parameter"
             )
         places = {symbol(old): symbol(check_name(new)) for old, new in renames.items()}
         return make_element(name or self.name or UNNAMED, self.force.xreplace(places))

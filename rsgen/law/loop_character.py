@@ -89,7 +89,7 @@ class TriedLoops:
             values[list(group), place] *= factor
         x, v, a = (np.tile(part, (len(trials), 1)) for part in self._motion)
         step = np.tile(self._step, (len(trials), 1))
-        sample = self._loops.sample(x, v, a, step, list(values.reshape(len(values), -1, 1)))
+        sample = self._loops.sample(x, v, a, step, list(values.reshape(len(values), len(x), 1)))
         return sample.force.reshape(len(trials), -1, _SAMPLES)
 
 

@@ -175,15 +175,22 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
     curves = []
     for number, curve in enumerate(sorted(force.atoms(Masing), key=sympy.default_sort_key), start=1):
         _check_virgin(curve.args[0])
-        curves.append(Curve(_inner(f"masing_{number}"), curve.args[0]))
+        curves.append(Curve(_inner(_free(f"masing_{number}", inner)), curve.args[0]))
         places[curve] = curves[-1].symbol
-    lag = _inner("lag") if force.has(Structural) else None
+    lag = _inner(_free("lag", inner)) if force.has(Structural) else None
     for damping in force.atoms(Structural):
         if damping.args[0].free_symbols & {symbol("x"), symbol("v")} or remembers(damping.args[0]):
             raise ExpressionError(f"{write(damping)}: structural(h) takes a stiffness h, without x and v")
         places[damping] = damping.args[0] * lag
     ordered = tuple(Rate(inner[z], rates[z].xreplace(inner)) for z in sorted(rates, key=str))
     return MemoryForm(force.xreplace(places), ordered, tuple(curves), lag)
+
+
+def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:
+    """Lengthen a name until no state has it."""
+    while symbol(name) in states:
+        name += "_"
+    return name
 
 
 def _check_virgin(curve: sympy.Expr) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import RsgenError
+from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import parse
 from rsgen.law import Law, as_elements, laws, make_element
 
@@ -53,6 +53,22 @@ def test_plus_adds_laws_formulas_and_elements(first, second):
 def test_sums_of_named_laws_have_a_name():
     assert (laws["cubic-spring"] + laws["coulomb"]).name == "cubic-spring + coulomb"
     assert (laws["cubic-spring"] + "c*v").name == ""
+
+
+def test_states_of_one_name_with_different_equations_do_not_add_up() -> None:
+    with pytest.raises(ExpressionError, match="the state z has two different equations"):
+        laws["dahl"] + laws["bouc-wen"]
+    with pytest.raises(ExpressionError, match="a state and a parameter have this name"):
+        Law("k*x + z") + laws["dahl"]
+    total = laws["dahl"].element("slip", {"z": "w"}) + laws["bouc-wen"]
+    assert set(total.memory) == {"w", "z"}
+
+
+@pytest.mark.parametrize("renames", [{"z": "Fc"}, {"Fc": "z"}])
+def test_a_state_keeps_a_name_of_its_own(renames: dict) -> None:
+    with pytest.raises(RsgenError, match="a state cannot have the name of another state or of a parameter"):
+        laws["dahl"].element("slip", renames)
+    assert laws["dahl"].element("slip", {"z": "Fc", "Fc": "z"}).parameters == ("sigma", "z")
 
 
 def test_elements_keep_their_names_and_laws_make_way():

@@ -177,3 +177,23 @@ def test_character_with_memory(
     assert [found.parameters[i] for i in found.linear] == linear.split()
     assert [" ".join(found.parameters[i] for i in group) for group in found.scaled] == scaled
     assert (found.odd, found.rough, found.springs, found.remembers) == (odd, rough, springs, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "memory"), [("50*x + z", {"z": "8*v - 6*abs(v)*z"}), ("50*x + masing(Min(x, 1))", {})]
+)
+def test_a_law_may_have_no_parameter(text: str, memory: dict) -> None:
+    law = compile_law(with_memory(parse(text), memory))
+    assert law.parameters == law.linear == law.scaled == ()
+    assert np.isfinite(law.along(_motion(0.05), np.zeros(0), 64).force).all()
+
+
+@pytest.mark.parametrize(("other", "name"), [("masing(Min(x, h))", "masing_1"), ("structural(h)", "lag")])
+def test_a_state_may_have_any_name(other: str, name: str) -> None:
+    forces = [
+        compile_law(with_memory(parse(f"{other} + {z}"), {z: f"v - b*abs(v)*{z}"}))
+        .along(_motion(0.05), np.array([2.0, 0.5]), 64)
+        .force
+        for z in (name, "z")
+    ]
+    np.testing.assert_array_equal(*forces)
