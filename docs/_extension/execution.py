@@ -18,6 +18,9 @@ from rsgen.report.inline import inline_svg
 
 from .snippets import SnippetError, Workspace
 
+_HIGHLIGHTED = ("toml", "py", "json")
+"""Files whose suffix is the name of a grammar; others are plain text."""
+
 _OF_BUILD: dict[str, Workspace] = {}
 
 
@@ -131,7 +134,8 @@ class File(SphinxDirective):
         text = "\n".join(self.content) + "\n"
         if not self.config.rsgen_quick:
             _workspace().write(self.arguments[0], text)
-        language = Path(self.arguments[0]).suffix.lstrip(".")
+        suffix = Path(self.arguments[0]).suffix.lstrip(".")
+        language = suffix if suffix in _HIGHLIGHTED else "text"
         title = nodes.caption("", "", nodes.literal("", self.arguments[0]))
         box = nodes.container("", title, _shown(text, language), literal_block=True)
         box["classes"].append("literal-block-wrapper")

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from rsgen.describing.stepping import Cycles, System
 from rsgen.errors import ExpressionError
@@ -104,6 +103,8 @@ class Loop:
         -------
         Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start.
         """
+    from scipy.integrate import solve_ivp  # imports half of scipy, for laws with states only
+
         numbers = tuple(values[name] for name in self.parameters)
         fields = tuple(np.array([number]) for number in numbers)
         cycles = Cycles(np.array([X_]), np.zeros(1), np.array([omega]), fields)
