@@ -103,7 +103,7 @@ class Loop:
         -------
         Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start.
         """
-    from scipy.integrate import solve_ivp  # imports half of scipy, for laws with states only
+        from scipy.integrate import solve_ivp  # imports half of scipy, for laws with states only
 
         numbers = tuple(values[name] for name in self.parameters)
         fields = tuple(np.array([number]) for number in numbers)
