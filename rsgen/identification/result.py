@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.errors import RsgenError
-from rsgen.expression import write
 from rsgen.finding import Finding
 from rsgen.identification.observed import Shape, shape_of
+from rsgen.law.memory import with_equations
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.verdict import Verdict, reach_verdict
@@ -379,6 +379,6 @@ class Identification(Printed):
         return TextTable(
             ("parameter", "value", "95 % interval", "unit", "finding"),
             tuple(rows),
-            caption=f"{self.verdict}\n{write(self.model.force)}",
+            caption=f"{self.verdict}\n{with_equations(self.model.force)}",
             notes=(tested, *map(repr, self.findings)),
         )

@@ -19,7 +19,17 @@ from rsgen.expression import check_name, parse, symbol, write
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import Inner, Masing, State, Structural, remembers
 
-__all__ = ["Curve", "Inner", "MemoryForm", "Rate", "equations_of", "memory_form", "rates_of", "with_memory"]
+__all__ = [
+    "Curve",
+    "Inner",
+    "MemoryForm",
+    "Rate",
+    "equations_of",
+    "memory_form",
+    "rates_of",
+    "with_equations",
+    "with_memory",
+]
 
 _TYPICAL = (1.0, 0.3, 2.5)
 """Values of all parameters, and displacements, at which the sign of a virgin curve is looked at."""
@@ -144,6 +154,11 @@ def rates_of(force: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
 def equations_of(force: sympy.Expr) -> dict[str, str]:
     """Give the equations of all states of a law as text, by name; empty where it has none."""
     return {str(z): write(rate) for z, rate in rates_of(force).items()}
+
+
+def with_equations(force: sympy.Expr) -> str:
+    """Write a law with the equations of its states: without them two laws may read alike."""
+    return ", ".join((write(force), *(f"{z}' = {rate}" for z, rate in equations_of(force).items())))
 
 
 @lru_cache(maxsize=256)

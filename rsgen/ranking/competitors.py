@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsgen.errors import RsgenError
-from rsgen.expression import symbol, write
+from rsgen.expression import symbol
 from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations
 from rsgen.identification.start import solve_equations
 from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
 from rsgen.law.library import Library
+from rsgen.law.memory import with_equations
 from rsgen.oscillator import Model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
@@ -112,7 +113,7 @@ def competitors(
             terms.append(library[law])
             continue
         elements = as_elements(law)
-        name = getattr(law, "name", "") or write(sum(element.force for element in elements))
+        name = getattr(law, "name", "") or with_equations(sum(element.force for element in elements))
         laws.setdefault(name, _completed(elements) if isinstance(law, Law) and law.title else elements)
     if not laws and not terms:
         raise RsgenError("ranking: no candidate given; give formulas or laws, or none for all of rsgen.laws")

@@ -15,7 +15,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
-from rsgen.expression import symbol, write
+from rsgen.expression import symbol
 from rsgen.finding import Finding, quantities
 from rsgen.identification import Identification
 from rsgen.identification.data import Points, select_points
@@ -24,6 +24,7 @@ from rsgen.identification.observed import Observed
 from rsgen.identification.start import start_fit
 from rsgen.identification.tolerances import ANY_LAW, QUICK
 from rsgen.law.element import Element, LawLike, as_elements
+from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
@@ -299,7 +300,7 @@ def _ranking(
     rows = [
         Candidate(
             fit.guess.name,
-            write(fit.guess.force),
+            with_equations(fit.guess.force),
             len(fit.guess.values),
             float(np.sqrt(np.mean((fit.unseen * scale)[:, fit.compared] ** 2))),
             fit.bic - lowest,

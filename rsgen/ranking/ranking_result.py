@@ -29,7 +29,7 @@ class Candidate:
     name
         Laws of the library that it adds to a linear spring and damper; or as it was given.
     force
-        The whole law in x and v, in rsgen's language.
+        The whole law in x and v, in rsgen's language, and the equations of its states.
     parameters
         How many, the mass included where it is free.
     held_out_error

@@ -16,6 +16,7 @@ import sympy
 from rsgen.expression import parse, symbol
 from rsgen.law.element import Element, Law, Range, Search, make_element
 from rsgen.law.library import laws
+from rsgen.law.memory import memory_form, rates_of
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.law.pieces import normal_form
 
@@ -63,16 +64,26 @@ def library_terms() -> tuple[Term, ...]:
 
 @lru_cache(maxsize=256)
 def terms_of(force: sympy.Expr) -> frozenset[str]:
-    """Give the terms that the linear parameters multiply, in normal form: the same whatever their names."""
+    """Give the terms that the linear parameters multiply, in normal form: the same whatever their names.
+
+    With the equations of states: without them all laws with a state would be one.
+    """
     law = compile_law(force)
+    # a blank: no parameter has such a name
+    states = {z: sympy.Symbol(f"z {number}", real=True) for number, z in enumerate(rates_of(force))}
     found = []
     for order in permutations(law.nonlinear):
         names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
-        plain = force.xreplace(names)
+        plain = force.xreplace(names | states)
         parts = [plain.diff(symbol(law.parameters[i])) for i in law.linear]
         parts.append(plain.xreplace({symbol(law.parameters[i]): sympy.S.Zero for i in law.linear}))
         positive = frozenset(map(str, names.values()))
-        found.append(sorted(str(normal_form(part, positive).expression) for part in parts))
+        memory = memory_form(plain)
+        rates = () if memory is None else memory.rates
+        found.append(
+            sorted(str(normal_form(part, positive).expression) for part in parts)
+            + [f"{each.symbol}' = {normal_form(each.rate, positive).expression}" for each in rates]
+        )
     return frozenset(min(found))
 
 

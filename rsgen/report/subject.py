@@ -10,10 +10,9 @@ import sympy
 
 from rsgen.case import Case
 from rsgen.comparison import Comparison, Row
-from rsgen.expression import write
 from rsgen.identification import Estimate, Identification
 from rsgen.law.element import Element
-from rsgen.law.memory import equations_of
+from rsgen.law.memory import with_equations
 
 __all__ = ["Subject"]
 
@@ -58,8 +57,7 @@ class Subject:
     def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
         """Take the heading as it is given; without a title the law is the title."""
         model = identification.model
-        equations = "".join(f", {z}' = {rate}" for z, rate in equations_of(model.force).items())
-        title = title or f"n(x, v) = {write(model.force)}{equations}"
+        title = title or f"n(x, v) = {with_equations(model.force)}"
         return cls(name, title, source, model.elements)
 
     def with_units(self, result: R) -> R:

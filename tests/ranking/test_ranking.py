@@ -22,6 +22,7 @@ from rsgen.identification.data import Points, select_points
 from rsgen.identification.observed import Observed
 from rsgen.law import laws
 from rsgen.law.element import make_element
+from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.measurement import read_measurement
 from rsgen.observation import Observation
@@ -458,10 +459,23 @@ def test_a_formula_that_the_library_has_stands_once() -> None:
     assert "cubic-spring" not in {candidate.name for candidate in ranking}
 
 
+def test_laws_that_differ_in_the_equation_of_a_state_are_two_candidates() -> None:
+    slides = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - r*abs(v)*z"})
+    creeps = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - z/tau"})
+    ranking = rank(measured("coulomb"), [creeps, slides], mass=MASS)
+    shown = ("c*v + k*x + z, z' = kt*v - r*z*abs(v)", "c*v + k*x + z, z' = kt*v - z/tau")
+    assert {candidate.force for candidate in ranking} == set(shown)
+    assert all(text in str(ranking) for text in shown)
+
+
 def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     gap = terms_of(parse("k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)"))
     assert gap == terms_of(parse("q*(Min(0, x + g) + Max(0, x - g)) + p*x"))
     assert gap != terms_of(parse("q*Max(0, x - g) + p*x"))
+    dahl = laws["dahl"].added
+    assert dahl == with_memory(parse("Fc*z"), {"z": "(v - abs(v)*z)/xs"})
+    assert terms_of(dahl) == terms_of(with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}))
+    assert terms_of(dahl) != terms_of(with_memory(parse("q*z"), {"z": "(v - z)/tau"}))
     assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
 
 

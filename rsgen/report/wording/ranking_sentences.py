@@ -102,8 +102,8 @@ def _(f: Finding) -> str:
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
         "and response unexplained (noise, judged by how much neighbouring points differ: "
-        f"{_percent(f['noise'])}); all candidates assume one mode and a force of displacement and velocity "
-        "alone: hysteresis, a second mode, a background or a drift would leave this"
+        f"{_percent(f['noise'])}); all candidates assume one mode: a hysteresis "
+        "that is none of theirs, a second mode, a background or a drift would leave this"
     )
 
 
