@@ -23,7 +23,7 @@ from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, sol
 from rsgen.identification import Identification
 from rsgen.law.memory import memory_form
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion
+from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 
@@ -240,7 +240,7 @@ def measured_energy(surface: ResponseSurface) -> Energy:
         return _fitted(np.zeros(0), np.zeros(0))
     used = surface.settled & np.isfinite(surface.force) & (surface.amplitude > 0)
     used &= np.sin(np.where(used, surface.phase, 0.0)) >= _HALF_POWER
-    work = np.pi * np.imag(surface.force[used] * np.conj(surface.harmonics[used, 1]))
+    work = cycle_work(surface.force[used], surface.harmonics[used, 1])
     return _fitted(surface.amplitude[used], work)
 
 

@@ -14,7 +14,7 @@ from rsgen.expression import symbol, write
 from rsgen.kernel.arithmetic import Body
 from rsgen.kernel.memory_rows import DEEPEST, MemoryRows
 from rsgen.law.character import onset
-from rsgen.law.memory import MemoryForm, memory_form
+from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
 
 __all__ = ["generate", "parameter_order"]
@@ -164,15 +164,6 @@ def _corners(forms: Sequence[NormalForm], every: bool) -> tuple[sympy.Expr, ...]
     return tuple(places)
 
 
-def _virgin(law: sympy.Expr) -> sympy.Expr:
-    """A virgin curve with real powers that the normal form takes: x is never negative here."""
-    x = symbol("x")
-    return law.replace(
-        lambda e: e.is_Pow and e.base.has(x) and not e.exp.is_integer,
-        lambda e: sympy.Abs(e.base) ** e.exp,
-    )
-
-
 def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
     gates = [f"g{located[s].index}" for s in piece.switches if s in located]
     inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
@@ -257,7 +248,7 @@ def generate(
     if memory is not None and memory.lag is not None:
         raise ExpressionError(NO_SIMULATION)
     rates = () if memory is None else tuple(rate.rate for rate in memory.rates)
-    curves = () if memory is None else tuple(_virgin(curve.virgin) for curve in memory.curves)
+    curves = () if memory is None else tuple(real_powers(curve.virgin) for curve in memory.curves)
     forms, virgins = (
         tuple(normal_form(law) if values is None else normal_form_at(law, values) for law in laws)
         for laws in ((force, *rates), curves)

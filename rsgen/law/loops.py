@@ -14,7 +14,7 @@ from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.law.force_sample import Follow, ForceSample
 from rsgen.law.masing_loops import make_loops
-from rsgen.law.memory import MemoryForm
+from rsgen.law.memory import MemoryForm, real_powers
 from rsgen.law.state_loops import close_loops
 from rsgen.law.switched_sum import SwitchedSum, switched_sum
 
@@ -87,18 +87,9 @@ def compile_loops(form: MemoryForm, parameters: tuple[str, ...]) -> Loops:
     return Loops(
         switched_sum(form.force, (*states, *form.states), names),
         tuple(switched_sum(rate.rate, (*states, *inner), names) for rate in form.rates),
-        tuple(switched_sum(_real(curve.virgin), states[:1], names) for curve in form.curves),
+        tuple(switched_sum(real_powers(curve.virgin), states[:1], names) for curve in form.curves),
         form.lag is not None,
     )
-
-
-def _real(virgin: sympy.Expr) -> sympy.Expr:
-    """Give a virgin curve whose powers are real on both sides of zero, as normal forms must be."""
-    broken: sympy.Expr = virgin.replace(
-        lambda e: e.is_Pow and e.base.has(symbol("x")) and not e.exp.is_integer,
-        lambda e: sympy.Abs(e.base) ** e.exp,
-    )
-    return broken
 
 
 def from_rest(form: MemoryForm) -> sympy.Expr:

@@ -27,6 +27,7 @@ __all__ = [
     "equations_of",
     "memory_form",
     "rates_of",
+    "real_powers",
     "with_equations",
     "with_memory",
 ]
@@ -199,6 +200,15 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
         places[damping] = damping.args[0] * lag
     ordered = tuple(Rate(inner[z], rates[z].xreplace(inner)) for z in sorted(rates, key=str))
     return MemoryForm(force.xreplace(places), ordered, tuple(curves), lag)
+
+
+def real_powers(virgin: sympy.Expr) -> sympy.Expr:
+    """Give a virgin curve whose powers are real on both sides of zero, as normal forms must be."""
+    broken: sympy.Expr = virgin.replace(
+        lambda e: e.is_Pow and e.base.has(symbol("x")) and not e.exp.is_integer,
+        lambda e: sympy.Abs(e.base) ** e.exp,
+    )
+    return broken
 
 
 def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:
