@@ -10,7 +10,7 @@ import sympy
 
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
-from rsgen.law.memory import equations_of, memory_form, rates_of, with_memory
+from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
 from rsgen.text_table import TextTable
@@ -87,7 +87,7 @@ def make_element(
     >>> make_element("joint", "k*x + z", {"z": "a*v - b*abs(v)*z"}).parameters
     ('a', 'b', 'k')
     """
-    law = with_memory(parse(force) if isinstance(force, str) else sympy.sympify(force), memory or {})
+    law = with_memory(read_formula(force), memory or {})
     names = sorted(free.name for free in law.free_symbols)
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))
     if foreign:

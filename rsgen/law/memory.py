@@ -27,6 +27,7 @@ __all__ = [
     "equations_of",
     "memory_form",
     "rates_of",
+    "read_formula",
     "real_powers",
     "with_equations",
     "with_memory",
@@ -123,6 +124,21 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
     return force.xreplace({z: State(z, equations) for z in ordered})
 
 
+def read_formula(given: str | sympy.Expr | float) -> sympy.Expr:
+    """Take a formula as text, or as an expression; nothing else, since SymPy evaluates text in lists.
+
+    Raises
+    ------
+    ExpressionError
+        It is neither, or the text is no formula.
+    """
+    if isinstance(given, str):
+        return parse(given)
+    if not isinstance(given, sympy.Expr | float | int):
+        raise ExpressionError(f"a {type(given).__name__} is no formula; text or an expression is needed")
+    return sympy.sympify(given)
+
+
 def _state(name: str) -> sympy.Symbol:
     try:
         return symbol(check_name(name))
@@ -132,7 +148,7 @@ def _state(name: str) -> sympy.Symbol:
 
 def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
     try:
-        rate = parse(text) if isinstance(text, str) else sympy.sympify(text)
+        rate = read_formula(text)
     except ExpressionError as fault:
         raise ExpressionError(f"memory.{name}: {fault}") from None
     if remembers(rate):

@@ -64,6 +64,15 @@ def test_states_of_one_name_with_different_equations_do_not_add_up() -> None:
     assert set(total.memory) == {"w", "z"}
 
 
+@pytest.mark.parametrize("bad", [["print(1)"], b"x", None, ("v",)])
+def test_only_text_and_expressions_are_formulas(bad: object, capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(ExpressionError, match="is no formula"):
+        make_element("spring", bad)
+    with pytest.raises(ExpressionError, match=r"memory\.z: a .* is no formula"):
+        Law("k*x + z", memory={"z": bad})
+    assert not capsys.readouterr().out
+
+
 @pytest.mark.parametrize("renames", [{"z": "Fc"}, {"Fc": "z"}])
 def test_a_state_keeps_a_name_of_its_own(renames: dict) -> None:
     with pytest.raises(RsgenError, match="a state cannot have the name of another state or of a parameter"):
