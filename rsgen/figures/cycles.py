@@ -133,8 +133,11 @@ def estimate_mass(surface: ResponseSurface) -> float:
 def _above_noise(surface: ResponseSurface) -> Motion:
     """Take the harmonics of every motion that rise above the noise, the smaller one of the last two."""
     harmonics = np.nan_to_num(surface.harmonics)
-    size = np.abs(harmonics) / np.abs(harmonics[:, 1:2])
-    last = np.median(size[:, -2:], axis=0)
+    moves = harmonics[:, 1] != 0
+    size: Floats = np.zeros(harmonics.shape)
+    size[moves] = np.abs(harmonics[moves]) / np.abs(harmonics[moves, 1:2])
+    # points that did not settle say nothing of the noise
+    last = np.median(size[moves, -2:], axis=0)
     noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
     kept = size > _TIMES_NOISE * noise
     kept[:, 1] = True

@@ -195,3 +195,13 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
     law = rs.Law("k*x + c*v + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
     true = loop_force(Model(law), values, loop.motion)
     assert np.max(np.abs(loop.force - true)) < 0.03 * np.max(np.abs(true))
+
+
+def test_a_point_that_did_not_settle_takes_no_harmonics_from_the_others() -> None:
+    harmonics = np.tile([0, 1e-3, 1e-6, 1e-4, 1e-7, 1e-7], (4, 1)).astype(complex)
+    harmonics[3] = np.nan
+    surface = rs.ResponseSurface(
+        np.ones(4), np.arange(9.0, 13.0), np.ones(4), harmonics=harmonics, outcome=np.array([0, 0, 0, 1])
+    )
+    motion = measured_loops(surface, np.array([0, 1]), 1.5).motion
+    np.testing.assert_array_equal(np.abs(motion.harmonics[:, 3]), 1e-4)
