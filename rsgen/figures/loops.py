@@ -137,6 +137,8 @@ def draw_loops(
     panels[0].legend(loc="upper left")
     where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
+    if surface.harmonics.shape[1] <= 2:
+        caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
     return Drawing("loops", figure, caption, _loop_words(surface, rows, mass, loops.force, lines), ax is None)
 
 
@@ -233,8 +235,8 @@ def draw_energy(
     for axes in panels[-1:] if ax is None else panels:
         axes.set_xlabel(x.label("Amplitude X"))
     caption = (
-        "Energy dissipated in a cycle: its slope is near 2 for viscous damping, 2.2 to 3 in micro-slip, 1 in "
-        "macro-slip."
+        "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
+        "micro-slip, 1 in macro-slip."
     )
     return Drawing("energy", figure, caption, _energy_words(measured, found, slips, rest), ax is None)
 

@@ -106,6 +106,10 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
     """
     if not memory:
         return force
+    if not isinstance(memory, Mapping):
+        raise ExpressionError(
+            f"memory: {memory!r:.80}; must be a mapping of states to equations, {{'z': 'a*v'}}"
+        )
     rates = {_state(name): _rate(name, text) for name, text in memory.items()}
     used = force.free_symbols
     for _ in rates:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rsgen.errors import ExpressionError
 from rsgen.expression import parse, symbol
 from rsgen.expression.evaluation import compiled
-from rsgen.law.element import make_element
+from rsgen.law.element import Law, make_element
 from rsgen.law.pieces import normal_form, normal_form_at
 
 ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
@@ -170,3 +170,8 @@ def test_parameters_are_sorted_and_exclude_the_state():
 def test_squares_and_products_of_signs_of_parameters_disappear():
     (piece,) = normal_form(parse("k*sign(k)*sign(q)**2*x + abs(k)*sign(k)*v")).pieces
     assert piece.term == parse("abs(k)*x + k*v")
+
+
+def test_memory_that_is_no_mapping_is_refused() -> None:
+    with pytest.raises(ExpressionError, match="must be a mapping"):
+        Law("k*x + z", memory="z = a*v")

@@ -11,10 +11,10 @@ say_plainly(
         "mean-moves": "the mean moves to {mean:.2q} at {amplitude:.2q}, {share:.2p} of the amplitude",
         "element-not-identifiable": "not identifiable from this test: {parameters}",
         "energy-measured": "as measured near the resonances, at {points:.6g} points, the energy of a "
-        "cycle grows with the power {exponent:.3g} ± {half_width:.1g} of the amplitude",
+        "cycle grows on average with the power {exponent:.3g} ± {half_width:.1g} of the amplitude",
         "energy-identified": "as identified it grows with the power {first:.3g} of the amplitude at "
-        "{amplitude_first:.2q} and {last:.3g} at {amplitude_last:.2q} (2 is viscous damping, 2.2 to 3 "
-        "micro-slip, 1 macro-slip)",
+        "{amplitude_first:.2q} and {last:.3g} at {amplitude_last:.2q} (1 is macro-slip, 2.2 to 3 "
+        "micro-slip; 2 is viscous or structural damping, or the passage from micro-slip to macro-slip)",
         "loop-does-not-close": "the loop of {states} does not close with the identified values",
         "element-without-force": "no force over the tested amplitudes",
     }
