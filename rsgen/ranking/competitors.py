@@ -53,6 +53,7 @@ class Entries:
         searched: int = 300,
         fitted: int = 20,
         alone: int = 6,
+        looped: int = 8,
         together: int = 3,
         again: int = 3,
     ) -> list[Fitted]:
@@ -69,7 +70,10 @@ class Entries:
         searched
             Points on which sums are searched: a coarse search needs fewer than a fit.
         fitted, alone
-            Candidates that are fitted, and single laws among them, shown even where sums are nearer.
+            Candidates without memory that are fitted, and single laws among them, shown even where sums are
+            nearer.
+        looped
+            Candidates with memory that are fitted beside them: they take no place from the others.
         together
             Most laws of the library in a sum.
         """
@@ -77,8 +81,10 @@ class Entries:
         if self.terms or not guesses:
             few = points.spread(searched)
             trials = search_sums(rows.select(few), self.terms, self.mass, together)
-            single = [trial for trial in trials if len(trial.law.terms) <= 1][:alone]
-            near = [trial for trial in trials if trial not in single][: fitted - len(single)]
+            plain = [trial for trial in trials if not trial.remembers]
+            single = [trial for trial in plain if len(trial.law.terms) <= 1][:alone]
+            near = [trial for trial in plain if trial not in single][: fitted - len(single)]
+            near += [trial for trial in trials if trial.remembers][:looped]
             guesses += [_guess(trial, rows) for trial in (*near, *single)]
         names = {_parts(guess.name) for guess in guesses}
         guesses += [fit.guess for fit in known[:again] if _parts(fit.guess.name) not in names]

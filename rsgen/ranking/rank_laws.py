@@ -139,9 +139,21 @@ def rank(
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
     given = tuple(start_guess(name, elements, mode, base.mass) for name, elements in laws.items())
-    entries = Entries(given, terms, base.mass)
-    found = entries.fit(first_rows(observed, background, base_law(), base.mass), points, first=True)
-    rounds = _rounds(observed, found, entries)
+    rows = first_rows(observed, background, base_law(), base.mass)
+    # laws without memory have a turn alone: along the motion of one with memory the true one may look wrong
+    plain = tuple(term for term in terms if not term.law.remembers)
+    rounds: list[tuple[_Round, list[Fitted]]] = []
+    fault: RsgenError | None = None
+    for some in dict.fromkeys((plain, terms)):
+        entries = Entries(given, some, base.mass)
+        try:
+            rounds += _rounds(observed, entries.fit(rows, points, first=True), entries)
+        except RsgenError as refused:
+            fault = refused
+        if rounds and min(each.left(points) for each, _ in rounds) <= NOISE_LEAST:
+            break
+    if fault is not None and not rounds:
+        raise fault
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import chain, combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Trial:
     values: dict[str, float]
     misfit: float
     bic: float
+
+    @property
+    def remembers(self) -> bool:
+        """Whether one of its terms has a memory."""
+        return any(term.law.remembers for term in self.law.terms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +166,9 @@ def search_sums(
             (entry for key, entry in found.items() if len(key) == size - 1),
             key=lambda entry: entry[0].misfit,
         )
-        for trial, variants in last[:beam]:
+        # laws with memory stand beside the others and take no place from them
+        kinds = ([entry for entry in last if entry[0].remembers is kind][:beam] for kind in (False, True))
+        for trial, variants in chain.from_iterable(kinds):
             inside = {term.name for term in trial.law.terms}
             for term in terms:
                 if term.name not in inside and sensible((*trial.law.terms, term)):
