@@ -69,12 +69,9 @@ Surface = Annotated[
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
 ]
 
-Frf = Annotated[
-    Path | None,
-    typer.Option(
-        help="Write measured and predicted receptances as a universal file (.uff).", show_default=False
-    ),
-]
+Frf = Annotated[Path | None, typer.Option(help="Write receptances, universal (.uff).", show_default=False)]
+Assume = Annotated[list[str] | None, typer.Option(help="That 'b>0'; repeatable.", show_default=False)]
+Memory = Annotated[list[str] | None, typer.Option(help="A state: 'z = g(x, v, z)'.", show_default=False)]
 
 Figures = Annotated[
     str | None,
@@ -155,14 +152,8 @@ def derive(
         str,
         typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
     ],
-    memory: Annotated[
-        list[str] | None,
-        typer.Option(help="The rate of a state: 'z = g(x, v, z)'; may be repeated.", show_default=False),
-    ] = None,
-    assume: Annotated[
-        list[str] | None,
-        typer.Option(help="A parameter is positive: 'b>0'; may be repeated.", show_default=False),
-    ] = None,
+    memory: Memory = None,
+    assume: Assume = None,
     plot: Plot = None,
     settings: Settings = None,
     amplitude: Amplitude = None,
@@ -179,8 +170,8 @@ def derive(
     """
     from rsgen.cli.derive_command import derive_command
 
-    given = memory or [], assume or []
-    raise typer.Exit(derive_command(expression, *given, plot, settings or [], amplitude, json, latex))
+    lists = memory or [], assume or []
+    raise typer.Exit(derive_command(expression, *lists, plot, settings or [], amplitude, json, latex))
 
 
 @application.command(short_help="From a case to a response surface.")

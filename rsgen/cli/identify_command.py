@@ -1,4 +1,4 @@
-"""What `rsgen identify` prints: the parameters of a case, and writes where it is told to: its receptances."""
+"""What `rsgen identify` prints, the parameters of a case, and the file of receptances that --frf names."""
 
 from __future__ import annotations
 

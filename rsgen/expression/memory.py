@@ -28,7 +28,7 @@ class Masing(sympy.Function):  # type: ignore[misc]  # sympy has no types
         return f"masing({printer.doprint(self.args[0])})"
 
 
-class Structural(sympy.Function):  # type: ignore[misc]
+class Structural(sympy.Function):  # type: ignore[misc]  # sympy has no types
     """structural(h) [N]: h times the displacement a quarter of a period later, for every harmonic; h in N/m.
 
     Rate-independent linear damping: it exists under periodic motion only (Crandall, J. Sound Vib. 11 (1970)
@@ -42,13 +42,13 @@ class Structural(sympy.Function):  # type: ignore[misc]
         return f"structural({printer.doprint(self.args[0])})"
 
 
-class Inner(sympy.Symbol):  # type: ignore[misc]
+class Inner(sympy.Symbol):  # type: ignore[misc]  # sympy has no types
     """The value of a memory inside a law that was taken apart: it moves with time, as x and v do."""
 
     __slots__ = ()
 
 
-class State(sympy.Expr):  # type: ignore[misc]
+class State(sympy.Expr):  # type: ignore[misc]  # sympy has no types
     """The value of a state z of a law, with the equations z' = g(x, v, z) of all states it depends on.
 
     ``args`` are the symbol and a ``Tuple`` of pairs (symbol, g), sorted by name. The symbols of the states

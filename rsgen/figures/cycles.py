@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.expression.memory import remembers
 from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, solution_of
 from rsgen.identification import Identification
@@ -330,9 +330,9 @@ def slip_limits(force: sympy.Expr, values: Mapping[str, float], largest: float) 
         law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
         numbers = [values[name] for name in names]
 
-        def virgin(x: float, law: object = law, numbers: list[float] = numbers) -> float:
+        def virgin(x: float, law: Numeric = law, numbers: list[float] = numbers) -> float:
             with np.errstate(all="ignore"):
-                return float(np.asarray(law(x, *numbers)[0]))  # type: ignore[operator]
+                return float(law(x, *numbers)[0])
 
         far = 1e3 * largest
         limit = virgin(far)

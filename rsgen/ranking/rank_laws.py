@@ -42,7 +42,7 @@ from rsgen.ranking.reference import (
     neighbour_noise,
     outlying,
 )
-from rsgen.ranking.sums import base_law, terms_of
+from rsgen.ranking.sums import Term, base_law, terms_of
 from rsgen.ranking.verdict import implausible, judge
 from rsgen.surface import ResponseSurface
 
@@ -139,25 +139,36 @@ def rank(
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
     given = tuple(start_guess(name, elements, mode, base.mass) for name, elements in laws.items())
-    rows = first_rows(observed, background, base_law(), base.mass)
-    # laws without memory have a turn alone: along the motion of one with memory the true one may look wrong
-    plain = tuple(term for term in terms if not term.law.remembers)
-    rounds: list[tuple[_Round, list[Fitted]]] = []
-    fault: RsgenError | None = None
-    for some in dict.fromkeys((plain, terms)):
-        entries = Entries(given, some, base.mass)
-        try:
-            rounds += _rounds(observed, entries.fit(rows, points, first=True), entries)
-        except RsgenError as refused:
-            fault = refused
-        if rounds and min(each.left(points) for each, _ in rounds) <= NOISE_LEAST:
-            break
-    if fault is not None and not rounds:
-        raise fault
+    rounds = _all_rounds(
+        observed, first_rows(observed, background, base_law(), base.mass), given, terms, base.mass
+    )
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
     return _ranking(observed, *rounds[best], tuple(laws), base, surface)
+
+
+def _all_rounds(
+    observed: Observed, rows: Rows, given: tuple[Guess, ...], terms: tuple[Term, ...], mass: float | None
+) -> list[tuple[_Round, list[Fitted]]]:
+    """Rounds without memory, and where their best leaves more than noise, rounds with all laws.
+
+    Along the motion of a law with memory a true law without may look wrong, so those have a turn alone.
+    """
+    plain = tuple(term for term in terms if not term.law.remembers)
+    rounds: list[tuple[_Round, list[Fitted]]] = []
+    fault: RsgenError | None = None
+    for some in dict.fromkeys((plain, terms)):
+        entries = Entries(given, some, mass)
+        try:
+            rounds += _rounds(observed, entries.fit(rows, observed.points, first=True), entries)
+        except RsgenError as refused:
+            fault = refused
+        if rounds and min(each.left(observed.points) for each, _ in rounds) <= NOISE_LEAST:
+            break
+    if fault is not None and not rounds:
+        raise fault
+    return rounds
 
 
 def _rounds(
