@@ -30,7 +30,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
     return ResponseSurface(
         level=random.uniform(0, 10, n),
         frequency=random.uniform(1, 100, n),
-        force=complex_normal(n),
+        force=complex_normal(n, random.integers(2, 5)),
         harmonics=complex_normal(n, harmonics + 1),
         peak=np.where(random.random((n, 1)) < 0.3, np.nan, random.normal(size=(n, 2))),
         sweep=random.choice(["rest", "up", "down"], n),
@@ -39,6 +39,9 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         error=np.full(n, np.nan),
         origin=str(random.choice(["simulated", "measured"])),
         phase_known=bool(random.random() < 0.5),
+        across=complex_normal(n, harmonics + 1) if random.random() < 0.5 else None,
+        per_mass=bool(random.random() < 0.5),
+        base=str(random.choice(["", "velocity"])),
         findings=tuple(
             Finding("a-code", "info", "ζ", {"x": Quantity(random.random(), "N/m")}, {"of": "größer"})
             for _ in range(random.integers(0, 3))
@@ -49,7 +52,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
     for column in fields(ResponseSurface):
         a, b = getattr(one, column.name), getattr(two, column.name)
-        if column.name in ("origin", "phase_known", "control", "findings"):
+        if not isinstance(a, np.ndarray):
             assert a == b
         else:
             assert a.dtype == b.dtype
@@ -85,17 +88,14 @@ def test_sentences_of_older_files_come_as_findings(tmp_path):
 
 
 def test_every_array_of_the_file_carries_its_unit(tmp_path):
-    save_surface(tmp_path / "s.h5", random_surface(1, 5, 3))
+    save_surface(tmp_path / "s.h5", replace(random_surface(1, 5, 3), per_mass=False, across=np.ones((5, 4))))
     with h5py.File(tmp_path / "s.h5") as file:
         units = {name: data.attrs["units"] for name, data in file.items()}
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - {
-        "origin",
-        "phase_known",
-        "control",
-    } | {"settled"}
+    words = {"origin", "phase_known", "control", "per_mass", "base"}
+    assert set(units) == {f.name for f in fields(ResponseSurface)} - words | {"settled"}
 
 
 def test_amplitude_and_phase_follow_from_force_and_fundamental():
@@ -383,7 +383,10 @@ def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
 def test_a_data_frame_and_back_is_the_identity():
     pandas = pytest.importorskip("pandas")
     surface = replace(random_surface(4, 30, 5), phase_known=True, findings=(), origin="measured")
-    surface = replace(surface, harmonics=np.hstack([surface.harmonics[:, :1].real, surface.harmonics[:, 1:]]))
+    real = {name: np.array(getattr(surface, name)) for name in ("harmonics", "force_harmonics")}
+    for harmonics in real.values():
+        harmonics[:, 0].imag = 0
+    surface = replace(surface, **real, across=None, per_mass=False, base="")
     frame = surface.to_frame()
     assert isinstance(frame, pandas.DataFrame)
     assert_same(ResponseSurface.from_frame(frame), surface)

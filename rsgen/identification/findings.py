@@ -13,10 +13,11 @@ from scipy.special import stdtrit
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.agreement import Agreement
-from rsgen.identification.data import Points, Repeats
+from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import misfit_findings
+from rsgen.identification.repeats import Repeats
 from rsgen.identification.result import Estimate, Resonance
 from rsgen.identification.soundness import (
     aside_findings,

@@ -14,7 +14,7 @@ from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
-from rsgen.identification.data import Points, Repeats, gather_repeats, select_points, with_repeats
+from rsgen.identification.data import Points, select_points
 from rsgen.identification.findings import (
     Findings,
     make_estimates,
@@ -27,6 +27,7 @@ from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import is_systematic
 from rsgen.identification.observed import Observed, shape_of
+from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
 from rsgen.identification.result import (

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.identification.data import JUMP, Points
+from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations
 from rsgen.identification.fit import Solution
+from rsgen.identification.repeats import JUMP
 from rsgen.identification.result import Resonance
 from rsgen.identification.start import solve_equations
 from rsgen.law.numeric import ForceLaw

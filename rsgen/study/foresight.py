@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from rsgen.case import Case
 from rsgen.errors import RsgenError
-from rsgen.identification.data import gather_repeats, select_points
+from rsgen.identification.data import select_points
+from rsgen.identification.repeats import gather_repeats
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 

@@ -74,20 +74,33 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     if force is None:
         force = table.read("force")
     fundamental, phase_known = _fundamental(table, force, degrees)
-    higher: list[ComplexArray] = []
-    while (column := table.complex(f"harmonic_{len(higher) + 2}")) is not None:
-        higher.append(column)
-    mean = table.read("mean") if table.has("mean") else np.zeros(len(fundamental))
     columns: dict[str, Any] = {
         "level": table.read("level"),
         "frequency": table.read("frequency"),
-        "force": force,
-        "harmonics": np.stack([mean.astype(np.complex128), fundamental, *higher], axis=1),
+        "force": _with_harmonics(table, force, "force_"),
+        "harmonics": _with_harmonics(table, fundamental, ""),
         "phase_known": phase_known,
     }
+    if (across := table.complex("across")) is not None:
+        columns["across"] = _with_harmonics(table, across, "across_")
     if table.has("peak_max", "peak_min"):
         columns["peak"] = np.stack([table.read("peak_max"), table.read("peak_min")], axis=1)
     return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
+
+
+def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray:
+    """(n, H+1) from the columns of one prefix, mean first."""
+    higher: list[ComplexArray] = []
+    while (column := table.complex(f"{prefix}harmonic_{len(higher) + 2}")) is not None:
+        higher.append(column)
+    mean = table.read(f"{prefix}mean") if table.has(f"{prefix}mean") else np.zeros(len(fundamental))
+    return np.stack([mean.astype(np.complex128), fundamental, *higher], axis=1)
+
+
+def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
+    """Mean and higher harmonics by name, as ``_with_harmonics`` reads them."""
+    means = {f"{prefix}mean": harmonics[:, 0].real}
+    return means | {f"{prefix}harmonic_{h}": harmonics[:, h] for h in range(2, harmonics.shape[1])}
 
 
 def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[ComplexArray, bool]:
@@ -132,8 +145,11 @@ def frame_of_surface(surface: ResponseSurface) -> Any:
     }
     if surface.phase_known:
         columns |= {"response": surface.harmonics[:, 1], "phase": surface.phase}
-    columns["mean"] = surface.harmonics[:, 0].real
-    columns |= {f"harmonic_{h}": surface.harmonics[:, h] for h in range(2, surface.harmonics.shape[1])}
+    columns |= _harmonic_columns("", surface.harmonics)
+    if surface.force_harmonics.shape[1] > 2 or surface.force_harmonics[:, 0].any():
+        columns |= _harmonic_columns("force_", surface.force_harmonics)
+    if surface.across is not None:
+        columns |= {"across": surface.across[:, 1]} | _harmonic_columns("across_", surface.across)
     columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}
     columns |= {name: getattr(surface, name) for name in _AS_THEY_ARE}
     return data_frame(columns)

@@ -15,11 +15,20 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
+from rsgen.surface.columns import (
+    BASE_UNITS,
+    COLUMN_UNITS,
+    SWEEPS,
+    check_numbers,
+    column,
+    force_columns,
+    response_columns,
+)
 from rsgen.surface.data_frame import columns_of_frame, frame_of_surface
 from rsgen.surface.directions import recognise_directions
 from rsgen.text_table import TextTable, short
 
-__all__ = ["COLUMN_UNITS", "OUTCOMES", "ResponseSurface"]
+__all__ = ["OUTCOMES", "ResponseSurface"]
 
 OUTCOMES = (
     "settled: the response repeats with the period of the force",
@@ -33,68 +42,6 @@ OUTCOMES = (
 
 SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
 
-SWEEPS = ("rest", "up", "down")
-
-COLUMN_UNITS = {
-    "level": "N",
-    "frequency": "Hz",
-    "force": "N",
-    "harmonics": "m",
-    "peak": "m",
-    "sweep": "",
-    "outcome": "",
-    "residual": "1",
-    "error": "1",
-    "stable": "",
-}
-"""SI unit of every column; that of the level holds where the test held the force."""
-
-_DTYPES: dict[str, type | str] = {
-    "force": np.complex128,
-    "harmonics": np.complex128,
-    "sweep": "U4",
-    "outcome": np.int8,
-    "stable": np.bool_,
-}
-
-
-def _column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Copy a column into an array that nobody can change; a single value holds at every point."""
-    try:
-        array = np.array(values, dtype=_DTYPES.get(name, np.float64))
-    except (TypeError, ValueError) as fault:
-        raise RsgenError(f"surface.{name}: {fault}") from None
-    if array.ndim == 0 and len(shape) == 1:
-        array = np.full(shape, array)
-    if array.ndim != len(shape) or any(
-        want not in (-1, got) for want, got in zip(shape, array.shape, strict=True)
-    ):
-        expected = ", ".join("any" if size == -1 else str(size) for size in shape)
-        known = "" if name == "frequency" else ", as the frequency has them"
-        raise RsgenError(
-            f"surface.{name}: shape {array.shape}; must be ({expected}), one row a test point{known}"
-        )
-    array.flags.writeable = False
-    return array
-
-
-def _harmonics(response: Any, harmonics: Any, phase_known: bool) -> NDArray[Any]:
-    """Give the harmonics, mean first, from whichever of the two was given."""
-    if (response is None) == (harmonics is None):
-        raise RsgenError("surface: give the response once, as response= or as harmonics=")
-    if harmonics is not None:
-        return np.asarray(harmonics)
-    array = np.asarray(response)
-    if array.ndim > 1:
-        return array
-    if phase_known and array.size and array.dtype.kind in "biuf":
-        raise RsgenError(
-            "surface.response: real numbers have no phase; give the complex fundamental "
-            "X = amplitude * exp(-1j * lag), or phase_known=False where only amplitudes were measured"
-        )
-    column = np.atleast_1d(array)
-    return np.stack([np.zeros_like(column), column], axis=1)
-
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class ResponseSurface:
@@ -106,13 +53,15 @@ class ResponseSurface:
     Parameters
     ----------
     level
-        (n,) nominal force amplitude [N], or amplitude of the displacement [m] where that was held constant;
-        names the level a point belongs to, never used as the force.
+        (n,) nominal force amplitude [N], or amplitude of the displacement [m] where that was held constant,
+        or of the motion of the ``base``; names the level a point belongs to, never used as the force.
     frequency
         (n,) [Hz], positive.
     force
         (n,) complex amplitude F of the measured force [N], f(t) = Re F exp(i omega t); real where the phases
-        are counted from the force.
+        are counted from the force; or (n, K+1) harmonics as of the response where they were recorded:
+        ``force`` is the fundamental of them, ``force_harmonics`` has all, two columns where no more are
+        known.
     response
         (n,) complex fundamental X of the displacement [m], x(t) = Re X exp(i omega t), so that a displacement
         that lags a real force by phi has X = |X| exp(-i phi); or (n, H+1) harmonics.
@@ -141,6 +90,18 @@ class ResponseSurface:
         (n,) False where the motion would leave this state if the force were held constant; default True.
     findings
         What a reader should know before using the numbers.
+    force_harmonics
+        (n, K+1) complex force [N], mean first; see ``force``.
+    across
+        (n, H+1) complex displacement [m] across the springs and dampers that act between two sensors, where
+        it is not the response itself; None: the law acts on the response.
+    per_mass
+        True where the force is one per mass [N/kg = m/s^2], as a driven base gives it; parameters are then
+        per unit mass.
+    base
+        "" where a force drives; else "displacement", "velocity" or "acceleration": what of the motion of a
+        driven base the levels are amplitudes of. The response is relative to the base, the force per mass
+        minus the acceleration of the base.
 
     Raises
     ------
@@ -169,6 +130,10 @@ class ResponseSurface:
     control: str
     stable: NDArray[np.bool_]
     findings: tuple[Finding, ...]
+    force_harmonics: ComplexArray
+    across: ComplexArray | None
+    per_mass: bool
+    base: str
 
     def __init__(
         self,
@@ -188,32 +153,46 @@ class ResponseSurface:
         control: str = "force",
         stable: ArrayLike | None = None,
         findings: tuple[Finding, ...] = (),
+        force_harmonics: ArrayLike | None = None,
+        across: ArrayLike | None = None,
+        per_mass: bool = False,
+        base: str = "",
     ) -> None:
         n = len(np.atleast_1d(np.asarray(frequency)))
         findings = tuple(findings)
-        columns = {
-            "frequency": _column(frequency, "frequency", (n,)),
-            "level": _column(level, "level", (n,)),
-            "force": _column(force, "force", (n,)),
-            "harmonics": _column(_harmonics(response, harmonics, phase_known), "harmonics", (n, -1)),
-            "peak": _column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
-            "residual": _column(np.nan if residual is None else residual, "residual", (n,)),
-            "error": _column(np.nan if error is None else error, "error", (n,)),
-            "stable": _column(True if stable is None else stable, "stable", (n,)),
+        columns: dict[str, Any] = {
+            "frequency": column(frequency, "frequency", (n,)),
+            "level": column(level, "level", (n,)),
+            **force_columns(force, force_harmonics, n),
+            "harmonics": column(response_columns(response, harmonics, phase_known), "harmonics", (n, -1)),
+            "across": None if across is None else column(across, "across", (n, -1)),
+            "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
+            "residual": column(np.nan if residual is None else residual, "residual", (n,)),
+            "error": column(np.nan if error is None else error, "error", (n,)),
+            "stable": column(True if stable is None else stable, "stable", (n,)),
         }
-        _check_numbers(columns)
+        check_numbers(columns)
         if sweep is None:
             sweep = recognise_directions(columns["frequency"], columns["level"])
         if outcome is None:
             measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
+            if across is not None:
+                measured &= np.isfinite(columns["across"][:, 1])
             outcome = np.where(measured, 0, _NOT_MEASURED)
             lost = int(np.count_nonzero(~measured))
             if lost:
                 numbers = {"points": Quantity(lost), "all": Quantity(n)}
                 findings += (Finding("points-not-measured", "warning", numbers=numbers),)
-        columns["sweep"] = _column(sweep, "sweep", (n,))
-        columns["outcome"] = _column(outcome, "outcome", (n,))
-        words = {"origin": origin, "phase_known": bool(phase_known), "control": control, "findings": findings}
+        columns["sweep"] = column(sweep, "sweep", (n,))
+        columns["outcome"] = column(outcome, "outcome", (n,))
+        words = {
+            "origin": origin,
+            "phase_known": bool(phase_known),
+            "control": control,
+            "findings": findings,
+            "per_mass": bool(per_mass),
+            "base": base,
+        }
         for name, value in (columns | words).items():
             object.__setattr__(self, name, value)
         self._check_words()
@@ -227,6 +206,11 @@ class ResponseSurface:
             raise RsgenError(f"surface.control: {self.control!r}; must be 'force' or 'response'")
         if self.origin not in ("simulated", "measured"):
             raise RsgenError(f"surface.origin: {self.origin!r}; must be 'simulated' or 'measured'")
+        if self.base not in BASE_UNITS:
+            raise RsgenError(
+                f"surface.base: {self.base!r}; must be '' where a force drives, or 'displacement', "
+                "'velocity' or 'acceleration'"
+            )
 
     def __len__(self) -> int:
         """Count the test points."""
@@ -259,23 +243,31 @@ class ResponseSurface:
 
     @property
     def level_unit(self) -> str:
-        """Unit of the levels: "N", or "m" where the amplitude of the response was held."""
-        return "N" if self.control == "force" else "m"
+        """Unit of the levels: of the force; "m" where the response was held; of the motion of a base."""
+        if self.control == "response":
+            return "m"
+        return BASE_UNITS[self.base] if self.base else self.force_unit
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
+        return "m/s^2" if self.per_mass else "N"
 
     @property
     def answer(self) -> Array:
-        """(n,) what the test found at its levels: X [m], or |F| [N] where the response was held."""
+        """(n,) what the test found at its levels: X [m], or |F| in ``force_unit`` where that was held."""
         return self.amplitude if self.control == "force" else np.abs(self.force)
 
     @property
     def answer_unit(self) -> str:
         """Unit of ``answer``."""
-        return "m" if self.control == "force" else "N"
+        return "m" if self.control == "force" else self.force_unit
 
     def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
         """Keep some points: a boolean mask (n,) or an index array."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return ResponseSurface(**{k: v[mask] if k in COLUMN_UNITS else v for k, v in values.items()})
+        empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
+        return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
 
     @classmethod
     def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:
@@ -289,7 +281,9 @@ class ResponseSurface:
           ``phase``, the lag of the displacement behind the force (rad; positive: the displacement comes
           later); ``amplitude`` alone is a test without phases,
         * where there are any, ``mean``, ``harmonic_2``, ``harmonic_3``, ..., ``peak_max``, ``peak_min``,
-          ``sweep``, ``outcome``, ``residual``, ``error`` and ``stable``, as ``to_frame`` gives them.
+          ``sweep``, ``outcome``, ``residual``, ``error`` and ``stable``, as ``to_frame`` gives them,
+        * where they were recorded, ``force_mean``, ``force_harmonic_2``, ... and, across the elements between
+          two sensors, ``across``, ``across_mean``, ``across_harmonic_2``, ...
 
         Parameters
         ----------
@@ -333,6 +327,10 @@ class ResponseSurface:
             f"{count} harmonic{'s' if count > 1 else ''}",
             "" if self.phase_known else "phase not measured",
             "response held" if self.control == "response" else "",
+            f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
+            "" if self.across is None else "motion across",
+            f"{self.base} of the base" if self.base else "",
+            "per unit mass" if self.per_mass else "",
             self.origin,
         ]
         return f"ResponseSurface: {', '.join(part for part in parts if part)}"
@@ -345,17 +343,3 @@ class ResponseSurface:
             rows.append((short(level), len(f), short(f.min()), short(f.max()), short(top)))
         heads = (f"level [{self.level_unit}]", "points", "from [Hz]", "to [Hz]", "largest amplitude [m]")
         return TextTable(heads, tuple(rows), caption=repr(self)).html()
-
-
-def _check_numbers(columns: dict[str, NDArray[Any]]) -> None:
-    if columns["harmonics"].shape[1] < 2:
-        raise RsgenError("surface.harmonics: needs at least the mean and the fundamental")
-    frequency, level = columns["frequency"], columns["level"]
-    if not np.all(np.isfinite(frequency) & (frequency > 0)):
-        raise RsgenError("surface.frequency: must be positive and finite everywhere")
-    if not np.isfinite(level).all():
-        row = int(np.argmin(np.isfinite(level)))
-        raise RsgenError(f"surface.level: {level[row]} in row {row}; must be finite everywhere")
-    if (level < 0).any():
-        row = int(np.argmax(level < 0))
-        raise RsgenError(f"surface.level: {level[row]:g} in row {row}; an amplitude must not be negative")

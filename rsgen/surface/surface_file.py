@@ -18,7 +18,8 @@ from rsgen.confined import command, environment
 from rsgen.errors import MeasurementError, RsgenError, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
-from rsgen.surface.response_surface import COLUMN_UNITS, OUTCOMES, ResponseSurface
+from rsgen.surface.columns import COLUMN_UNITS
+from rsgen.surface.response_surface import OUTCOMES, ResponseSurface
 
 __all__ = ["load_surface", "save_surface"]
 
@@ -46,19 +47,22 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     with h5py.File(buffer, "w") as file:
         file.attrs["format"] = _FORMAT
         file.attrs["schema"] = _SCHEMA
-        for name in ("origin", "phase_known", "control"):
+        for name in ("origin", "phase_known", "control", "per_mass", "base"):
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
-        columns = {name: getattr(surface, name) for name in COLUMN_UNITS}
+        values = {name: getattr(surface, name) for name in COLUMN_UNITS}
+        columns = {name: value for name, value in values.items() if value is not None}
         columns["sweep"] = columns["sweep"].astype("S4")
         columns["settled"] = surface.settled.astype(np.uint8)
         columns["stable"] = columns["stable"].astype(np.uint8)
+        forces = dict.fromkeys(("force", "force_harmonics"), surface.force_unit)
+        units = COLUMN_UNITS | forces | {"level": surface.level_unit}
         found = [finding.to_dict() for finding in surface.findings]
         columns["findings"] = np.bytes_(json.dumps(found, default=float))
         for name, values in columns.items():
             # no time stamps: the same surface gives the same bytes
             data = file.create_dataset(name, data=values, track_times=False)
-            data.attrs["units"] = surface.level_unit if name == "level" else COLUMN_UNITS.get(name, "")
+            data.attrs["units"] = units.get(name, "")
     write_atomic(path, buffer.getvalue())
 
 
@@ -82,6 +86,9 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
         reason = " ".join(str(fault).split())[:200]
         raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
 
+
+_MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across")
+"""Columns that surfaces of earlier versions, or without a motion across, do not have."""
 
 _FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
 """What comes of arrays that do not belong together."""
@@ -164,8 +171,7 @@ def _surface(reader: _Reader) -> ResponseSurface:
     values: dict[str, Any] = {
         name: reader.array(name)
         for name in (*COLUMN_UNITS, "findings")
-        # surfaces of earlier versions have no such column
-        if name in reader.arrays or name not in ("stable", "findings")
+        if name in reader.arrays or name not in _MAY_BE_MISSING
     }
     values["sweep"] = np.char.decode(values["sweep"], "ascii")
     if "findings" in values:
@@ -179,4 +185,6 @@ def _surface(reader: _Reader) -> ResponseSurface:
         # surfaces written before there were tests without phase do not say
         phase_known=bool(reader.attribute("phase_known", True)),
         control=str(reader.attribute("control", "force")),
+        per_mass=bool(reader.attribute("per_mass", False)),
+        base=str(reader.attribute("base", "")),
     )

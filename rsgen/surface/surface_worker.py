@@ -74,7 +74,7 @@ def _array(file: h5py.File, name: str) -> dict[str, Any]:
 
 def _described(file: BinaryIO, wanted: list[str]) -> dict[str, Any]:
     with h5py.File(file, "r") as opened:
-        attributes = ("format", "schema", "origin", "phase_known", "control", "notes")
+        attributes = ("format", "schema", "origin", "phase_known", "control", "per_mass", "base", "notes")
         return {
             "attributes": {name: _attribute(opened, name) for name in attributes if name in opened.attrs},
             "arrays": {name: _array(opened, name) for name in wanted if name in opened},

@@ -12,7 +12,7 @@ import pytest
 from rsgen.case import load_case
 from rsgen.identification import identify
 from rsgen.identification.agreement import Agreement
-from rsgen.identification.data import gather_repeats
+from rsgen.identification.repeats import gather_repeats
 from rsgen.law.element import make_element
 from rsgen.measurement import read_measurement
 from rsgen.oscillator import Model
