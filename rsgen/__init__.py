@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from rsgen.identification import Identification, identify
     from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
+    from rsgen.multisine import MultisineSpectra, best_linear
     from rsgen.observation import Observation
     from rsgen.oscillator import Model, Oscillator
     from rsgen.prediction import Prediction, predict
@@ -71,6 +72,7 @@ _PLACES = {
     "MeasuredTest": "measurement",
     "MeasurementError": "errors",
     "Model": "oscillator",
+    "MultisineSpectra": "multisine",
     "Observation": "observation",
     "Oscillator": "oscillator",
     "Prediction": "prediction",
@@ -80,6 +82,7 @@ _PLACES = {
     "SimulatedTest": "simulation",
     "SteadyStates": "steady_state",
     "Verdict": "verdict",
+    "best_linear": "multisine",
     "compare": "comparison",
     "derive": "describing",
     "explain": "report.stated_verdict",
@@ -115,6 +118,7 @@ __all__ = [
     "MeasuredTest",
     "MeasurementError",
     "Model",
+    "MultisineSpectra",
     "Observation",
     "Oscillator",
     "Prediction",
@@ -124,6 +128,7 @@ __all__ = [
     "SimulatedTest",
     "SteadyStates",
     "Verdict",
+    "best_linear",
     "compare",
     "derive",
     "explain",

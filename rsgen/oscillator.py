@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -18,7 +18,7 @@ from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.observation import Observation
 
-__all__ = ["KNOWN_MASS", "Model", "Oscillator"]
+__all__ = ["KNOWN_MASS", "Model", "Oscillator", "join_model"]
 
 KNOWN_MASS = Rule("Mass, where it is known beforehand.", unit="kg", above=0)
 
@@ -183,3 +183,17 @@ class Model(_Elements):
         mass = "" if self.mass is None else f", mass={self.mass:g}"
         observed = "" if self.observation == Observation() else f", observation={self.observation!r}"
         return f"Model({self._law}{mass}{observed})"
+
+
+def join_model(
+    law: Model | LawLike | Sequence[LawLike],
+    observation: Observation | None = None,
+    mass: float | None = None,
+) -> Model:
+    """Join law, mass and observation; what is given explicitly wins over the model's."""
+    model = law if isinstance(law, Model) else Model(law)
+    return replace(
+        model,
+        mass=model.mass if mass is None else mass,
+        observation=model.observation if observation is None else observation,
+    )

@@ -6,7 +6,8 @@ With the samples of force and response as arrays, two lines make a surface::
     surface = rsgen.history.from_swept_sine(history)
 
 ``TimeHistory.from_times`` takes instants in place of the sampling rate. Several histories (levels, up and
-down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests;
+down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests, and
+``from_multisine`` makes the spectra of a periodic multisine, which ``identify`` takes as well;
 ``follow_decay`` gives frequency and damping of a free decay against its amplitude, and ``record_findings``
 finds where a record is clipped or stands still. ``from_sep5`` and ``to_sep5`` take and give channels as the
 SDyPy family has them.
@@ -15,6 +16,7 @@ SDyPy family has them.
 from __future__ import annotations
 
 from rsgen.history.decay import FreeDecay, follow_decay, from_free_decay
+from rsgen.history.multisine import from_multisine
 from rsgen.history.record import TimeHistory
 from rsgen.history.sep5 import from_sep5, to_sep5
 from rsgen.history.soundness import record_findings
@@ -28,6 +30,7 @@ __all__ = [
     "TimeHistory",
     "follow_decay",
     "from_free_decay",
+    "from_multisine",
     "from_sep5",
     "from_stepped_sine",
     "from_swept_sine",

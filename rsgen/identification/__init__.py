@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rsgen.identification.identify import identify
+from rsgen.identification.multisine import MultisineIdentification
 from rsgen.identification.result import (
     EquivalentCurve,
     Estimate,
@@ -15,6 +16,7 @@ __all__ = [
     "EquivalentCurve",
     "Estimate",
     "Identification",
+    "MultisineIdentification",
     "Resonance",
     "RestoringForce",
     "identify",

@@ -26,6 +26,7 @@ from rsgen.identification.findings import (
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import is_systematic
+from rsgen.identification.multisine import identify_multisine
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
@@ -43,8 +44,9 @@ from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
 from rsgen.law.numeric import compile_law
+from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
-from rsgen.oscillator import Model
+from rsgen.oscillator import Model, join_model
 from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["identify"]
@@ -79,7 +81,7 @@ _CENTRED = 0.01
 
 
 def identify(
-    surface: ResponseSurface,
+    surface: ResponseSurface | MultisineSpectra,
     law: Model | LawLike | Sequence[LawLike],
     observation: Observation | None = None,
     *,
@@ -90,7 +92,8 @@ def identify(
     Parameters
     ----------
     surface
-        Settled points of any test; unsettled and held-out ones are left aside.
+        Settled points of any test; unsettled and held-out ones are left aside. Spectra of a multisine give a
+        ``MultisineIdentification``.
     law
         Without values: a formula, an element, a law, a sequence of these, or a model.
     observation
@@ -108,8 +111,10 @@ def identify(
     RsgenError
         A held-out level is not in the surface, or fewer than four points can be used.
     """
+    model = join_model(law, observation, mass)
+    if isinstance(surface, MultisineSpectra):
+        return identify_multisine(surface, model)
     require(surface, ResponseSurface, "surface")
-    model = _model_of(law, observation, mass)
     test = _prepare(surface, model)
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
@@ -127,18 +132,6 @@ class _Test:
     repeats: Repeats | None
     points: Points
     problem: Problem
-
-
-def _model_of(
-    law: Model | LawLike | Sequence[LawLike], observation: Observation | None, mass: float | None
-) -> Model:
-    """Join law, mass and observation; what is given explicitly wins over the model's."""
-    model = law if isinstance(law, Model) else Model(law)
-    return replace(
-        model,
-        mass=model.mass if mass is None else mass,
-        observation=model.observation if observation is None else observation,
-    )
 
 
 def _prepare(surface: ResponseSurface, model: Model) -> _Test:

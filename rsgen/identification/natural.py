@@ -27,7 +27,7 @@ def natural_sizes(law: ForceLaw, amplitude: float, omega: float, force: float) -
     # in kg, m and s a force is kg m/s^2
     base = {"kg": force / (amplitude * omega**2), "m": amplitude, "s": 1 / omega}
     for place, name in enumerate(law.parameters):
-        powers = read_unit(units[name]).dimension.powers if units[name] else None
+        powers = read_unit(units[name]).dimension.powers if units.get(name) else None
         if powers is not None and powers.keys() <= base.keys():
             sizes[place] = np.prod([base[unit] ** float(power) for unit, power in powers.items()])
     return sizes

@@ -1,0 +1,49 @@
+"""Sentences about tests with a periodic multisine."""
+
+from __future__ import annotations
+
+from rsgen.finding import Finding
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
+from rsgen.units.scale import number_text
+
+say_plainly(
+    {
+        "multisine-periods": (
+            "a period of {samples:.0f} samples ({period}), lines {step:.4q} apart; {periods:.0f} settled "
+            "periods of each record are used, up to {left_out:.0f} at the beginning were left out"
+        ),
+        "one-period": (
+            "one period of each record: noise and misfit cannot be told apart, and the intervals take the "
+            "misfit for noise; record several periods"
+        ),
+        "law-leaves-distortion": (
+            "the law leaves {misfit:.2p} of the force, {times:.2g} times what the periods scatter: that part "
+            "is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines in "
+            "turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
+        ),
+        "line-not-distinct-from-zero": (
+            "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
+            "zero; raise the level, or record more periods"
+        ),
+    }
+)
+
+NEXT_STEPS.update(
+    {
+        "law-leaves-distortion": (
+            "Look at the lines at which the misfit stands above the noise; try another law, or a band around "
+            "one mode."
+        ),
+    }
+)
+
+
+@says("identified-from-lines")
+def _(found: Finding) -> str:
+    records = f"{found['records']:.0f} {'record' if found['records'] == 1 else 'records'}"
+    levels = f"{found['levels']:.0f} {'level' if found['levels'] == 1 else 'levels'}"
+    return (
+        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from "
+        f"{found['lines']:.0f} lines of {records} at {levels}; force and response differ from the law by "
+        f"{number_text(100 * found['misfit'], 2)} % of the force"
+    )
