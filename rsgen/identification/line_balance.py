@@ -3,8 +3,9 @@
 The law is evaluated along the mean motion of each record. Three things come from the single periods: the
 variance of the balance at each line, in which the noise of force and of response count as the law weighs
 them; the O(noise^2) bias of the law along a noisy motion (along the mean of P periods it is a P-th of what it
-is along one, so that (mean of N(x_p) - N(mean))/(P - 1) is left, the jackknife); and how the noise of the slopes
-goes with that of the balance, which in plain least squares would bias the parameters (errors in variables).
+is along one, so that (mean of N(x_p) - N(mean))/(P - 1) is left, the jackknife); and how the noise of the
+slopes goes with that of the balance, which in plain least squares would bias the parameters (errors in
+variables).
 """
 
 from __future__ import annotations
