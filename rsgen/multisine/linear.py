@@ -4,8 +4,8 @@ At an excited line Y = G F + S + N: G the best linear approximation, smooth in f
 which looks like noise but repeats every period; N noise, which does not. G is a local polynomial over
 neighbouring excited lines, times one mode fitted to all of them (Schoukens, Vandersteen, Barbe, Pintelon,
 IEEE Trans. Instrum. Meas. 58 (2009) 3207); what it leaves is S + N, and the scatter of the periods is N.
-Where only odd lines are excited, even nonlinearity answers at even lines and odd nonlinearity also at the odd lines
-that are not excited.
+Where only odd lines are excited, even nonlinearity answers at even lines and odd nonlinearity also at the odd
+lines that are not excited.
 """
 
 from __future__ import annotations
