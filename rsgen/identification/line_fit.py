@@ -1,4 +1,4 @@
-"""Least squares of the balance at the lines of periodic records, weighted by its noise, with honest errors."""
+"""Least squares of the balance at the lines of periodic records, weighted by its noise, and the errors."""
 
 from __future__ import annotations
 
