@@ -18,6 +18,7 @@ from rsgen.law.loop_character import TriedLoops
 from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
+from rsgen.law.virgin_curves import positive_in
 
 __all__ = ["Character", "character", "onset", "vanishes"]
 
@@ -65,6 +66,8 @@ class Character:
         of a saturation.
     odd
         True where n(-x, -v) = -n(x, v): the mean and all even harmonics vanish.
+    positive
+        Nonlinear indices that must be positive for every virgin curve to be one.
     even
         Linear indices of forces p phi with phi(-x, -v) = phi(x, v): along a motion without mean and even
         harmonics these have no odd harmonic.
@@ -86,6 +89,7 @@ class Character:
     linear: tuple[int, ...]
     nonlinear: tuple[int, ...]
     scaled: tuple[tuple[int, ...], ...]
+    positive: tuple[int, ...]
     odd: bool
     even: tuple[int, ...]
     mirrored: bool
@@ -114,6 +118,7 @@ def character(force: sympy.Expr) -> Character:
         linear=linear,
         nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
         scaled=_scaled_groups(len(parameters), linear, partial(_is_scaled, pieces, parameters)),
+        positive=(),
         odd=_is_mirrored(force, states, parameters, -1.0),
         even=even,
         mirrored=_is_mirrored(without, states, parameters, -1.0),
@@ -150,6 +155,7 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
         (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and tried.couples(i, j)
     }
     linear = _jointly_linear(pieces, parameters, clash)
+    nonlinear = tuple(i for i in range(len(parameters)) if i not in linear)
     is_scaled = tried.scales if rates else partial(_is_scaled, pieces, parameters)
     onsets = [each for part in (law, *rates.values()) for each in _onsets(part, parameters)]
     even = tuple(
@@ -165,8 +171,11 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     return Character(
         parameters=tuple(str(p) for p in parameters),
         linear=linear,
-        nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
+        nonlinear=nonlinear,
         scaled=_scaled_groups(len(parameters), linear, is_scaled),
+        positive=tuple(
+            i for i in nonlinear if any(positive_in(c.virgin, parameters[i]) for c in memory.curves)
+        ),
         odd=odd and _is_mirrored(law, moving, parameters, -1.0),
         even=even,
         mirrored=odd and _is_mirrored(without, moving, parameters, -1.0),

@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
 import sympy
 
 from rsgen.errors import ExpressionError
 from rsgen.expression import check_name, parse, symbol, write
-from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import Inner, Masing, State, Structural, remembers
+from rsgen.law.virgin_curves import check_virgin
 
 __all__ = [
     "Curve",
@@ -32,9 +31,6 @@ __all__ = [
     "with_equations",
     "with_memory",
 ]
-
-_TYPICAL = (1.0, 0.3, 2.5)
-"""Values of all parameters, and displacements, at which the sign of a virgin curve is looked at."""
 
 _FIXED = ("t", "X", "X0", "omega", "F")
 """Names with a fixed meaning on which a law cannot depend."""
@@ -210,7 +206,7 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
         places[state] = inner[state.args[0]]
     curves = []
     for number, curve in enumerate(sorted(force.atoms(Masing), key=sympy.default_sort_key), start=1):
-        _check_virgin(curve.args[0])
+        check_virgin(curve.args[0])
         curves.append(Curve(_inner(_free(f"masing_{number}", inner)), curve.args[0]))
         places[curve] = curves[-1].symbol
     lag = _inner(_free("lag", inner)) if force.has(Structural) else None
@@ -236,22 +232,3 @@ def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:
     while symbol(name) in states:
         name += "_"
     return name
-
-
-def _check_virgin(curve: sympy.Expr) -> None:
-    text, x = write(curve), symbol("x")
-    if curve.has(symbol("v")) or remembers(curve):
-        raise ExpressionError(f"masing({text}): a virgin curve is written in x and parameters only")
-    if not curve.has(x):
-        raise ExpressionError(f"masing({text}): a virgin curve depends on x")
-    names = tuple(sorted(curve.free_symbols - {x}, key=str))
-    law = compiled((curve,), (x, *names))
-    places = np.array([0.0, 1e-9, *(1e-3 * size for size in _TYPICAL)])
-    (forces,) = law(places, *np.full((len(names), len(places)), _TYPICAL[0]))
-    forces = np.broadcast_to(forces, places.shape)
-    if not abs(forces[0]) <= 1e-12 * max(1.0, float(np.nanmax(np.abs(forces)))):
-        raise ExpressionError(f"masing({text}): a virgin curve must be zero at x = 0")
-    if np.all(forces[2:] < 0):
-        raise ExpressionError(
-            f"masing({text}): a virgin curve must be positive for x > 0; the sign stands before it"
-        )

@@ -9,6 +9,8 @@ import pytest
 
 import rsgen
 from rsgen.expression import parse
+from rsgen.identification.equations import Equations
+from rsgen.identification.start import solve_equations
 from rsgen.law.element import make_element
 from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model, Oscillator
@@ -103,3 +105,31 @@ def test_two_switches_are_found_together() -> None:
     found, true = identified(text, added, (2.0, 14.0), 1e-3)
     for estimate in found.refined:
         assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate
+
+
+def slider(stiffness: float, limit: float, size: np.ndarray) -> np.ndarray:
+    """(n,) complex force/displacement of a Jenkins element at amplitudes, from the area of its loop."""
+    place = np.minimum(limit / stiffness, size)
+    angle = np.arccos(1 - 2 * place / size)
+    area = 4 * stiffness * place * (size - place)
+    return stiffness * (angle - np.sin(angle) * np.cos(angle)) / np.pi + 1j * area / (np.pi * size**2)
+
+
+@pytest.mark.slow
+def test_equal_sliders_are_told_apart() -> None:
+    """Four sliders have 24 equal solutions, and many that are none."""
+    k, c, kt, limits = 5000.0, 3.0, 1500.0, np.array([1.0, 2.0, 4.0, 8.0])
+    law = compile_law(parse("k*x + c*v + " + " + ".join(f"masing(Min(kt*x, F{i}))" for i in range(4))))
+    omega, size = (
+        part.ravel() for part in np.meshgrid(np.linspace(45.0, 90.0, 6), np.geomspace(3e-4, 2e-2, 10))
+    )
+    ratio = k - MASS * omega**2 + 1j * omega * c + sum(slider(kt, limit, size) for limit in limits)
+    noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
+    force = ratio * size * (1 + noise[0] + 1j * noise[1])
+    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
+    equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
+    found = solve_equations(equations, law, None)
+    values = dict(zip(law.parameters, found.values, strict=True))
+    assert found.misfit < 5e-3
+    assert sorted(values[f"F{i}"] for i in range(4)) == pytest.approx(limits, rel=0.02)
+    assert values["kt"] == pytest.approx(kt, rel=0.02)
