@@ -20,6 +20,7 @@ from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
 from rsgen.law.memory import memory_form
 from rsgen.oscillator import KNOWN_MASS, Model, Oscillator
+from rsgen.simulation import SimulatedTest
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
 __all__ = ["build"]
@@ -208,7 +209,12 @@ class _Builder:
         if table and not self.simulated:
             self.fault("accept", "a measured case has no truth to be compared with; leave [accept] out")
             return {}
-        known = [*units, MASS, *force_keys(sympy.Add(*(element.force for element in elements)))]
+        base = getattr(self.document.test, "base", None) is not None
+        known = [
+            *units,
+            *([] if base else [MASS]),
+            *force_keys(sympy.Add(*(element.force for element in elements))),
+        ]
         for name in table:
             if name not in known:
                 hint = f"{suggest(name, known)}known: {', '.join(known)}"
@@ -259,7 +265,10 @@ class _Builder:
             text=text,
             sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
             oscillator=oscillator,
-            model=Model(elements, None if self.simulated else mass, observation),
+            # a shaken base determines no mass: that of the case is known beforehand, as in a laboratory
+            model=Model(
+                elements, None if isinstance(test, SimulatedTest) and not test.base else mass, observation
+            ),
             test=test,
             truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
             accept=accept,

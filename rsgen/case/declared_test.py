@@ -14,6 +14,7 @@ from rsgen.measurement import HistoryRule, MeasuredTest, Signal
 from rsgen.observation import Observation
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import match_level
+from rsgen.surface.columns import BASE_UNITS
 
 __all__ = ["make_measured", "make_observation", "make_simulated"]
 
@@ -24,6 +25,8 @@ def make_simulated(table: Any, maker: Maker) -> SimulatedTest:
     """Make a virtual test of at most a million points."""
     if table.control == "response":
         maker.units = {"N": "m"}
+    elif table.base is not None and table.base.quantity is not None:
+        maker.units = {"N": BASE_UNITS[table.base.quantity]}
     test = maker.make(SimulatedTest, table, "test")
     rows = ((table.level, test.level), (table.frequency, test.frequency))
     sizes = [size for grid, row in rows if (size := grid.count if row is None else len(row)) is not None]

@@ -138,6 +138,9 @@ _KINDS = {
 }
 """What has an equivalent property, its unit and its symbol."""
 
+_LEVELS = {"N": "Level F", "m": "Level X"}
+"""What levels are called by their unit; those of a base are levels."""
+
 
 def _draw_equivalent(
     what: Literal["stiffness", "damping"],
@@ -155,7 +158,10 @@ def _draw_equivalent(
     refined: Floats = getattr(model, what)
     first: Floats = getattr(backbone(identification, values_of(identification.first_order), grid), what)
     lines = [refined, first]
-    x, y = choose_scale(grid, "m"), choose_scale(np.concatenate([measured, refined]), unit)
+    x, y = (
+        choose_scale(grid, "m"),
+        choose_scale(np.concatenate([measured, refined]), identification.curve.unit(unit)),
+    )
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
     low, high = (refined - half) / y.factor, (refined + half) / y.factor
     axes.fill_between(grid / x.factor, low, high, color="#D55E00", alpha=0.18, lw=0)
@@ -265,7 +271,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         else _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x),
     )
     for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
-        y = choose_scale(part.line if part.line.size else part.cloud, _KINDS[part.what][1])
+        y = choose_scale(part.line if part.line.size else part.cloud, curve.unit(_KINDS[part.what][1]))
         cloud, line = part.cloud / y.factor, part.line / y.factor
         axes.scatter(
             part.place / part.scale.factor,
@@ -286,7 +292,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         panels[0].set_xlabel(x.label("Amplitude X"))
     if len(panels) > 1:
         panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
-    colour_bar(figure, panels, norm, force.label("Level F" if curve.level_unit == "N" else "Level X"), 35)
+    colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."

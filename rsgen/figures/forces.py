@@ -82,7 +82,8 @@ def draw_forces(
             for law in (refined, true)
         )
         if force is not None:
-            words.append(_panel(axes, what, place, unit, force, expected, inverted))
+            named = identification.curve.unit("N")
+            words.append(_panel(axes, what, place, unit, force, expected, inverted, named))
     caption = "Forces of springs and of dampers over the tested range"
     caption += (
         ", and the nonparametric restoring force (points, 95 % band)." if restoring is not None else "."
@@ -98,9 +99,10 @@ def _panel(
     force: Floats,
     true: Floats | None,
     inverted: tuple[Floats, Floats, Floats] | None,
+    force_unit: str,
 ) -> str:
     x = choose_scale(place, unit)
-    y = choose_scale(force, "N")
+    y = choose_scale(force, force_unit)
     if inverted is not None:
         at, drawn, band = inverted
         # a band wider than the force itself determines nothing: near rest, and at rare amplitudes

@@ -210,7 +210,7 @@ def draw_energy(
     panels_needed = 2 if np.isfinite(rest) else 1
     figure, panels = take_axes(ax, panels_needed, (4.4, 2.4 + 2.2 * (panels_needed - 1)), sharex=True)
     x = choose_scale(found.amplitude if found.amplitude.size else measured.amplitude, "m")
-    y = choose_scale(np.concatenate([measured.energy, found.energy]), "J")
+    y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.unit("J"))
     top = panels[0]
     top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **POINT)
     top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **REFINED)

@@ -77,10 +77,10 @@ def _fold_words(curves: list[ResonanceCurve]) -> str:
     places = " and ".join(
         f"{quantity_text(f, 'Hz', 5)} ({quantity_text(a, 'm', 3)})" for f, a in curve.folds.tolist()
     )
-    lowest = quantity_text(folded[0].level, "N", 3)
+    lowest = quantity_text(folded[0].level, curve.level_unit, 3)
     return (
-        f"Predicted curves fold from {lowest} on; at {quantity_text(curve.level, 'N', 3)} the response "
-        f"jumps at {places}, "
+        f"Predicted curves fold from {lowest} on; at {quantity_text(curve.level, curve.level_unit, 3)} the "
+        f"response jumps at {places}, "
         "and the dashed branch between is unstable."
     )
 
@@ -127,7 +127,9 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
                     rasterized=len(shown) > 400,
                 )
         for curve in _curves_of(prediction, forces[level])[:1]:
-            _draw_curve(axes, curve, scale.factor, colour, label=quantity_text(curve.level, "N", 3))
+            _draw_curve(
+                axes, curve, scale.factor, colour, label=quantity_text(curve.level, curve.level_unit, 3)
+            )
             curves.append(curve)
     _limit(axes, shown, scale.factor)
     axes.set_xlabel("Frequency [Hz]")
@@ -207,9 +209,10 @@ def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
 
 def _level_text(item: HeldOutLevel) -> str:
     """Name the level: a force, or the amplitude where that was held."""
-    name = f"{'F' if item.level_unit == 'N' else 'X'} = {quantity_text(item.level, item.level_unit, 3)}"
+    symbol = {"N": "F", "m": "X"}.get(item.level_unit, "base")
+    name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
     if abs(item.force - item.level) > _OTHER * item.level:
-        name += f" ({quantity_text(item.force, 'N', 3)} near the resonance)"
+        name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"
     return name
 
 

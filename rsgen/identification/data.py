@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from rsgen.motion import Motion
 from rsgen.oscillator import Model
 from rsgen.surface import OUTCOMES, ResponseSurface, match_level
 
-__all__ = ["ASYMMETRIC", "Points", "held_out_mask", "select_points"]
+__all__ = ["ASYMMETRIC", "Points", "held_out_mask", "per_unit_mass", "select_points"]
 
 Array = NDArray[np.float64]
 
@@ -133,6 +133,19 @@ def _why_unused(surface: ResponseSurface) -> str:
     if still:
         reasons.append(f"{still} do not move: friction holds the mass at these levels")
     return f" ({'; '.join(reasons)})" if reasons else ""
+
+
+def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurface, Model]:
+    """Give test and model one kind of force: where it is one per mass, on the mass, or on one kilogram.
+
+    With a known mass forces become newtons. Without one the mass of the balance is 1 kg, the forces stay as
+    they are, and the parameters are per unit mass: no test of a driven base determines more.
+    """
+    if not surface.per_mass:
+        return surface, model
+    if model.mass is None:
+        return surface, replace(model, mass=1.0)
+    return surface.on_mass(model.mass), model
 
 
 def select_points(surface: ResponseSurface, model: Model) -> Points:

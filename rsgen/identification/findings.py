@@ -31,7 +31,7 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
-from rsgen.units import parameter_units
+from rsgen.units import parameter_units, per_mass_unit
 
 __all__ = [
     "Findings",
@@ -75,14 +75,18 @@ def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
 
 
 def make_estimates(
-    found: Solution, law: ForceLaw, model: Model, reasons: Mapping[str, Finding | None]
+    found: Solution,
+    law: ForceLaw,
+    model: Model,
+    reasons: Mapping[str, Finding | None],
+    units: Mapping[str, str] | None = None,
 ) -> tuple[Estimate, ...]:
     """State each value with standard error, 95 % interval and unit, and why it is not identifiable."""
     values = np.append(found.values, found.mass) if model.mass is None else found.values
     names = names_of(law, model)
     variance = np.diag(found.covariance)
     wide = float(stdtrit(found.freedom, CONFIDENCE))
-    units = units_of(model)
+    units = units_of(model) if units is None else units
     estimates = []
     for name, value, var in zip(names, values, variance, strict=True):
         finite = bool(np.isfinite(var) and np.isfinite(value))
@@ -97,13 +101,15 @@ def make_estimates(
     return tuple(estimates)
 
 
-def units_of(model: Model) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say."""
+def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say; of a law per unit mass where asked."""
     # names that are kept for the time and the force have no unit there
     units = dict.fromkeys(model.parameters, "")
     # a law whose terms do not agree in units can be fitted all the same
     with suppress(RsgenError):
         units |= parameter_units(model.force)
+    if per_mass:
+        units = {name: per_mass_unit(unit) for name, unit in units.items()}
     return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
 
 

@@ -14,7 +14,8 @@ from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
-from rsgen.identification.data import Points, select_points
+from rsgen.identification.curve import equivalent_curve
+from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.findings import (
     Findings,
     make_estimates,
@@ -99,7 +100,8 @@ def identify(
     observation
         How the structure was observed; None: as the model says.
     mass
-        m [kg] where it is known; None: as the model says, and to be identified where that says nothing.
+        m [kg] where it is known; None: as the model says, and to be identified where that says nothing. Of
+        a driven base, whose force is one per mass, parameters without it are per unit mass.
 
     Returns
     -------
@@ -115,6 +117,7 @@ def identify(
     if isinstance(surface, MultisineSpectra):
         return identify_multisine(surface, model)
     require(surface, ResponseSurface, "surface")
+    surface, model = per_unit_mass(surface, model)
     test = _prepare(surface, model)
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
@@ -229,25 +232,27 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression = widen_squares(test.problem, agreement.widen(regression))
     whole = agreement.widen(whole)
-    names, units = names_of(law, model), units_of(model)
+    names, units = names_of(law, model), units_of(model, per_mass=surface.per_mass)
     reasons = {
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
         for name in names
     }
     reasons = explain_hidden(test.problem, reasons)
     solution = replace(refined.solution, covariance=regression.covariance, freedom=regression.freedom)
-    estimates = make_estimates(solution, law, model, reasons)
-    curve = _curve(surface, points, used, refined.mass)
+    estimates = make_estimates(solution, law, model, reasons, units)
+    curve = equivalent_curve(surface, points, used, refined.mass)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
+    if surface.per_mass:
+        about = (*about, Finding("per-unit-mass", "info"))
     general = Findings(surface, points, refined, resonances, agreement)
     return Identification(
         model=model,
-        paper=make_estimates(paper, law, model, {}),
-        first_order=make_estimates(first.solution, law, model, reasons),
+        paper=make_estimates(paper, law, model, {}, units),
+        first_order=make_estimates(first.solution, law, model, reasons, units),
         refined=estimates,
         first_order_bias=tuple(map(float, _first_order_bias(kept, refined, first))),
         covariance=regression.covariance,
@@ -359,24 +364,6 @@ def _first_order_bias(points: Points, refined: Fit, first: Fit) -> Array:
     exact = exact.select(exact.spread(2 * QUICK))
     again = _first_order(exact, first.problem, first.values, first.mass)
     return again.regression.parameters - refined.regression.parameters[: first.problem.count]
-
-
-def _curve(surface: ResponseSurface, points: Points, used: NDArray[np.bool_], mass: float) -> EquivalentCurve:
-    response = surface.harmonics[:, 1]
-    rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
-    stiffness = surface.force[rows] / response[rows]
-    omega = surface.omega[rows]
-    took_part = np.zeros(len(surface), dtype=bool)
-    took_part[points.index[used]] = True
-    return EquivalentCurve(
-        amplitude=np.abs(response[rows]),
-        frequency=surface.frequency[rows],
-        level=surface.level[rows],
-        stiffness=stiffness.real + mass * omega**2,
-        damping=stiffness.imag / omega,
-        used=took_part[rows],
-        level_unit=surface.level_unit,
-    )
 
 
 def _outcome(

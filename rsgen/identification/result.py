@@ -16,6 +16,7 @@ from rsgen.identification.observed import Shape, shape_of
 from rsgen.law.memory import with_equations
 from rsgen.oscillator import Model
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.units import per_mass_unit
 from rsgen.verdict import Verdict, reach_verdict
 
 __all__ = [
@@ -141,7 +142,9 @@ class EquivalentCurve:
     used
         (n,) True where the point took part in the fits (not held out, not an outlier).
     level_unit
-        "N", or "m" where the test held the amplitude.
+        "N", or "m" where the test held the amplitude, or of the motion of a base.
+    per_mass
+        True where stiffness and damping are per unit mass.
     """
 
     amplitude: NDArray[np.float64]
@@ -151,6 +154,16 @@ class EquivalentCurve:
     damping: NDArray[np.float64]
     used: NDArray[np.bool_]
     level_unit: str = "N"
+    per_mass: bool = False
+
+    def unit(self, whole: str) -> str:
+        """Give the unit of a stiffness, damping, force or energy as this test has it, per mass or not."""
+        return per_mass_unit(whole) if self.per_mass else whole
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the forces that drive: "N", or "m/s^2" where they are per unit mass."""
+        return "m/s^2" if self.per_mass else "N"
 
     def __post_init__(self) -> None:
         _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
@@ -368,7 +381,7 @@ class Identification(Printed):
     def _table(self) -> TextTable:
         background = () if self.background is None else self.background.estimates
         rows = [estimate.cells for estimate in (*self.refined, *background)]
-        if self.model.mass is not None:
+        if self.model.mass is not None and not self.curve.per_mass:
             rows.append(("m", short(self.model.mass), "given", "kg", ""))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range

@@ -39,6 +39,8 @@ class ResonanceCurve:
         (k,) 95 % band of the amplitude at the frequency [m]; NaN at folds, where it is not defined.
     folds
         (j, 2) frequency [Hz] and amplitude [m] of the points where the response jumps.
+    level_unit
+        "N", or "m/s^2" where forces are per unit mass.
     """
 
     level: float
@@ -50,6 +52,7 @@ class ResonanceCurve:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     folds: NDArray[np.float64]
+    level_unit: str = "N"
 
     def __post_init__(self) -> None:
         for name in ("frequency", "amplitude", "phase", "lower", "upper", "folds"):
@@ -77,8 +80,10 @@ class HeldOutLevel:
     missing
         How many points have no predicted steady state near the measured one.
     force
-        Measured force near the resonance [N], for which the curve of the level is predicted; NaN where the
-        test held the amplitude.
+        Measured force near the resonance, for which the curve of the level is predicted; NaN where the test
+        held the amplitude.
+    force_unit
+        "N", or "m/s^2" where parameters and forces are per unit mass.
     """
 
     level: float
@@ -91,6 +96,7 @@ class HeldOutLevel:
     missing: int
     level_unit: str = "N"
     force: float = nan
+    force_unit: str = "N"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", frozen_array(self.frequency))

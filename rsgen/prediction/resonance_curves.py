@@ -89,6 +89,7 @@ def predict(
     require(found, (Identification, Oscillator), "found")
     if surface is not None:
         require(surface, ResponseSurface, "surface")
+        surface = surface.on_mass(found.mass)
     chosen = _levels(found, levels, surface)
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
@@ -132,7 +133,9 @@ def _levels(
 
 def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
     """Forces [N] at which held-out levels were tested; of a test at constant amplitude there are none."""
-    if found.curve.level_unit != "N":
+    if found.curve.level_unit == "m" and (surface is None or not surface.base):
+        return []
+    if surface is None and found.curve.level_unit != "N":
         return []
     if surface is None:
         return list(found.model.observation.hold_out)
@@ -153,7 +156,7 @@ def _findings(
 ) -> tuple[Finding, ...]:
     findings = []
     for curve in curves:
-        at = {"level": Quantity(curve.level, "N")}
+        at = {"level": Quantity(curve.level, curve.level_unit)}
         if np.any(curve.extrapolated & (curve.amplitude > tested[1])):
             numbers = at | {"low": Quantity(tested[0], "m"), "high": Quantity(tested[1], "m")}
             findings.append(Finding("curve-extrapolated", "warning", numbers=numbers))
@@ -202,6 +205,7 @@ def _curve(
     )
     return ResonanceCurve(
         level=level,
+        level_unit=identification.curve.force_unit,
         frequency=frequency,
         amplitude=amplitude,
         phase=phase,
@@ -318,6 +322,7 @@ def _score(
                     error=error,
                     largest_error=largest,
                     level_unit=surface.level_unit,
+                    force_unit=identification.curve.force_unit,
                     force=float(forces[surface.levels == level][0]),
                     missing=len(rows) - int(np.count_nonzero(miss <= _NEAR * np.abs(measured))),
                 )

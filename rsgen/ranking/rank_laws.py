@@ -18,7 +18,7 @@ from rsgen.errors import RsgenError, require
 from rsgen.expression import symbol
 from rsgen.finding import Finding, quantities
 from rsgen.identification import Identification
-from rsgen.identification.data import Points, select_points
+from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.fit import Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.start import start_fit
@@ -130,6 +130,8 @@ def rank(
         mass=base.mass if mass is None else mass,
         observation=base.observation if observation is None else observation,
     )
+    given_mass, given_surface = base.mass, surface
+    surface, base = per_unit_mass(surface, base)
     observed = _observed(surface, base)
     points = observed.points
     if base.mass is None and np.ptp(points.omega) == 0:
@@ -145,7 +147,9 @@ def rank(
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
-    return _ranking(observed, *rounds[best], tuple(laws), base, surface)
+    found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
+    # the mass of one kilogram that stands for a unit of mass is not known
+    return replace(found, model=replace(found.model, mass=given_mass), surface=given_surface)
 
 
 def _all_rounds(

@@ -39,10 +39,14 @@ def _origin(case: Case | None) -> dict[str, str]:
         }
     noise = f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
     return named | {
-        "Simulation": f"{case.test.method}, {case.test.control} control, sweep {case.test.sweep}, "
+        "Simulation": f"{case.test.method}, {_held(case.test)}, sweep {case.test.sweep}, "
         f"accuracy {case.test.accuracy:g}",
         "Noise": noise if case.test.noise_relative else "none",
     }
+
+
+def _held(test: SimulatedTest) -> str:
+    return f"{test.base} of the base" if test.base else f"{test.control} control"
 
 
 def collect_provenance(

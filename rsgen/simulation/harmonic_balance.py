@@ -287,7 +287,8 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     Harmonic balance does not separate stable answers from unstable ones.
     """
 
-    def solve(force: Floats, frequency: Floats, guess: NDArray[np.complex128] | None = None) -> SteadyStates:
+    def solve(level: Floats, frequency: Floats, guess: NDArray[np.complex128] | None = None) -> SteadyStates:
+        force = test.drive(oscillator.mass, level, frequency)
         return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
 
     def go_on(frequency: Floats, last: SteadyStates | None) -> SteadyStates:

@@ -31,7 +31,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     ResponseSurface
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
-        X [m] that were held, the error is that of the force, and ``stable`` is False between folds.
+        X [m] that were held, the error is that of the force, and ``stable`` is False between folds. Of a
+        shaken base the response is relative to it and the force one per mass, -a_b.
 
     Raises
     ------
@@ -47,11 +48,12 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
         states = balance_grid(oscillator, test, progress)
     else:
         states = _integrate(oscillator, test, progress)
+    force = test.drive(oscillator.mass, level, frequency)
     controlled = states if isinstance(states, ControlledStates) else None
     surface = ResponseSurface(
         level=level,
         frequency=frequency,
-        force=controlled.force if controlled else level,
+        force=controlled.force if controlled else force / oscillator.mass if test.base else force,
         harmonics=states.harmonics,
         peak=states.peak,
         sweep=test.sweep,
@@ -61,6 +63,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
         origin="simulated",
         control=test.control,
         stable=controlled.stable if controlled else None,
+        per_mass=test.base is not None,
+        base=test.base or "",
     )
     return add_noise(surface, test.noise_relative, test.seed)
 
@@ -68,7 +72,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
 def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
     """Solve the grid by time integration: points from rest, or sweeps that go on from the last state."""
 
-    def solve(force: Array, frequency: Array, start: Array | None = None) -> SteadyStates:
+    def solve(level: Array, frequency: Array, start: Array | None = None) -> SteadyStates:
+        force = test.drive(oscillator.mass, level, frequency)
         return solve_steady_states(
             oscillator, force, frequency, harmonics=test.harmonics, accuracy=test.accuracy, start=start
         )

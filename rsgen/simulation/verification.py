@@ -62,6 +62,7 @@ def verify(
     """
     if not (surface.sweep == "rest").all():
         raise RsgenError("verify: only points from rest can be found again from rest; sweep must be 'rest'")
+    surface = surface.on_mass(oscillator.mass)
     points = np.sort(np.random.default_rng(seed).permutation(len(surface))[:sample])
     kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=True)
     values = np.array([oscillator.values[name] for name in kernel.parameters])

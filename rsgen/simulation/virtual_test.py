@@ -9,10 +9,11 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule, check, declare, documented
 from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
+from rsgen.surface.columns import BASE_UNITS, BASES
 
 __all__ = ["SimulatedTest"]
 
@@ -42,7 +43,11 @@ class SimulatedTest:
 
     level: Annotated[
         Array,
-        Rule("Force amplitudes F; amplitudes X of the displacement [m] under response control.", unit="N"),
+        Rule(
+            "Force amplitudes F; amplitudes X of the displacement [m] under response control; of the motion "
+            "of a base as [test.base] says.",
+            unit="N",
+        ),
     ]
     frequency: Annotated[Array, Rule("Frequencies.", unit="Hz")]
     sweep: Literal["rest", "up", "down"] = declare(
@@ -66,8 +71,15 @@ class SimulatedTest:
         "force", "force: constant F. response: constant X, the force follows."
     )
 
+    base: Literal["displacement", "velocity", "acceleration"] | None = declare(
+        None,
+        "What of the motion of a shaken base the levels are amplitudes of, instead of a force. The response "
+        "is the motion relative to the base.",
+        key="base.quantity",
+    )
+
     def __post_init__(self) -> None:
-        unit = "m" if self.control == "response" else "N"
+        unit = self.level_unit
         object.__setattr__(self, "level", _grid(self.level, "level", unit))
         object.__setattr__(self, "frequency", _grid(self.frequency, "frequency", "Hz"))
         check(self)
@@ -76,3 +88,20 @@ class SimulatedTest:
         """Find what does not fit together: a field's name and what is wrong with it."""
         if self.control == "response" and self.method != "time":
             yield "method", f"{self.method!r} has no control 'response'; must be 'time'"
+        if self.control == "response" and self.base is not None:
+            yield "base", "is shaken, but the response is held, by a force; leave one of them out"
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the levels."""
+        return "m" if self.control == "response" else BASE_UNITS[self.base or ""]
+
+    def drive(self, mass: float, level: Array, frequency: Array) -> ComplexArray:
+        """(n,) complex force [N] on the mass [kg] at levels and frequencies [Hz]: -m a_b of a shaken base.
+
+        The motion of the base has phase zero.
+        """
+        if self.base is None:
+            return np.asarray(level, dtype=np.complex128)
+        derivatives = len(BASES) - 1 - BASES.index(self.base)
+        return np.asarray(-mass * (2j * np.pi * frequency) ** derivatives * level)

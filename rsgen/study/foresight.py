@@ -51,6 +51,7 @@ def _planned(test: SimulatedTest) -> ResponseSurface:
         np.ones(level.size, complex),
         sweep="rest",
         control=test.control,
+        base=test.base or "",
     )
 
 

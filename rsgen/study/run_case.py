@@ -123,10 +123,10 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
         A file cannot be read, or a simulated case has no true values.
     """
     if isinstance(case.test, MeasuredTest):
-        return read_measurement(case.test)
+        return read_measurement(case.test).on_mass(case.model.mass)
     if case.oscillator is None:
         raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
-    return simulate(case.oscillator, case.test, progress=progress)
+    return simulate(case.oscillator, case.test, progress=progress).on_mass(case.model.mass)
 
 
 def _saved_surface(case: Case, out: Path) -> ResponseSurface:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 
 __all__ = [
+    "BASES",
     "BASE_UNITS",
     "COLUMN_UNITS",
     "SWEEPS",
@@ -23,6 +24,9 @@ SWEEPS = ("rest", "up", "down")
 
 BASE_UNITS = {"": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 """Unit of levels: of the force, or of the motion of the base that was driven."""
+
+BASES = ("displacement", "velocity", "acceleration")
+"""What of the motion of a base may be given, each the derivative of the one before."""
 
 COLUMN_UNITS = {
     "level": "N",

@@ -6,7 +6,7 @@ long form; force and response are complex and as measured, never the nominal lev
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -268,6 +268,12 @@ class ResponseSurface:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
         return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
+
+    def on_mass(self, mass: float | None) -> ResponseSurface:
+        """The same test as a force [N] on a mass m [kg], where its force is one per mass; None: as it is."""
+        if mass is None or not self.per_mass:
+            return self
+        return replace(self, force=mass * self.force_harmonics, per_mass=False)
 
     @classmethod
     def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:

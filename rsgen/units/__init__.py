@@ -13,17 +13,17 @@ from rsgen.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
 from rsgen.units.unit_text import read_unit
 
 if TYPE_CHECKING:
-    from rsgen.units.deduction import parameter_units, unit_faults
+    from rsgen.units.deduction import parameter_units, per_mass_unit, unit_faults
 
 __all__ = [
-    "Dimension", "parameter_units", "quantity", "read_unit", "sensor_factor", "sensor_unit", "unit_faults",
-    "unit_of",
+    "Dimension", "parameter_units", "per_mass_unit", "quantity", "read_unit", "sensor_factor", "sensor_unit",
+    "unit_faults", "unit_of",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     # on first use, for it imports sympy, which the process that opens binary files can do without
-    if name in ("parameter_units", "unit_faults"):
+    if name in ("parameter_units", "per_mass_unit", "unit_faults"):
         from rsgen.units import deduction
 
         return getattr(deduction, name)

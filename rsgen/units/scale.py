@@ -31,6 +31,9 @@ _PREFIXES = {
 SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
 """How the points of a sweep were reached, in words."""
 
+_PER_MASS = "/kg"
+"""Ending of units per unit mass, as ``per_mass_unit`` makes them; a prefix is that of the rest."""
+
 _THIN = "\u202f"
 _POWERS = str.maketrans("-0123456789.", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹·")
 
@@ -90,7 +93,10 @@ def choose_scale(values: ArrayLike, unit: str) -> Scale:
     numbers = np.abs(np.asarray(values, dtype=float).ravel())
     numbers = numbers[np.isfinite(numbers)]
     largest = float(numbers.max()) if numbers.size else 0.0
-    choices = _PREFIXES.get(unit, ((1.0, unit_text(unit)),))
+    whole = unit.removesuffix(_PER_MASS)
+    choices = _PREFIXES.get(whole, ((1.0, unit_text(whole)),))
+    if whole != unit:
+        choices = tuple((factor, f"{name}{_PER_MASS}") for factor, name in choices)
     if largest == 0.0:
         factor, name = next((c for c in choices if c[0] == 1.0), choices[0])
         return Scale(factor, name)

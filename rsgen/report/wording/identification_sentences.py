@@ -10,6 +10,10 @@ _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
 
 say_plainly(
     {
+        "per-unit-mass": (
+            "the base was driven and no mass is given: parameters are per unit mass, N/m/kg in place of N/m; "
+            "give the mass to have them whole"
+        ),
         "values-given": "all parameters are given, none was identified",
         "confounded": (
             "{parameter}: only a combination with {with} is identifiable; give one of them, or test wider"

@@ -1,0 +1,131 @@
+"""A shaken base: transmissibility in closed form, parameters per unit mass, the case file, the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.errors import CaseError, RsgenError
+from rsgen.study.run_case import obtain_surface
+
+LAW = "k*x + k3*x**3 + c*v"
+TRUE = {"k": 2e4, "k3": 5e9, "c": 4.0}
+MASS = 2.0
+LEVELS = {"displacement": [2e-5, 1e-4], "velocity": [2e-3, 1e-2], "acceleration": [0.2, 1.0]}
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+def shaken(base: str, **options) -> rs.SimulatedTest:
+    return rs.SimulatedTest(
+        **{"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "base": base, "accuracy": 1e-9}
+        | options
+    )
+
+
+@pytest.mark.parametrize("method", ["time", "harmonic-balance"])
+@pytest.mark.parametrize("base", LEVELS)
+def test_a_linear_structure_has_its_transmissibility(base, method):
+    """z/x_b = omega^2/(omega_0^2 - omega^2 + 2 i zeta omega_0 omega), x_b from what of it is given."""
+    oscillator = rs.Oscillator(MASS, "k*x + c*v", {"k": 2e4, "c": 4.0})
+    surface = rs.simulate(oscillator, shaken(base, method=method))
+    omega = surface.omega
+    derivatives = {"displacement": 0, "velocity": 1, "acceleration": 2}[base]
+    of_base = surface.level / (1j * omega) ** derivatives
+    expected = of_base * omega**2 / (1e4 - omega**2 + 2j * omega)
+    np.testing.assert_allclose(surface.harmonics[:, 1], expected, rtol=1e-8)
+    np.testing.assert_allclose(surface.force, of_base * omega**2, rtol=1e-12)
+    assert (surface.per_mass, surface.base, surface.level_unit) == (True, base, UNITS[base])
+
+
+@pytest.mark.parametrize("base", LEVELS)
+def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
+    alone, whole = rs.identify(surface, LAW), rs.identify(surface, LAW, mass=MASS)
+    for name, true in TRUE.items():
+        assert alone[name].value == pytest.approx(true / MASS, rel=1e-6)
+        assert whole[name].value == pytest.approx(true, rel=1e-6)
+    assert [alone[name].unit for name in TRUE] == ["N/m/kg", "N/m^3/kg", "N*s/m/kg"]
+    assert [whole[name].unit for name in TRUE] == ["N/m", "N/m^3", "N*s/m"]
+    assert "per-unit-mass" in {finding.code for finding in alone.findings}
+    assert "per-unit-mass" not in {finding.code for finding in whole.findings}
+    assert (alone.curve.force_unit, alone.curve.unit("J"), whole.curve.unit("J")) == ("m/s^2", "J/kg", "J")
+
+
+def test_a_held_out_level_is_predicted_with_and_without_the_mass():
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", level=[0.2, 0.5, 1.0]))
+    held = rs.Observation(hold_out=(0.5,))
+    for mass, unit, force in ((None, "m/s^2", 0.5), (MASS, "N", 1.0)):
+        found = rs.identify(surface, LAW, held, mass=mass)
+        (item,) = (prediction := rs.predict(found, surface=surface)).held_out
+        assert item.error < 1e-6
+        assert (item.level, item.level_unit, item.force_unit) == (0.5, "m/s^2", unit)
+        assert item.force == pytest.approx(force)
+        assert prediction[force].level_unit == unit
+
+
+def test_a_ranking_finds_the_law_and_no_mass():
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", accuracy=1e-6))
+    ranking = rs.rank(surface, [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])
+    assert ranking.model.mass is None
+    assert ranking.surface.per_mass
+    assert set(ranking.model.parameters) == {"k", "k3", "c"}
+
+
+CASE = """
+schema = 1
+name   = "shaken"
+title  = "Shaken cubic spring"
+[system]
+mass = "2 kg"
+[[element]]
+name  = "all"
+force = "k*x + k3*x**3 + c*v"
+[truth]
+k  = "20 kN/m"
+k3 = "5e9 N/m^3"
+c  = "4 N*s/m"
+[test]
+kind      = "simulated"
+level     = {{ values = ["20 um", "100 um"] }}
+frequency = {{ start = "11 Hz", stop = "25 Hz", count = 40 }}
+[test.base]
+quantity = "{quantity}"
+{more}
+"""
+
+
+def write(folder: Path, quantity: str = "displacement", more: str = "") -> Path:
+    path = folder / "shaken.toml"
+    path.write_text(CASE.format(quantity=quantity, more=more))
+    return path
+
+
+def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
+    case = rs.load_case(write(tmp_path, more="[identify]\nhold_out = ['20 um']"))
+    assert case.model.mass == MASS
+    np.testing.assert_allclose(case.test.level, [2e-5, 1e-4])
+    surface = obtain_surface(case)
+    # what a run works with is a force on the mass
+    assert not surface.per_mass
+    np.testing.assert_allclose(surface.force, MASS * surface.omega**2 * surface.level)
+    assert case.observation.hold_out == (2e-5,)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "more", "said"),
+    [
+        ("velocity", "", "test.level.values.1: .*m/s"),
+        ("displacement", "[accept]\nm = 1e-3", "accept.m: is no parameter"),
+    ],
+)
+def test_what_a_shaken_base_cannot_have_is_said(tmp_path, quantity, more, said):
+    with pytest.raises(CaseError, match=said):
+        rs.load_case(write(tmp_path, quantity, more))
+
+
+def test_a_held_response_is_not_shaken():
+    with pytest.raises(RsgenError, match="base: is shaken, but the response is held"):
+        shaken("velocity", control="response")
