@@ -9,6 +9,7 @@ The whole program::
     found   = rs.identify(surface, law)                            # rs.Observation(...) says more of the test
     print(found, found["k3"].interval)
     ranking = rs.rank(surface, [law, *rs.laws])
+    table   = rs.modal_table(surface)                          # omega(X), zeta(X), k(X), c(X): no law
     curves  = rs.predict(found, levels=[1, 3, 9])
     rs.write_report("reports/joint", surface, found)
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.export import save_frf
     from rsgen.finding import Finding
-    from rsgen.identification import Identification, identify
+    from rsgen.identification import Identification, ModalTable, identify, modal_table
     from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
     from rsgen.multisine import MultisineSpectra, best_linear
@@ -71,6 +72,7 @@ _PLACES = {
     "Law": "law",
     "MeasuredTest": "measurement",
     "MeasurementError": "errors",
+    "ModalTable": "identification",
     "Model": "oscillator",
     "MultisineSpectra": "multisine",
     "Observation": "observation",
@@ -91,6 +93,7 @@ _PLACES = {
     "load_case": "case",
     "load_surface": "surface",
     "make_element": "law",
+    "modal_table": "identification",
     "predict": "prediction",
     "rank": "ranking",
     "read": "case",
@@ -117,6 +120,7 @@ __all__ = [
     "Law",
     "MeasuredTest",
     "MeasurementError",
+    "ModalTable",
     "Model",
     "MultisineSpectra",
     "Observation",
@@ -139,6 +143,7 @@ __all__ = [
     "load_case",
     "load_surface",
     "make_element",
+    "modal_table",
     "predict",
     "rank",
     "read",

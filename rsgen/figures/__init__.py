@@ -11,6 +11,7 @@ from rsgen.figures.drawing import STYLE, Drawing
 from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.law_figure import draw_derivation
 from rsgen.figures.loops import draw_energy, draw_loops
+from rsgen.figures.modal import draw_modal
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text, unit_text
@@ -29,6 +30,7 @@ __all__ = [
     "draw_held_out",
     "draw_loops",
     "draw_map",
+    "draw_modal",
     "draw_resonance",
     "draw_responses",
     "draw_stiffness",

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rsgen.describing import DescribingFunction
 from rsgen.errors import RsgenError, require
-from rsgen.identification import Identification
+from rsgen.identification import Identification, ModalTable
 from rsgen.prediction import Prediction
 from rsgen.surface import ResponseSurface
 
@@ -38,6 +38,7 @@ _KINDS = {
     "identification": Identification,
     "prediction": Prediction,
     "surface": ResponseSurface,
+    "table": ModalTable,
 }
 """What a drawing function takes, by the name of its argument."""
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.identification.data import Points
-from rsgen.identification.forward import Forward, HarmonicBalance, Response
-from rsgen.identification.least_squares import Linearisation, Regression, fit, remove_bias
+from rsgen.identification.descent import Descent
+from rsgen.identification.forward import Forward, HarmonicBalance
+from rsgen.identification.least_squares import Regression, fit
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
 from rsgen.identification.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
@@ -171,69 +172,25 @@ class Fit:
         )
 
 
-class _Descent:
-    """Residuals and curvature of a problem under a forward model."""
-
-    def __init__(self, problem: Problem, forward: Forward) -> None:
-        self.problem, self.forward = problem, forward
-        self.compared = problem.compared(forward)
-        self.scale: Array | None = None
-
-    def predict(self, parameters: Array, nuisance: Array) -> Response:
-        values, mass, _ = self.problem.split(parameters)
-        return self.forward(values, mass, np.exp(nuisance[:, 0]))
-
-    def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
-        return self.problem.observed.linearise(
-            self.predict(parameters, nuisance),
-            self.problem.split(parameters)[2],
-            nuisance,
-            self.scale,
-            self.compared,
-        )
-
-    def corrected(self, found: Regression) -> Regression:
-        """Remove the bias of the square of the noise."""
-        return remove_bias(
-            found,
-            self.linearise(found.parameters, found.nuisance),
-            lambda: self._curvature(found.parameters, found.nuisance),
-        )
-
-    def _curvature(self, parameters: Array, nuisance: Array) -> Array:
-        step = np.zeros(nuisance.shape[1])
-        step[0] = self.forward.step
-        low, here, high = (self.linearise(parameters, nuisance + sign * step) for sign in (-1, 0, 1))
-        if self.forward.exact_slopes:
-            by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
-        else:
-            by_size = (2 * here.residual - high.residual - low.residual) / step[0] ** 2
-        if nuisance.shape[1] == 1:
-            return np.asarray(by_size[:, :, None])
-        observed = self.problem.observed
-        scale = observed.points.amplitude if self.scale is None else self.scale
-        by_phase = observed.phase_curvature(nuisance, scale, self.compared)
-        return np.stack([by_size, by_phase], axis=2)
-
-    def finish(self, regression: Regression) -> Fit:
-        """Predict at the estimate, relative to a fundamental of phase zero."""
-        response = self.predict(regression.parameters, regression.nuisance)
-        problem, lag = self.problem, np.angle(response.harmonics[:, 1])
-        values = problem.split(regression.parameters)[2]
-        if self.scale is None:
-            influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
-            regression = replace(regression, influence=influence)
-        motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
-        # without a phase the points get the one in which the fundamental of the mode is real
-        known = problem.observed.phase_known
-        return Fit(
-            problem,
-            regression,
-            response.force * np.exp(-1j * lag),
-            motion.harmonics,
-            regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
-            np.abs(problem.observed.seen(response, values)),
-        )
+def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
+    """Predict at the estimate, relative to a fundamental of phase zero."""
+    response = descent.predict(regression.parameters, regression.nuisance)
+    lag = np.angle(response.harmonics[:, 1])
+    values = problem.split(regression.parameters)[2]
+    if descent.scale is None:
+        influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
+        regression = replace(regression, influence=influence)
+    motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
+    # without a phase the points get the one in which the fundamental of the mode is real
+    known = problem.observed.phase_known
+    return Fit(
+        problem,
+        regression,
+        response.force * np.exp(-1j * lag),
+        motion.harmonics,
+        regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
+        np.abs(problem.observed.seen(response, values)),
+    )
 
 
 def fit_balance(
@@ -266,7 +223,7 @@ def fit_balance(
     forward = HarmonicBalance(
         law, mode.motion, order, mass_free=problem.given is None, about_rest=0 not in mode.measured
     )
-    descent = _Descent(problem, forward)
+    descent = Descent(problem, forward)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
     if not law.odd:
         common["natural"] = _natural_sizes(problem, parameters, mode)
@@ -288,7 +245,7 @@ def fit_balance(
         found = fit(descent.linearise, *place, steps=steps, used=used, **common)
         if correct:
             found = descent.corrected(found)
-    return descent.finish(found)
+    return _finish(problem, descent, found)
 
 
 def fit_simulator(
@@ -327,7 +284,7 @@ def fit_simulator(
         before.noise,
         accuracy=accuracy,
     )
-    descent = _Descent(problem, forward)
+    descent = Descent(problem, forward)
     descent.scale = start.scale if noisy else observed.points.amplitude
     parameters, noise = before.parameters, before.noise
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
@@ -356,7 +313,7 @@ def fit_simulator(
         forward.renew()
     if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
         return None
-    return descent.finish(found)
+    return _finish(problem, descent, found)
 
 
 def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:

@@ -25,6 +25,7 @@ from rsgen.figures import (
     draw_held_out,
     draw_loops,
     draw_map,
+    draw_modal,
     draw_resonance,
     draw_responses,
     draw_stiffness,
@@ -32,12 +33,13 @@ from rsgen.figures import (
     draw_time_history,
 )
 from rsgen.figures.cycles import shows_loops
-from rsgen.identification import Identification
+from rsgen.identification import Identification, ModalTable
 from rsgen.identification.data import held_out_mask
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.ranking import Ranking
 from rsgen.report.interpretation import mean_finding
+from rsgen.report.modal_section import Modal, tabulate_mode
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
 from rsgen.report.provenance import collect_provenance
@@ -50,7 +52,11 @@ __all__ = ["draw_all", "write_report"]
 
 
 def draw_all(
-    subject: Subject, surface: ResponseSurface, identification: Identification, prediction: Prediction
+    subject: Subject,
+    surface: ResponseSurface,
+    identification: Identification,
+    prediction: Prediction,
+    modal: Modal = "",
 ) -> list[Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
     drawings = [
@@ -62,6 +68,8 @@ def draw_all(
         draw_damping(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
+    if isinstance(modal, ModalTable):
+        drawings.append(draw_modal(modal, identification))
     if not remembers(identification.model.force):
         drawings.append(draw_forces(identification, subject.truth))
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
@@ -131,7 +139,7 @@ def write_report(
     command: Sequence[str] = (),
     figures: str | None = None,
 ) -> None:
-    """Write surface.h5, kernel.py, result.json and report.html into a folder; with a case also a notebook.
+    """Write surface.h5, kernel.py, modal.csv, result.json and report.html; with a case also a notebook.
 
     ``write_report(folder, surface, identification)`` is enough, by position or by name;
     ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.
@@ -196,22 +204,25 @@ def _write_files(
     levels = _levels(surface, identification)
     prediction = predict(identification, levels, surface)
     printed = check_printed(subject, identification)
-    result = build_result(subject, surface, identification, comparison, prediction, printed, spent)
+    modal = tabulate_mode(surface, identification)
+    if isinstance(modal, ModalTable):
+        write_atomic(place / "modal.csv", modal.to_csv())
+    result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
     write_atomic(place / "result.json", result_text(result))
-    drawings = draw_all(subject, surface, identification, prediction)
+    drawings = draw_all(subject, surface, identification, prediction, modal)
     if figures is not None:
         for drawing in drawings:
             write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(figures))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(given.loaded, surface, spent, command)
     page = render_page(
-        subject, surface, identification, comparison, prediction, printed, drawings, provenance
+        subject, surface, identification, comparison, prediction, printed, drawings, provenance, modal
     )
     write_atomic(place / "report.html", page)
     if given.loaded is None:
         return
     known = known_results(
-        given.loaded, surface, given.identification, given.comparison, prediction, levels, drawings
+        given.loaded, surface, given.identification, given.comparison, prediction, levels, drawings, modal
     )
     write_notebook(
         place / "notebook.ipynb",

@@ -16,10 +16,11 @@ from rsgen.case import Case
 from rsgen.comparison import Comparison
 from rsgen.errors import RsgenError
 from rsgen.figures import Drawing
-from rsgen.identification import Identification
+from rsgen.identification import Identification, ModalTable
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction
 from rsgen.report.environment import TEMPLATES, plain_text
+from rsgen.report.modal_section import Modal
 from rsgen.report.notebook_cells import KnownResults, execute_cells
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
@@ -165,6 +166,7 @@ def known_results(
     prediction: Prediction,
     levels: Sequence[float],
     drawings: Sequence[Drawing],
+    modal: Modal = "",
 ) -> KnownResults:
     """Collect what the lesson on a case would compute again.
 
@@ -174,6 +176,8 @@ def known_results(
         As it was loaded, with its own law.
     levels
         [N] of the prediction.
+    modal
+        The modal table, or why there is none.
     """
     results = KnownResults(case)
     case = case.with_model(identification.model)
@@ -191,6 +195,9 @@ def known_results(
         "responses": (surface, prediction),
         "held-out": (prediction,),
     }
+    if isinstance(modal, ModalTable):
+        results.add("modal_table", surface, case.model, result=modal)
+        inputs["modal"] = (modal, identification)
     for drawing in drawings:
         if drawing.name in inputs:
             function = f"draw_{drawing.name.replace('-', '_')}"

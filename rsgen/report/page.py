@@ -21,6 +21,7 @@ from rsgen.report.dissipation import dissipation_findings
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, mean_finding
+from rsgen.report.modal_section import Modal, modal_page_table
 from rsgen.report.page_tables import (
     background_table,
     estimate_table,
@@ -85,6 +86,7 @@ def render_page(
     printed: Sequence[PrintedFormula],
     drawings: Iterable[Drawing],
     provenance: Mapping[str, str],
+    modal: Modal = "",
 ) -> str:
     """Render the page; everything but the provenance follows from the input alone.
 
@@ -96,6 +98,8 @@ def render_page(
         The figures by name; those that are missing are left out of the page.
     provenance
         Name and value pairs: hashes, versions, seed, command, durations.
+    modal
+        The modal table, or why there is none.
 
     Raises
     ------
@@ -144,6 +148,8 @@ def render_page(
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": estimate_table(identification),
         "resonance_table": resonance_table(identification),
+        "modal_table": modal_page_table(modal),
+        "modal_remarks": [modal] if isinstance(modal, str) else [full_sentence(f) for f in modal.findings],
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],

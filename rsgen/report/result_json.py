@@ -19,6 +19,7 @@ from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
 from rsgen.report.dissipation import dissipation_entry
+from rsgen.report.modal_section import Modal, modal_entry
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
@@ -119,6 +120,7 @@ def build_result(
     prediction: Prediction,
     printed: Iterable[PrintedFormula],
     durations: Mapping[str, float],
+    modal: Modal = "",
 ) -> dict[str, Any]:
     """Give the content of result.json (schema 1); units are SI, what is not known is null.
 
@@ -129,6 +131,8 @@ def build_result(
     ----------
     durations
         Seconds of each stage; "surface" is how long it took to simulate or to read.
+    modal
+        The modal table, or why there is none.
     """
     curve = identification.curve
     return {
@@ -166,6 +170,7 @@ def build_result(
             for name in ("amplitude", "frequency", "stiffness", "damping")
         },
         "dissipation": dissipation_entry(surface, identification),
+        "modal": modal_entry(modal),
         "resonances": [_resonance(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),

@@ -22,7 +22,7 @@ from rsgen.errors import RsgenError
 from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
 from rsgen.figures.equivalent import backbone, refined_band, values_of
 from rsgen.finding import Finding
-from rsgen.identification import Estimate
+from rsgen.identification import Estimate, modal_table
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
@@ -39,6 +39,7 @@ from tests.samples import (
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
 SURFACE = cubic_surface()
 IDENTIFICATION = cubic_identification(SURFACE)
+MODAL = modal_table(SURFACE)
 PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
 
 DRAWINGS: dict[str, Callable[..., Drawing]] = {
@@ -48,6 +49,7 @@ DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "resonance": lambda ax=None: figures.draw_resonance(IDENTIFICATION, ax=ax),
     "stiffness": lambda ax=None: figures.draw_stiffness(IDENTIFICATION, TRUTH, ax=ax),
     "damping": lambda ax=None: figures.draw_damping(IDENTIFICATION, TRUTH, ax=ax),
+    "modal": lambda ax=None: figures.draw_modal(MODAL, IDENTIFICATION, ax=ax),
     "collapse": lambda ax=None: figures.draw_collapse(IDENTIFICATION, ax=ax),
     "forces": lambda ax=None: figures.draw_forces(IDENTIFICATION, TRUTH, ax=ax),
     "loops": lambda ax=None: figures.draw_loops(SURFACE, IDENTIFICATION, TRUTH, ax=ax),

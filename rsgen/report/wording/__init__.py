@@ -10,6 +10,7 @@ from __future__ import annotations
 from rsgen.report.wording import (  # noqa: F401
     identification_sentences,
     law_sentences,
+    modal_sentences,
     multisine_sentences,
     plausibility_sentences,
     prediction_sentences,

@@ -1,0 +1,80 @@
+"""Residuals, slopes and curvature of measured points under any forward model: what a fit descends on."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.identification.forward import Forward, Response
+from rsgen.identification.least_squares import Linearisation, Regression, remove_bias
+from rsgen.identification.observed import Observed
+
+__all__ = ["Descent", "Parametrised"]
+
+Array = NDArray[np.float64]
+
+
+class Parametrised(Protocol):
+    """What is fitted to what, as a descent needs it."""
+
+    @property
+    def observed(self) -> Observed:
+        """The measured points."""
+        ...
+
+    def split(self, parameters: Array) -> tuple[Array, float, Array]:
+        """Values for the forward model, mass [kg] and background."""
+        ...
+
+    def compared(self, forward: Forward) -> tuple[int, ...]:
+        """Harmonics other than the fundamental that are measured and predicted."""
+        ...
+
+
+class Descent:
+    """Residuals and curvature of a problem under a forward model."""
+
+    def __init__(self, problem: Parametrised, forward: Forward) -> None:
+        self.problem, self.forward = problem, forward
+        self.compared = problem.compared(forward)
+        self.scale: Array | None = None
+
+    def predict(self, parameters: Array, nuisance: Array) -> Response:
+        """Ask the forward model at (q,) parameters and (n, k) nuisances."""
+        values, mass, _ = self.problem.split(parameters)
+        return self.forward(values, mass, np.exp(nuisance[:, 0]))
+
+    def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
+        """Compare prediction and measurement, with slopes, in units of the expected noise."""
+        return self.problem.observed.linearise(
+            self.predict(parameters, nuisance),
+            self.problem.split(parameters)[2],
+            nuisance,
+            self.scale,
+            self.compared,
+        )
+
+    def corrected(self, found: Regression) -> Regression:
+        """Remove the bias of the square of the noise."""
+        return remove_bias(
+            found,
+            self.linearise(found.parameters, found.nuisance),
+            lambda: self._curvature(found.parameters, found.nuisance),
+        )
+
+    def _curvature(self, parameters: Array, nuisance: Array) -> Array:
+        step = np.zeros(nuisance.shape[1])
+        step[0] = self.forward.step
+        low, here, high = (self.linearise(parameters, nuisance + sign * step) for sign in (-1, 0, 1))
+        if self.forward.exact_slopes:
+            by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
+        else:
+            by_size = (2 * here.residual - high.residual - low.residual) / step[0] ** 2
+        if nuisance.shape[1] == 1:
+            return np.asarray(by_size[:, :, None])
+        observed = self.problem.observed
+        scale = observed.points.amplitude if self.scale is None else self.scale
+        by_phase = observed.phase_curvature(nuisance, scale, self.compared)
+        return np.stack([by_size, by_phase], axis=2)

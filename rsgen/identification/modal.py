@@ -1,0 +1,394 @@
+"""The modal table of a test: a mode fitted without a law.
+
+Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i omega c(X) to first order. k and c
+are splines of ln X; amplitude and phase of each point, phase error and background are fitted beside them, as
+for a law (``descent``, ``observed``). Only amplitudes that occur near resonance are in the table: elsewhere a
+phase error of half a degree is more than the damping.
+
+The mass follows from points of one amplitude at several frequencies. Where all points lie at phase resonance
+it does not follow: k - m omega^2 is zero whatever m is. Then only k/m = omega^2 and c are identifiable; a lag
+phi that is not exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.errors import RsgenError, require
+from rsgen.finding import Finding, quantities
+from rsgen.identification.agreement import Agreement
+from rsgen.identification.data import Points, select_points
+from rsgen.identification.descent import Descent
+from rsgen.identification.fit import Problem, fit_balance
+from rsgen.identification.forward import Forward
+from rsgen.identification.least_squares import Regression, fit, solve_scaled
+from rsgen.identification.misfit import is_systematic
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
+from rsgen.identification.modal_splines import ModalSplines, SplineBasis, SplineMode
+from rsgen.identification.observed import Observed
+from rsgen.identification.repeats import gather_repeats
+from rsgen.identification.start import start_fit
+from rsgen.identification.tolerances import ANY_LAW, EXCESS, NOISY
+from rsgen.law.numeric import compile_law
+from rsgen.observation import Observation
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
+
+__all__ = ["modal_table"]
+
+Array = NDArray[np.float64]
+
+_SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (3, 16))
+"""Degrees and intervals that are tried: a constant for a linear mode, as many pieces as a corner needs."""
+
+_POWERS = (0, 1, 2)
+"""Of the amplitude, that are tried as the coordinate of the splines; zero is the logarithm."""
+
+_TRIED = 300
+"""Points, spread over the amplitude, on which shapes are compared: sixteen for each coefficient."""
+
+_MIDDLE = 6
+"""Of the shapes, with which the orders are chosen first."""
+
+_WIDE = 1.15
+"""Ratio of the highest to the lowest frequency from which on the order shows: over less the order changes the
+force of points off resonance, where damping is small, by a few per cent of that."""
+
+_ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
+"""Orders of the damping that are tried: those of dampers, joints and drag, and their sums."""
+
+_ROUNDS = 3
+"""Shape and orders hardly depend on each other."""
+
+_POINTS_A_COEFFICIENT = 2
+"""At least as many points for each coefficient of k and of c: half of what they say is left to disagree."""
+
+_MOST = 800
+"""Points that are fitted, spread over the amplitude: more leave intervals narrower than any calibration."""
+
+_ROWS = 21
+"""Of the table: neighbours differ by a tenth of a decade where a test spans two."""
+
+_NEAR = np.sqrt(0.5)
+"""Sine of the lag at the half-power points, 45 degrees from resonance: there damping is half of the force."""
+
+_FLOOR = 1e-12
+"""Misfits below are round-off, and one is as good as the other."""
+
+_FEWEST = 4
+"""Points near resonance: fewer do not tell a constant from its error."""
+
+_KNOWN = 0.2
+"""Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
+
+_QUADRATURE = 0.2
+"""Points at phase resonance: cotangent of a lag 11 degrees from a quarter period, farther than loops hold."""
+
+_SCATTERED = 0.05
+"""Misfit from which on a reader is told: more than most noise, and than one harmonic leaves of most laws."""
+
+_NORMAL = 1.96
+"""Standard errors of a 95 % interval."""
+
+_ASSUMED = 0.01
+"""Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
+
+_OFF = 2
+"""At least as many points off resonance determine a mass, one on either side or two slices."""
+
+_DAMPED = 0.05
+"""Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
+
+
+def modal_table(
+    surface: ResponseSurface, about: Observation | Model | None = None, *, mass: float | None = None
+) -> ModalTable:
+    """Tabulate resonance frequency, damping ratio, k(X) and c(X) over the amplitude, without a law.
+
+    Parameters
+    ----------
+    surface
+        Settled points of any test; unsettled and held-out ones are left aside.
+    about
+        How the structure was observed: its background is fitted with the mode. Of a model the observation
+        and the mass count, not its law.
+    mass
+        m [kg] where it is known; None: as the model says, or identified from points off resonance. Where all
+        points lie at phase resonance it is not identifiable, and the table has k/m and c alone.
+
+    Raises
+    ------
+    RsgenError
+        Fewer than four points can be used, or lie near resonance; or the mass is neither given nor
+        identifiable, and the points do not lie at phase resonance.
+
+    Examples
+    --------
+    >>> omega = 2 * np.pi * np.linspace(9, 11, 41)
+    >>> mode = 4000 - omega**2 + 2j * omega
+    >>> table = modal_table(ResponseSurface(1.0, omega / 2 / np.pi, 1.0, 1 / mode))
+    >>> round(float(table.damping_ratio[0]), 5)
+    0.01581
+    """
+    require(surface, ResponseSurface, "surface")
+    model = _about(surface, about, mass)
+    means, _ = gather_repeats(surface)
+    points = select_points(means, model)
+    # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
+    with np.errstate(all="ignore"):
+        seen = _see(points, model, phase_known=surface.phase_known)
+        modal = _choose(seen, model.mass)
+        found = _fit(modal)
+        if not _mass_known(modal, found):
+            modal, found = _at_phase_resonance(seen)
+    return _table(modal, found, surface, model)
+
+
+def _about(surface: ResponseSurface, about: Observation | Model | None, mass: float | None) -> Model:
+    """Mass and observation, with a law that is near any other."""
+    require(about, (Observation, Model, type(None)), "about")
+    if isinstance(about, Model):
+        mass = about.mass if mass is None else mass
+        about = about.observation
+    # per unit mass there is nothing to identify
+    return Model(ANY_LAW, 1.0 if surface.per_mass else mass, about or Observation())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """The points, a first guess of the mode without the background, and the range near resonance [m]."""
+
+    observed: Observed
+    mode: Points
+    background: Array
+    tested: tuple[float, float]
+
+    def select(self, rows: NDArray[np.intp]) -> _Seen:
+        """Take some of the points."""
+        return replace(self, observed=self.observed.select(rows), mode=self.mode.select(rows))
+
+
+def _see(points: Points, model: Model, *, phase_known: bool) -> _Seen:
+    """Take the points as a fit sees them, those that it needs.
+
+    Where background or phases have to be found, a law that is near any other finds them.
+    """
+    observed = Observed.of(points, model.observation.background, phase_known=phase_known)
+    mode, background = points, np.zeros(0)
+    if observed.background.names or not phase_known:
+        problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.mass))
+        found = fit_balance(problem, start, order=1)
+        background = found.background
+        mode = observed.mode(background)
+        if not phase_known:
+            # a predicted force is relative to a fundamental of phase zero
+            force = np.abs(mode.force) * np.exp(1j * np.angle(found.force))
+            mode = replace(mode, force=force, harmonics=np.abs(mode.harmonics).astype(np.complex128))
+    stiffness = mode.force / mode.harmonics[:, 1]
+    near = np.abs(stiffness.imag) > _NEAR * np.abs(stiffness)
+    if np.count_nonzero(near) < _FEWEST:
+        raise RsgenError(
+            f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
+            f"at least {_FEWEST} are needed"
+        )
+    size = mode.amplitude
+    tested = float(size[near].min()), float(size[near].max())
+    # smaller motions say nothing of resonance, but all of the background
+    rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
+    rows = rows[mode.select(rows).spread(_MOST)]
+    return _Seen(observed, mode, background, tested).select(rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Modal:
+    """What is fitted: coefficients of the splines, the mass where it is free, the background.
+
+    ``given`` is a mass that stays; it is ``assumed`` where k/m and c are all that is wanted.
+    """
+
+    seen: _Seen
+    basis: SplineBasis
+    orders: tuple[int, ...]
+    given: float | None
+    assumed: bool = False
+
+    @property
+    def observed(self) -> Observed:
+        """The points."""
+        return self.seen.observed
+
+    @property
+    def coefficients(self) -> int:
+        """How many."""
+        return self.basis.count * (1 + len(self.orders))
+
+    @property
+    def count(self) -> int:
+        """Parameters apart from the background."""
+        return self.coefficients + (self.given is None)
+
+    def split(self, parameters: Array) -> tuple[Array, float, Array]:
+        """Coefficients, mass [kg] and background."""
+        mass = float(parameters[self.coefficients]) if self.given is None else self.given
+        return parameters[: self.coefficients], mass, parameters[self.count :]
+
+    def compared(self, forward: Forward) -> tuple[int, ...]:
+        """Higher harmonics are part of no linear mode."""
+        return ()
+
+    def forward(self, omega: Array) -> SplineMode:
+        """Give the forward model at the frequencies (n,) [rad/s]."""
+        return SplineMode(omega, self.basis, self.orders, mass_free=self.given is None)
+
+    def solve(self) -> tuple[Array, float]:
+        """Parameters of the linear balance beside the background, and their BIC."""
+        mode = self.seen.mode
+        by = self.forward(mode.omega)(np.zeros(self.coefficients), 0.0, mode.amplitude).force_by
+        size = np.abs(mode.force)
+        right = mode.force * mode.amplitude / mode.harmonics[:, 1]
+        if self.given is not None:
+            right = right + self.given * mode.omega**2 * mode.amplitude
+        matrix, right = by / size[:, None], right / size
+        matrix, right = np.concatenate([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
+        found, _, null = solve_scaled(np.asarray(matrix), np.asarray(right))
+        misfit = float(np.mean((right - matrix @ found) ** 2))
+        used = len(found) - null.shape[1]
+        return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * np.log(len(right))
+
+
+def _choose(seen: _Seen, mass: float | None) -> _Modal:
+    """Choose the shape of the splines and the orders of the damping, each by BIC given the other."""
+    mode = seen.mode
+    count = np.count_nonzero(mode.amplitude >= seen.tested[0])
+    room = [s for s in _SHAPES if not s[0] or sum(s) * _POINTS_A_COEFFICIENT <= count]
+    shapes = [(*shape, power) for shape in room for power in _POWERS]
+    wide = float(mode.omega.max() / mode.omega.min()) > _WIDE
+    trials = _ORDERS if wide else _ORDERS[:1]
+    some = seen.select(mode.spread(_TRIED))
+
+    def trial(part: _Seen, shape: tuple[int, int, int], orders: tuple[int, ...]) -> _Modal:
+        return _Modal(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
+
+    shape, orders = (*room[min(_MIDDLE, len(room) - 1)], _POWERS[0]), trials[0]
+    for _ in range(_ROUNDS):
+        before = shape, orders
+        orders = min(trials, key=lambda each: trial(some, shape, each).solve()[1])
+        shape = min(shapes, key=lambda each: trial(some, each, orders).solve()[1])
+        if before == (shape, orders):
+            break
+    return trial(seen, shape, orders)
+
+
+def _fit(modal: _Modal) -> Regression:
+    """Maximum likelihood with noise of force and response, errors widened where parts disagree."""
+    observed, mode = modal.observed, modal.seen.mode
+    descent = Descent(modal, modal.forward(mode.omega))
+    nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
+    if not observed.phase_known:
+        descent.scale = mode.amplitude
+    start = np.concatenate([modal.solve()[0], modal.seen.background])
+    found = fit(descent.linearise, start, nuisance, neighbours=mode.neighbours)
+    if found.noise > NOISY:
+        response = descent.predict(found.parameters, found.nuisance)
+        descent.scale = np.abs(observed.seen(response, modal.split(found.parameters)[2]))
+        place = found.parameters, found.nuisance
+        found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
+    misfits = is_systematic(observed.points, found)
+    return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)
+
+
+def _in_quadrature(mode: Points) -> NDArray[np.bool_]:
+    """(n,) True where the response lags the force by nearly a quarter period."""
+    stiffness = mode.force / mode.harmonics[:, 1]
+    return np.asarray(np.abs(stiffness.real) < _QUADRATURE * np.abs(stiffness.imag))
+
+
+def _mass_known(modal: _Modal, found: Regression) -> bool:
+    """Whether the mass was given, or is positive and sure enough."""
+    if modal.given is not None:
+        return True
+    _, mass, _ = modal.split(found.parameters)
+    place = modal.coefficients
+    if np.count_nonzero(~_in_quadrature(modal.seen.mode)) < _OFF:
+        # only that the splines are simple would determine it
+        return False
+    return bool(mass > 0 and found.covariance[place, place] < (_KNOWN * mass) ** 2)
+
+
+def _at_phase_resonance(seen: _Seen) -> tuple[_Modal, Regression]:
+    """Fit k/m and c with any mass to the points at phase resonance."""
+    stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
+    rows = np.flatnonzero(_in_quadrature(seen.mode))
+    if len(rows) < _FEWEST:
+        raise RsgenError(
+            f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "
+            "where it is not needed; give the mass, or measure on both sides of resonance"
+        )
+    seen = seen.select(rows)
+    size = seen.mode.amplitude
+    seen = replace(seen, tested=(float(size.min()), float(size.max())))
+    omega = seen.mode.omega
+    mass = float(np.median(np.abs(stiffness[rows].imag) / omega**2)) / (2 * _ASSUMED)
+    modal = _choose(seen, mass)
+    found = _fit(modal)
+    # the shift that a lag off a quarter period causes with damping that is not known
+    shift = 2 * _DAMPED * float(np.sqrt(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2)))
+    stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
+    error = np.outer(stiff, stiff) * (shift / _NORMAL) ** 2
+    modal = replace(modal, assumed=True)
+    return modal, replace(found, covariance=found.covariance + error)
+
+
+def _left_out(points: Points, noise: float) -> float:
+    """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
+
+    Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
+    omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
+    Harmonics no larger than the relative noise of real and imaginary part do not count.
+    """
+    orders = np.arange(2, points.harmonics.shape[1])
+    squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
+    seen = np.mean(squares, axis=0) > 2 * (EXCESS * noise) ** 2
+    return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
+
+
+def _table(modal: _Modal, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
+    """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
+    tested = modal.seen.tested
+    values, mass, _ = modal.split(found.parameters)
+    covariance = np.zeros((modal.coefficients + 1,) * 2)
+    covariance[: modal.count, : modal.count] = found.covariance[: modal.count, : modal.count]
+    if modal.given is None:
+        # what one harmonic leaves out moves stiffness and mass together, and no frequency
+        together = np.zeros(modal.coefficients + 1)
+        together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
+        covariance += np.outer(together, together) * _left_out(modal.observed.points, found.noise) ** 2
+    known = tuple(MODAL_COLUMNS)
+    findings: tuple[Finding, ...] = ()
+    if modal.assumed:
+        known = ("frequency", "damping", "stiffness_per_mass")
+        findings = (
+            Finding("modal-mass-unknown", "warning", numbers=quantities(points=len(modal.seen.mode))),
+        )
+    elif surface.per_mass or not model.observation.calibrated:
+        known = tuple(name for name in known if name not in ("stiffness", "damping"))
+    if modal.assumed and not model.observation.calibrated:
+        known = ("frequency", "stiffness_per_mass")
+    misfit = float(found.noise * np.sqrt(2))
+    if misfit > _SCATTERED:
+        findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+    sure = not (modal.assumed or surface.per_mass)
+    return ModalTable(
+        amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
+        splines=ModalSplines(modal.basis, modal.orders, values, mass, covariance, found.freedom),
+        known=known,
+        tested=tested,
+        mass=mass if sure else float("nan"),
+        mass_error=float(np.sqrt(covariance[-1, -1])) if sure else float("nan"),
+        misfit=misfit,
+        points=int(np.count_nonzero(found.used)),
+        findings=findings,
+    )
