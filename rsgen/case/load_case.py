@@ -17,6 +17,7 @@ from rsgen.case.naming import quote
 from rsgen.case.toml_tree import parse_case, read_text
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, load_surface
 
 __all__ = ["DATA_VARIABLE", "load_case", "read"]
@@ -92,7 +93,7 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
 
 def read(
     source: str | os.PathLike[str] | Case | MeasuredTest, data: str | os.PathLike[str] | None = None
-) -> ResponseSurface:
+) -> ResponseSurface | MultisineSpectra:
     """Read a response surface.
 
     Parameters

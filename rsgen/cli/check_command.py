@@ -6,16 +6,21 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.case.trial import law_faults
 from rsgen.cli.combinations import combination_sentences
 from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, MeasurementError, RsgenError
-from rsgen.measurement import read_measurement
+from rsgen.finding import Finding
+from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import SimulatedTest
 from rsgen.study import STAGES, expect
 from rsgen.study.foresight import point_faults
+from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
 
 __all__ = ["check_command"]
@@ -62,17 +67,11 @@ def _plan(case: Case) -> dict[str, Any]:
         surface = read_measurement(test)
         reading = _processor_seconds() - started
         _refuse(point_faults(case, surface))
-        odd = plausibility_findings(surface, calibrated=case.observation.calibrated)
+        odd: list[Finding] = []
+        if isinstance(surface, ResponseSurface):
+            odd += plausibility_findings(surface, calibrated=case.observation.calibrated)
         warnings += map(sentence, (*surface.findings, *odd))
-        kind = {
-            "kind": "measured",
-            "file": test.file.name,
-            "levels": len(surface.levels),
-            "points": len(surface),
-            "sweeps": sorted({str(sweep) for sweep in surface.sweep}),
-            "lowest_frequency": float(surface.frequency.min()),
-            "highest_frequency": float(surface.frequency.max()),
-        }
+        kind = _measured(surface, test)
     expected = expect(case, surface, reading)
     return {
         "case": case.name,
@@ -86,6 +85,25 @@ def _plan(case: Case) -> dict[str, Any]:
         "seconds_total": round(expected.total * expected.crowding),
         "megabytes": expected.megabytes,
     }
+
+
+def _measured(table: ResponseSurface | MultisineSpectra, test: MeasuredTest) -> dict[str, Any]:
+    """What a measured test consists of."""
+    sines = isinstance(table, ResponseSurface)
+    lines = table.excited().any(axis=0) if isinstance(table, MultisineSpectra) else np.array([True])
+    frequency = table.frequency if sines else table.frequency[lines]
+    kind: dict[str, Any] = {
+        "kind": "measured",
+        "file": test.file.name,
+        "levels": len(table.levels),
+        "points": len(table) if sines else int(lines.sum()) * len(table),
+        "sweeps": sorted({str(s) for s in table.sweep}) if isinstance(table, ResponseSurface) else [],
+        "lowest_frequency": float(frequency.min()),
+        "highest_frequency": float(frequency.max()),
+    }
+    if isinstance(table, MultisineSpectra):
+        kind |= {"records": len(table), "periods": table.periods}
+    return kind
 
 
 def _takes(plan: dict[str, Any]) -> str:
@@ -108,6 +126,9 @@ def _describe(plan: dict[str, Any]) -> str:
     else:
         band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
         what = f"{plan['points']} measured points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
+        if "periods" in plan:
+            records = f"{plan['records']} records of {plan['periods']} periods"
+            what = f"{plan['points']} excited lines of {records} at {levels}, {band}"
     return f"{plan['case']}: {what}; {_takes(plan)}; identifies {names}"
 
 

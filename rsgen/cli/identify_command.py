@@ -18,13 +18,15 @@ from rsgen.cli.terminal import (
     verdict_code,
 )
 from rsgen.comparison import compare, verdict_of
+from rsgen.errors import RsgenError
 from rsgen.export import save_frf
-from rsgen.identification import Estimate, Identification, identify
+from rsgen.identification import Estimate, Identification
+from rsgen.multisine import MultisineSpectra
 from rsgen.prediction import predict
-from rsgen.ranking import identify_best
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
-from rsgen.study import obtain_surface
+from rsgen.study import obtain_table
+from rsgen.study.identified import identify_case
 from rsgen.surface import ResponseSurface, load_surface
 from rsgen.verdict import Verdict
 
@@ -61,11 +63,13 @@ def identify_command(
     target = check_target(frf, ".uff", "--frf") if frf else None
     with stage_progress(case, "surface", "identification") as note:
         note("surface", 0.0)
-        tested = load_surface(surface) if surface else obtain_surface(case)
+        tested = load_surface(surface) if surface else obtain_table(case)
         note("identification", 0.0)
-        identification = (identify_best if case.ranked else identify)(tested, case.model)
+        identification = identify_case(case, tested)
         verdict = _verdict(case, tested, identification)
     if target:
+        if isinstance(tested, MultisineSpectra):
+            raise RsgenError(f"{case.path.name}: --frf: of a multisine `rsgen run` writes the receptances")
         save_frf(target, tested, predict(identification, surface=tested))
     rows = _rows(identification)
     warnings = [*map(sentence, identification.findings)]
@@ -101,7 +105,9 @@ def identify_command(
     return code
 
 
-def _verdict(case: Case, surface: ResponseSurface, identification: Identification) -> Verdict:
+def _verdict(
+    case: Case, surface: ResponseSurface | MultisineSpectra, identification: Identification
+) -> Verdict:
     """Reach the verdict as a run of the case would: with its truth and on the levels it holds out."""
     comparison = compare(identification, case.with_model(identification.model).truth, case.accept)
     held_out = bool(case.model.observation.hold_out)

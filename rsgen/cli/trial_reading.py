@@ -96,7 +96,9 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface:
     with TemporaryDirectory(prefix="rsgen-") as folder:
         case = Path(folder, _CASE)
         case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")
-        return read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
+        surface = read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
+    # single sines alone are proposed
+    return cast("ResponseSurface", surface)
 
 
 def _turned(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:

@@ -12,6 +12,7 @@ from rsgen.figures.forces import draw_forces, force_function
 from rsgen.figures.law_figure import draw_derivation
 from rsgen.figures.loops import draw_energy, draw_loops
 from rsgen.figures.modal import draw_modal
+from rsgen.figures.multisine import draw_best_linear, draw_line_misfit, draw_predicted_record
 from rsgen.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text, unit_text
@@ -22,15 +23,18 @@ __all__ = [
     "choose_levels",
     "choose_scale",
     "count_text",
+    "draw_best_linear",
     "draw_collapse",
     "draw_damping",
     "draw_derivation",
     "draw_energy",
     "draw_forces",
     "draw_held_out",
+    "draw_line_misfit",
     "draw_loops",
     "draw_map",
     "draw_modal",
+    "draw_predicted_record",
     "draw_resonance",
     "draw_responses",
     "draw_stiffness",

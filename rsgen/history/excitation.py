@@ -57,12 +57,12 @@ def describe_force(force: NDArray[Any]) -> str:
     again = agrees[max(away, _SHORTEST) :]
     if len(again) and float(np.max(again)) > _REPEATS:
         return (
-            "the force is periodic with many lines, as a multisine is, which is not read yet; measure with a "
-            "stepped or swept sine, a level at a time"
+            "the force is periodic with many lines, as a multisine is: it is read with test.excitation = "
+            '"multisine" (rsgen.history.from_multisine)'
         )
     return (
         "the force is random: it has no amplitude and no frequency of its own, so that no response surface "
-        "follows from it; measure with a stepped or swept sine, a level at a time"
+        "follows from it; measure with a stepped or swept sine or a periodic multisine, a level at a time"
     )
 
 

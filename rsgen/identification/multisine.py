@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,14 @@ from rsgen.identification.line_fit import (
 )
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
-from rsgen.identification.result import EquivalentCurve, Identification, Resonance, frozen_array
+from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
 from rsgen.identification.tolerances import EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
+from rsgen.observation import Observation
 from rsgen.oscillator import Model
 
-__all__ = ["MultisineIdentification", "identify_multisine"]
+__all__ = ["MultisineIdentification", "check_records", "held_out_records", "identify_multisine"]
 
 _POOR, _MEANINGLESS = 0.05, 0.2
 """Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
@@ -39,7 +41,7 @@ _POOR, _MEANINGLESS = 0.05, 0.2
 class MultisineIdentification(Identification):
     """What a multisine test determines of a model: an ``Identification``, and the spectra behind it.
 
-    ``paper`` and ``first_order`` hold no estimates: both read one harmonic. ``resonances`` are those of the
+    ``paper`` and ``first_order`` are not known: both read one harmonic. ``resonances`` are those of the
     best linear approximation of each level; their amplitude is sqrt(2) times the rms displacement.
 
     Parameters
@@ -56,11 +58,11 @@ class MultisineIdentification(Identification):
         (r, H+1) standard deviation of that balance, from the scatter of the periods [N]; NaN of one period.
     """
 
-    spectra: MultisineSpectra | None = None
-    approximations: tuple[BestLinear, ...] = ()
-    used: NDArray[np.bool_] | None = None
-    misfit: ComplexArray | None = None
-    deviation: Array | None = None
+    spectra: MultisineSpectra = field(kw_only=True)
+    approximations: tuple[BestLinear, ...] = field(kw_only=True)
+    used: NDArray[np.bool_] = field(kw_only=True)
+    misfit: ComplexArray = field(kw_only=True)
+    deviation: Array = field(kw_only=True)
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
@@ -79,14 +81,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         A held-out level is not in the records, nothing is left, or the observation asks for a background.
     """
     observation = model.observation
-    if observation.background != "none":
-        raise RsgenError(
-            f"identify.background: {observation.background!r}; a multisine test is identified without a "
-            "background: leave it out, and take a band around the mode"
-        )
-    held = held_out_records(spectra, observation.hold_out)
-    if held.all():
-        raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
+    held = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held))
     lines = lines_of(part, observation.band)
     law = compile_law(model.force)
@@ -97,6 +92,25 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         values, mass = start_values(lines, law, model.mass)
         fit = fit_lines(lines, law, model.mass, values, mass)
         return _judge(spectra, lines, law, model, fit)
+
+
+def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArray[np.bool_]:
+    """(r,) records that are held out.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level was not tested, none remains, or a background is asked for.
+    """
+    if observation.background != "none":
+        raise RsgenError(
+            f"identify.background: {observation.background!r}; a multisine test is identified without a "
+            "background: leave it out, and take a band around the mode"
+        )
+    held = held_out_records(spectra, observation.hold_out)
+    if held.all():
+        raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
+    return held
 
 
 def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> NDArray[np.bool_]:
@@ -144,16 +158,18 @@ def _judge(
         levels=len(levels),
         misfit=misfit,
     )
-    empty = np.zeros(0)
+    resonances = tuple(map(_resonance, approximations))
+    none = (nan, inf, (-inf, inf))
+    unread = tuple(Estimate(estimate.name, *none, estimate.unit) for estimate in estimates)
     return MultisineIdentification(
         model=model,
-        paper=(),
-        first_order=(),
+        paper=unread,
+        first_order=unread,
         refined=estimates,
-        first_order_bias=(),
+        first_order_bias=(nan,) * len(estimates),
         covariance=covariance,
-        resonances=tuple(map(_resonance, approximations)),
-        curve=EquivalentCurve(empty, empty, empty, empty, empty, empty.astype(bool)),
+        resonances=resonances,
+        curve=_curve(resonances),
         residual=misfit,
         noise=noise,
         levels=levels,
@@ -182,6 +198,16 @@ def _resonance(found: BestLinear) -> Resonance:
         stiffness=found.stiffness,
         damping=2 * found.damping_ratio * found.mass * natural,
     )
+
+
+def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
+    """Equivalent stiffness and damping of each level, at its resonance."""
+    amplitude, frequency, level, stiffness, damping = (
+        np.array([getattr(point, name) for point in resonances])
+        for name in ("amplitude", "frequency", "level", "stiffness", "damping")
+    )
+    used = np.ones(len(resonances), dtype=bool)
+    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
 
 
 def _reasons(

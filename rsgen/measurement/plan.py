@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import MeasurementError, RsgenError
+from rsgen.measurement.multisine_rule import FROM_RECORDS, MultisineRule, multisine_faults
 from rsgen.units import quantity, sensor_factor, sensor_unit
 
 __all__ = [
@@ -34,7 +35,7 @@ LABEL = "label"
 _UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m)(?![A-Za-z])")
 """A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
-Excitation = Literal["swept-sine", "stepped-sine", "ring-down"]
+Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
 Column = Annotated[
     int | str,
     Rule(
@@ -235,10 +236,12 @@ class HistoryRule(_Checked):
     harmonics: int | None = declare(
         None, "Of the result; chosen without.", key="demodulation.harmonics", at_least=1, at_most=64
     )
+    multisine: MultisineRule = FROM_RECORDS
     mass: float | None = declare(None, "Moving mass, if known.", unit="kg", above=0, outside=True)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
+        yield from multisine_faults(self, self.excitation, self.multisine)
         if sum(place is not None for place in (self.rate, self.rate_column, self.time)) != 1:
             yield "time", "one of column, rate and rate_column is needed"
         if self.band is not None and self.band[0] >= self.band[1]:

@@ -25,6 +25,7 @@ from rsgen.measurement.nominal_levels import (
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, SweepRule
 from rsgen.measurement.title_units import contradiction, unit_doubts
+from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
@@ -316,6 +317,19 @@ def _levels_of_histories(
     return settle_levels(surface, test, known, test.unit_said) if known else surface
 
 
+def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
+    # imported here, as below
+    from rsgen.history import from_multisine, record_findings
+    from rsgen.measurement.histories import read_histories
+
+    histories = read_histories(test)
+    if test.level.labels:
+        histories = [replace(history, level=None) for history in histories]
+    spectra = from_multisine(histories, period=rule.multisine.period, transient=rule.multisine.transient)
+    records = [found for history in histories for found in record_findings(history)]
+    return replace(spectra, findings=(*records, *spectra.findings))
+
+
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this module and must start quickly
     from rsgen.history import from_free_decay, from_stepped_sine, from_swept_sine, record_findings
@@ -337,7 +351,7 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     return replace(surface, findings=(*records, *surface.findings))
 
 
-def read_measurement(test: MeasuredTest) -> ResponseSurface:
+def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     """Read a measured test.
 
     Velocity and acceleration are integrated in the frequency domain, X = V/(i omega) = -A/omega^2. The
@@ -351,14 +365,17 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface:
 
     Returns
     -------
-    ResponseSurface
-        For tables of amplitudes one row a row of the files, in their order, with origin "measured".
+    ResponseSurface or MultisineSpectra
+        For tables of amplitudes one row a row of the files, in their order, with origin "measured"; of a
+        periodic multisine its spectra.
 
     Raises
     ------
     MeasurementError
         A file cannot be read as the plan says; the message names file and line or row.
     """
+    if test.history is not None and test.history.excitation == "multisine":
+        return _from_multisine(test, test.history)
     if test.history is not None and test.history.excitation == "ring-down":
         return _from_histories(test, test.history)
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.identification import Identification
+from rsgen.identification import Identification, MultisineIdentification
 from rsgen.identification.data import held_out_mask
+from rsgen.multisine import MultisineSpectra
 from rsgen.oscillator import Oscillator
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.known_oscillator import as_identification
+from rsgen.prediction.multisine import predict_multisine
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface, typical_amounts
 
@@ -52,7 +54,7 @@ twentieth is as good as most sensors, a seventh worse than most tests, with a ha
 def predict(
     found: Identification | Oscillator,
     levels: float | Sequence[float] | None = None,
-    surface: ResponseSurface | None = None,
+    surface: ResponseSurface | MultisineSpectra | None = None,
     *,
     band: tuple[float, float] | None = None,
 ) -> Prediction:
@@ -70,7 +72,8 @@ def predict(
         [N]; None: the forces measured near the resonances at the levels that took part in the identification
         and, with a surface, at the held-out ones.
     surface
-        Where the held-out levels were measured; None: no score.
+        Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
+        is predicted, None: those of the held-out levels; ``levels`` and ``band`` are not used.
     band
         Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
         oscillator the resonances with their flanks.
@@ -87,6 +90,10 @@ def predict(
     0.015
     """
     require(found, (Identification, Oscillator), "found")
+    if isinstance(found, MultisineIdentification):
+        return predict_multisine(found, surface)
+    if isinstance(surface, MultisineSpectra):
+        raise RsgenError("surface: MultisineSpectra; they go with what was identified from a multisine")
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = surface.on_mass(found.mass)

@@ -35,11 +35,13 @@ from rsgen.figures import (
 from rsgen.figures.cycles import shows_loops
 from rsgen.identification import Identification, ModalTable
 from rsgen.identification.data import held_out_mask
+from rsgen.multisine import MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.ranking import Ranking
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.modal_section import Modal, tabulate_mode
+from rsgen.report.multisine_files import write_multisine_files
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
 from rsgen.report.provenance import collect_provenance
@@ -87,16 +89,16 @@ class _Parts:
     """What a report is made of; ``loaded`` is the case as it was read, None without one."""
 
     loaded: Case | None
-    surface: ResponseSurface
+    surface: ResponseSurface | MultisineSpectra
     identification: Identification
     comparison: Comparison
 
     @classmethod
     def of(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
         """Sort the arguments of ``write_report`` by their types."""
-        kinds = {
+        kinds: dict[str, type | tuple[type, ...]] = {
             "case": Case,
-            "surface": ResponseSurface,
+            "surface": (ResponseSurface, MultisineSpectra),
             "identification": Identification,
             "comparison": Comparison,
         }
@@ -128,9 +130,9 @@ class _Parts:
 
 def write_report(
     folder: str | Path,
-    *parts: Case | ResponseSurface | Identification | Comparison,
+    *parts: Case | ResponseSurface | MultisineSpectra | Identification | Comparison,
     case: Case | None = None,
-    surface: ResponseSurface | None = None,
+    surface: ResponseSurface | MultisineSpectra | None = None,
     identification: Identification | None = None,
     comparison: Comparison | None = None,
     title: str = "",
@@ -140,6 +142,8 @@ def write_report(
     figures: str | None = None,
 ) -> None:
     """Write surface.h5, kernel.py, modal.csv, result.json and report.html; with a case also a notebook.
+
+    Of a multisine ``surface`` are its spectra, which go into spectra.npz; there is no notebook.
 
     ``write_report(folder, surface, identification)`` is enough, by position or by name;
     ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.
@@ -195,6 +199,20 @@ def _write_files(
     started: float,
 ) -> None:
     surface = given.surface
+    if isinstance(surface, MultisineSpectra):
+        write_multisine_files(
+            place,
+            subject,
+            given.loaded,
+            surface,
+            given.identification,
+            given.comparison,
+            spent,
+            command,
+            figures,
+            started,
+        )
+        return
     identification = subject.with_units(given.identification)
     comparison = subject.with_units(given.comparison)
     save_surface(place / "surface.h5", surface)

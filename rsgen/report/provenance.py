@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import rsgen
 from rsgen.case import Case
+from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 
@@ -49,8 +50,19 @@ def _held(test: SimulatedTest) -> str:
     return f"{test.base} of the base" if test.base else f"{test.control} control"
 
 
+def _table(table: ResponseSurface | MultisineSpectra) -> dict[str, str]:
+    """Name what was identified from."""
+    if isinstance(table, MultisineSpectra):
+        size = f"{len(table)} records of {table.periods} periods, {table.lines[-1]} lines"
+        return {"Spectra": f"{table.origin}, {size}"}
+    return {"Surface": f"{table.origin}, {len(table)} points"}
+
+
 def collect_provenance(
-    case: Case | None, surface: ResponseSurface, durations: Mapping[str, float], command: Sequence[str]
+    case: Case | None,
+    surface: ResponseSurface | MultisineSpectra,
+    durations: Mapping[str, float],
+    command: Sequence[str],
 ) -> dict[str, str]:
     """Give name and value pairs for the last section of the page.
 
@@ -63,7 +75,7 @@ def collect_provenance(
     """
     entries = {
         **_origin(case),
-        "Surface": f"{surface.origin}, {len(surface)} points",
+        **_table(surface),
         "Versions": _versions(),
         "Machine": f"{platform.system()} {platform.machine()}, {platform.python_implementation()}",
         "Command": " ".join(command) or "called from Python",

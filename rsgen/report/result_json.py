@@ -26,7 +26,16 @@ from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
 
-__all__ = ["SCHEMA", "build_result", "result_text"]
+__all__ = [
+    "SCHEMA",
+    "build_result",
+    "elements_entry",
+    "finite_or_none",
+    "numbers_or_none",
+    "resonance_entry",
+    "result_text",
+    "rows_entry",
+]
 
 SCHEMA = 1
 
@@ -34,17 +43,18 @@ _DIGITS = 9
 """Significant digits of the long arrays: more than any test has, less than round-off between machines."""
 
 
-def _finite(value: float | None) -> float | None:
+def finite_or_none(value: float | None) -> float | None:
     """JSON has no NaN and no infinity: what is not known is null."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _finite_ones(record: object, names: Iterable[str]) -> dict[str, float | None]:
     """Give the attributes of a record by name, null where they are not known."""
-    return {name: _finite(getattr(record, name)) for name in names}
+    return {name: finite_or_none(getattr(record, name)) for name in names}
 
 
-def _numbers(values: NDArray[np.float64]) -> list[float | None]:
+def numbers_or_none(values: NDArray[np.float64]) -> list[float | None]:
+    """Give an array with nine digits, null where it is not known."""
     return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
 
 
@@ -53,7 +63,7 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
         return None
     entry: dict[str, Any] = {
         **_finite_ones(estimate, ("value", "standard_error")),
-        "interval": [_finite(bound) for bound in estimate.interval],
+        "interval": [finite_or_none(bound) for bound in estimate.interval],
     }
     if estimate.finding is not None:
         entry["remark"] = sentence(estimate.finding)
@@ -64,8 +74,13 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
 def _row(row: Row) -> dict[str, Any]:
     estimates = {name: _estimate(getattr(row, name)) for name in ("paper", "first_order", "refined")}
     errors = ("paper_error", "first_order_error", "relative_error", "tolerance")
-    true = {"name": row.name, "unit": row.unit, "true": _finite(row.true)}
+    true = {"name": row.name, "unit": row.unit, "true": finite_or_none(row.true)}
     return {**true, **estimates, **_finite_ones(row, errors), "passed": row.passed}
+
+
+def rows_entry(comparison: Comparison, *, forces: bool) -> list[dict[str, Any]]:
+    """Give the rows of the parameters, or of the judged forces."""
+    return [_row(row) for row in comparison.rows if (row.name in FORCE_KEYS) is forces]
 
 
 def _written(formula: sympy.Expr) -> str | None:
@@ -73,7 +88,8 @@ def _written(formula: sympy.Expr) -> str | None:
     return None if formula.has(sympy.Integral) else write(formula)
 
 
-def _elements(subject: Subject) -> list[dict[str, Any]]:
+def elements_entry(subject: Subject) -> list[dict[str, Any]]:
+    """Give force, memory, k(X) and c(X) of every element."""
     entries = []
     for element in subject.elements:
         function = derive(element)
@@ -85,7 +101,7 @@ def _elements(subject: Subject) -> list[dict[str, Any]]:
                 "stiffness": _written(function.stiffness),
                 "damping": _written(function.damping),
                 "closed_form": function.closed_form,
-                "checked_to": _finite(function.checked_to),
+                "checked_to": finite_or_none(function.checked_to),
             }
         )
     return entries
@@ -145,16 +161,16 @@ def build_result(
         "outcome": sentence(identification.outcome),
         "warnings": [*subject.warnings, *map(sentence, identification.findings)],
         "findings": [finding.to_dict() for finding in identification.findings],
-        "mass": _finite(identification.mass),
-        "parameters": [_row(row) for row in comparison.rows if row.name not in FORCE_KEYS],
-        "forces": [_row(row) for row in comparison.rows if row.name in FORCE_KEYS],
-        "elements": _elements(subject),
+        "mass": finite_or_none(identification.mass),
+        "parameters": rows_entry(comparison, forces=False),
+        "forces": rows_entry(comparison, forces=True),
+        "elements": elements_entry(subject),
         "printed": [
             {
                 "what": formula.what,
                 "formula": write(formula.formula),
                 "agrees": formula.agrees,
-                "largest_deviation": _finite(formula.largest_deviation),
+                "largest_deviation": finite_or_none(formula.largest_deviation),
                 "where": formula.where,
             }
             for formula in printed
@@ -163,30 +179,34 @@ def build_result(
             "points": len(surface),
             "settled": int(np.count_nonzero(surface.settled)),
             "origin": surface.origin,
-            "seconds": _finite(durations.get("surface")),
+            "seconds": finite_or_none(durations.get("surface")),
         },
         "equivalent": {
-            name: _numbers(getattr(curve, name))
+            name: numbers_or_none(getattr(curve, name))
             for name in ("amplitude", "frequency", "stiffness", "damping")
         },
         "dissipation": dissipation_entry(surface, identification),
         "modal": modal_entry(modal),
-        "resonances": [_resonance(point) for point in identification.resonances],
+        "resonances": [resonance_entry(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),
-        "residual": {"relative": _finite(identification.residual), "noise": _finite(identification.noise)},
+        "residual": {
+            "relative": finite_or_none(identification.residual),
+            "noise": finite_or_none(identification.noise),
+        },
         "ranking": _ranking(identification.ranking),
     }
 
 
-def _resonance(point: Resonance) -> dict[str, Any]:
+def resonance_entry(point: Resonance) -> dict[str, Any]:
+    """Give the resonance of a level."""
     numbers = _finite_ones(point, ("frequency", "damping_ratio", "amplitude", "stiffness", "damping"))
-    return {"level": _finite(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
+    return {"level": finite_or_none(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
 
 
 def _held_out(item: HeldOutLevel) -> dict[str, Any]:
     return {
-        "level": _finite(item.level),
+        "level": finite_or_none(item.level),
         "sweep": item.sweep,
         "points": len(item.frequency),
         "missing": item.missing,
@@ -202,7 +222,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
     return {
         "kind": background.kind,
         "band": list(background.band),
-        "share": _finite(background.share),
+        "share": finite_or_none(background.share),
         "estimates": [
             {
                 "name": estimate.name,

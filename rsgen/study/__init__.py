@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.progress import STAGES, Expectation, Step, expect
-from rsgen.study.run_case import CaseRun, obtain_surface, run_case
+from rsgen.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
 from rsgen.study.run_cases import run_cases
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Step",
     "expect",
     "obtain_surface",
+    "obtain_table",
     "read_manifest",
     "run_case",
     "run_cases",

@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 from rsgen.case import Case
 from rsgen.errors import RsgenError
 from rsgen.identification.data import select_points
+from rsgen.identification.multisine import check_records
 from rsgen.identification.repeats import gather_repeats
+from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 
 __all__ = ["point_faults"]
 
 
-def point_faults(case: Case, surface: ResponseSurface | None = None) -> list[str]:
+def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None = None) -> list[str]:
     """Say why identification or ranking could not use the points of a test; nothing where they can.
 
     Parameters
@@ -34,11 +36,28 @@ def point_faults(case: Case, surface: ResponseSurface | None = None) -> list[str
         surface = _planned(case.test) if isinstance(case.test, SimulatedTest) else None
     if surface is None:
         return []
+    if isinstance(surface, MultisineSpectra):
+        return _line_faults(case, surface)
     try:
         points = select_points(gather_repeats(surface)[0], case.model)
     except RsgenError as fault:
         return [f"{case.path.name}: {' '.join(str(fault).split())}"]
     return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points.omega)]
+
+
+def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:
+    """What identification would refuse of records of a multisine."""
+    place, observation = case.path.name, case.observation
+    faults = []
+    if case.ranked:
+        faults.append(
+            f"{place}: model: 'rank' compares laws on a response surface; give the law of a multisine"
+        )
+    try:
+        check_records(spectra, observation)
+    except RsgenError as fault:
+        faults.append(f"{place}: {fault}")
+    return faults
 
 
 def _planned(test: SimulatedTest) -> ResponseSurface:

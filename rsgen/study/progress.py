@@ -12,6 +12,7 @@ from pathlib import Path
 from rsgen.case import Case
 from rsgen.kernel import generate, is_stored
 from rsgen.law.pieces import normal_form
+from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import SimulatedTest
 from rsgen.steady_state.solver import LOCATED
 from rsgen.surface import ResponseSurface
@@ -35,6 +36,8 @@ _RANKED_REPORT_SECONDS = 15.0
 """More for the curves of a law that a ranking puts together beside a background."""
 _RANK_POINTS = 500
 """More points than these are thinned out before laws are ranked."""
+_LINES_A_POINT = 100
+"""Lines of single periods that cost as much as a point of a surface."""
 _REPORT_SECONDS = 4.0
 _PROGRAM_MEGABYTES = 250
 _BYTES_A_HARMONIC = 500
@@ -118,7 +121,9 @@ class Step:
 Progress = Callable[[Step], None]
 
 
-def expect(case: Case, surface: ResponseSurface | None = None, reading: float = 0.0) -> Expectation:
+def expect(
+    case: Case, surface: ResponseSurface | MultisineSpectra | None = None, reading: float = 0.0
+) -> Expectation:
     """Say what a run of a case will take.
 
     Parameters
@@ -140,6 +145,8 @@ def expect(case: Case, surface: ResponseSurface | None = None, reading: float = 
             located = test.accuracy < LOCATED
             source = generate(law, values=case.oscillator.values, locate_all=located)
             simulation += 0.0 if is_stored(source) else _COMPILE_SECONDS[switched]
+    elif isinstance(surface, MultisineSpectra):
+        points = len(surface) * surface.periods * len(surface.lines) // _LINES_A_POINT
     elif surface is not None:
         points, harmonics = len(surface), surface.harmonics.shape[1] - 1
     identification = _IDENTIFY_SECONDS[switched] + points / _POINTS_A_SECOND[switched]

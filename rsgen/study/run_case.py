@@ -16,6 +16,7 @@ from rsgen.case.trial import law_faults
 from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import SimulatedTest, simulate
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
@@ -23,7 +24,7 @@ from rsgen.study.progress import Progress, stage_reporter
 from rsgen.surface import ResponseSurface, load_surface
 from rsgen.verdict import StatedVerdict
 
-__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "run_case"]
+__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "obtain_table", "run_case"]
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -114,8 +115,10 @@ def _said(folder: Path) -> tuple[bool, StatedVerdict]:
     return bool(result["passed"]), result["verdict"]
 
 
-def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
-    """Simulate the test of a case, or read its measured files.
+def obtain_table(
+    case: Case, progress: Callable[[float], None] = lambda share: None
+) -> ResponseSurface | MultisineSpectra:
+    """Simulate the test of a case, or read its measured files: a response surface, or spectra of a multisine.
 
     Raises
     ------
@@ -123,10 +126,34 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
         A file cannot be read, or a simulated case has no true values.
     """
     if isinstance(case.test, MeasuredTest):
-        return read_measurement(case.test).on_mass(case.model.mass)
+        table = read_measurement(case.test)
+        return table.on_mass(case.model.mass) if isinstance(table, ResponseSurface) else table
     if case.oscillator is None:
         raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
     return simulate(case.oscillator, case.test, progress=progress).on_mass(case.model.mass)
+
+
+def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
+    """Give the response surface of a case for what needs one.
+
+    Raises
+    ------
+    RsgenError
+        As ``obtain_table``, or the test is a multisine.
+    """
+    table = obtain_table(case, progress)
+    if isinstance(table, MultisineSpectra):
+        raise RsgenError(
+            f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
+            "identify take its spectra"
+        )
+    return table
+
+
+def _many_lines(case: Case) -> bool:
+    """Whether the test is a multisine, whose spectra are read anew: that is quicker than their file."""
+    rule = case.test.history if isinstance(case.test, MeasuredTest) else None
+    return rule is not None and rule.excitation == "multisine"
 
 
 def _saved_surface(case: Case, out: Path) -> ResponseSurface:
@@ -153,22 +180,22 @@ def _execute(
     report("surface", 0.0)
     # the heavy parts are imported when there is something to do
     from rsgen.comparison import compare
-    from rsgen.identification import identify
-    from rsgen.ranking import identify_best
     from rsgen.report import write_report
+    from rsgen.study.identified import identify_case
 
     noisy = isinstance(case.test, SimulatedTest) and case.test.noise_relative > 0
     seed = case.test.seed if isinstance(case.test, SimulatedTest) and noisy else None
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
-        if reuse_surface:
+        surface: ResponseSurface | MultisineSpectra
+        if reuse_surface and not _many_lines(case):
             surface = _saved_surface(case, out)
         else:
-            surface = obtain_surface(case, lambda share: report("surface", share))
+            surface = obtain_table(case, lambda share: report("surface", share))
         tested = time.perf_counter()
         report("identification", 0.0)
-        identification = (identify_best if case.ranked else identify)(surface, case.model)
+        identification = identify_case(case, surface)
         truth = case.with_model(identification.model).truth
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}

@@ -17,9 +17,21 @@ say_plainly(
             "misfit for noise; record several periods"
         ),
         "law-leaves-distortion": (
-            "the law leaves {misfit:.2p} of the force, {times:.2g} times what the periods scatter: that part "
-            "is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines in "
-            "turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
+            "the law leaves {misfit:.2p} of the force, {times:.2g} times what the periods scatter: that "
+            "part is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines "
+            "in turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
+        ),
+        "record-not-predicted": (
+            "no periodic response of the identified law was found under the force of the held-out level "
+            "{level:.3q}"
+        ),
+        "record-extrapolated": (
+            "the held-out level {level:.3q} moves by {amplitude:.3q} (sqrt(2) rms), beyond the {tested:.3q} "
+            "of the levels that were fitted: nothing is known of the law there"
+        ),
+        "record-missed": (
+            "the held-out level {level:.3q} is predicted with an error of {error:.2p} rms, against a misfit "
+            "of {misfit:.2p} where the law was fitted"
         ),
         "line-not-distinct-from-zero": (
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
@@ -28,8 +40,15 @@ say_plainly(
     }
 )
 
+_WITH_IT = (
+    "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
+    "fewer levels."
+)
+
 NEXT_STEPS.update(
     {
+        "record-not-predicted": _WITH_IT,
+        "record-missed": _WITH_IT,
         "law-leaves-distortion": (
             "Look at the lines at which the misfit stands above the noise; try another law, or a band around "
             "one mode."

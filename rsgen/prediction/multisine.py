@@ -1,0 +1,161 @@
+"""Responses to a multisine: the periodic motion of the identified law under the force of a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.arrays import Array, ComplexArray
+from rsgen.errors import RsgenError
+from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification import MultisineIdentification
+from rsgen.identification.multisine import held_out_records
+from rsgen.identification.result import frozen_array
+from rsgen.law.numeric import compile_law
+from rsgen.multisine import MultisineSpectra
+from rsgen.multisine.spectra import rms
+from rsgen.multisine.steady import periodic_response
+from rsgen.prediction.prediction_result import Prediction
+from rsgen.surface import ResponseSurface
+from rsgen.text_table import TextTable, short
+
+__all__ = ["MultisinePrediction", "PredictedRecord", "predict_multisine"]
+
+_MISSED = (0.05, 0.15, 0.5)
+"""Errors of held-out responses that are worth a warning, cast doubt on the law, refute it: as of sines."""
+_BEYOND = 1.01
+"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedRecord:
+    """Measured against predicted for one record that identification has not seen.
+
+    Parameters
+    ----------
+    level
+        Nominal root mean square of the force [N].
+    frequency
+        (H+1,) of the lines [Hz].
+    measured, predicted
+        (H+1,) complex displacement [m] under the measured force, the mean first.
+    judged
+        (H+1,) lines that are scored: those of the band, never the mean.
+    error
+        Root mean square of predicted - measured over that of measured, at the judged lines [1]; NaN where
+        nothing was predicted.
+    noise
+        The same of the noise of the measured mean [1]; NaN of one period.
+    """
+
+    level: float
+    frequency: Array
+    measured: ComplexArray
+    predicted: ComplexArray
+    judged: NDArray[np.bool_]
+    error: float
+    noise: float
+
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("frequency", float),
+            ("measured", complex),
+            ("predicted", complex),
+            ("judged", bool),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), kind))
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MultisinePrediction(Prediction):
+    """Predicted responses of records; ``curves`` and ``held_out``, which are of single sines, are empty.
+
+    Parameters
+    ----------
+    records
+        One a record, in their order.
+    """
+
+    records: tuple[PredictedRecord, ...] = ()
+
+    def _table(self) -> TextTable:
+        rows = tuple((short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records)
+        return TextTable(
+            ("level rms [N]", "error rms", "noise rms"), rows, notes=tuple(map(repr, self.findings))
+        )
+
+
+def predict_multisine(
+    found: MultisineIdentification, spectra: MultisineSpectra | ResponseSurface | None = None
+) -> MultisinePrediction:
+    """Predict the periodic responses to the measured forces of records, and score them.
+
+    Parameters
+    ----------
+    found
+        Its refined estimate is used.
+    spectra
+        Records; None: those of the held-out levels.
+
+    Raises
+    ------
+    RsgenError
+        The spectra are none.
+    """
+    own = found.spectra
+    if spectra is None or spectra is own:
+        held = held_out_records(own, found.model.observation.hold_out)
+        spectra = own.select(np.flatnonzero(held)) if held.any() else None
+    if spectra is None:
+        return MultisinePrediction((), (), found.amplitude_range, ())
+    if not isinstance(spectra, MultisineSpectra):
+        raise RsgenError(f"surface: {type(spectra).__name__}; a multisine is predicted for MultisineSpectra")
+    records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
+    return MultisinePrediction((), (), found.amplitude_range, tuple(_findings(found, records)), records)
+
+
+def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
+    law = compile_law(found.model.force)
+    force = np.array(spectra.mean_force[row])
+    measured = spectra.mean_response[row]
+    if not spectra.mean_known:
+        # a sensor without mean: the force has none either, as identification takes it
+        force[0] = 0.0
+    response = periodic_response(law, found.solution, found.mass, spectra.omega0, force)
+    predicted = response.spectrum if response.converged else np.full(len(force), nan + 0j)
+    low, high = found.model.observation.band or (0.0, inf)
+    judged = (spectra.lines > 0) & (spectra.frequency >= low) & (spectra.frequency <= high)
+    size = float(np.linalg.norm(measured[judged])) or nan
+    error = float(np.linalg.norm((predicted - measured)[judged])) / size
+    noise = float(np.linalg.norm(spectra.noise()[1][row][judged])) / size
+    level = float(spectra.level[row])
+    return PredictedRecord(level, spectra.frequency, measured, predicted, judged, error, noise)
+
+
+def _findings(found: MultisineIdentification, records: tuple[PredictedRecord, ...]) -> list[Finding]:
+    findings = []
+    warned, doubted, refuted = _MISSED
+    reach = _BEYOND * found.amplitude_range[1]
+    for one in records:
+        level = Quantity(one.level, "N")
+        if not np.isfinite(one.error):
+            findings.append(Finding("record-not-predicted", "doubt", numbers=quantities(level=level)))
+            continue
+        amplitude = float(np.sqrt(2) * rms(one.measured))
+        if amplitude > reach:
+            numbers = quantities(
+                level=level,
+                amplitude=Quantity(amplitude, "m"),
+                tested=Quantity(found.amplitude_range[1], "m"),
+            )
+            findings.append(Finding("record-extrapolated", "warning", numbers=numbers))
+        if one.error > warned:
+            severity: Severity = (
+                "error" if one.error > refuted else "doubt" if one.error > doubted else "warning"
+            )
+            numbers = quantities(level=level, error=one.error, misfit=found.residual)
+            findings.append(Finding("record-missed", severity, numbers=numbers))
+    return findings

@@ -1,0 +1,180 @@
+"""A multisine from records in a file to check, run and page; prediction of a level that was held out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.errors import MeasurementError, RsgenError
+from rsgen.law.numeric import compile_law
+from rsgen.multisine.steady import periodic_response
+
+TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}
+MASS, RATE, PERIOD, PERIODS = 1.5, 256.0, 512, 6
+LAW = "k*x + k2*x**2 + k3*x**3 + c*v"
+LEVELS = (1.0, 4.0, 8.0)
+
+CASE = """
+schema = 1
+name   = "lines"
+title  = "A <b>multisine</b>"
+
+[[element]]
+name  = "all"
+force = "{law}"
+
+[identify]
+hold_out = ["4 N"]
+{identify}
+[test]
+kind       = "measured"
+file       = ["level1.csv", "level4.csv", "level8.csv"]
+excitation = "multisine"
+{test}
+[test.time]
+column = "t"
+
+[test.force]
+samples = "f"
+
+[test.response]
+quantity = "displacement"
+samples  = "x"
+
+[test.level]
+values = ["1 N", "4 N", "8 N"]
+"""
+
+
+def lines(size: float, seed: int) -> np.ndarray:
+    """Lines 4 to 40, every other one, random phases, the root mean square ``size`` [N]."""
+    force = np.zeros(PERIOD // 2 + 1, dtype=complex)
+    chosen = np.arange(5, 41, 2)
+    force[chosen] = size * np.sqrt(2 / len(chosen))
+    force[chosen] *= np.exp(2j * np.pi * np.random.default_rng(seed).random(len(chosen)))
+    return force
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files of three levels, computed to round-off, and their case."""
+    place = tmp_path_factory.mktemp("multisine")
+    law = compile_law(rsgen.Law(LAW).force)
+    values = np.array([TRUE[name] for name in law.parameters])
+    generator = np.random.default_rng(3)
+    for seed, level in enumerate(LEVELS):
+        force = lines(level, seed)
+        response = periodic_response(law, values, MASS, 2 * np.pi * RATE / PERIOD, force)
+        assert response.converged
+        waves = [np.fft.irfft(one * PERIOD / 2, PERIOD) for one in (force, response.spectrum)]
+        waves[1] = waves[1] + response.spectrum[0].real / 2
+        signals = [np.tile(wave, PERIODS) for wave in waves]
+        signals = [s + 1e-4 * s.std() * generator.standard_normal(len(s)) for s in signals]
+        table = np.column_stack([np.arange(PERIOD * PERIODS) / RATE, *signals])
+        np.savetxt(place / f"level{level:g}.csv", table, delimiter=",", header="t,f,x", comments="")
+    (place / "lines.toml").write_text(CASE.format(law=LAW, identify="", test=""), encoding="utf-8")
+    return place
+
+
+@pytest.mark.slow
+def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Callable) -> None:
+    checked = run_cli("check", folder / "lines.toml")
+    assert checked.code == 0, checked
+    assert "54 excited lines of 3 records of 6 periods at 3 levels" in " ".join(checked.out.split())
+    out = folder / "reports"
+    run = run_cli("run", folder / "lines.toml", "--out", out)
+    assert run.code == 0, run
+    result = json.loads((out / "lines" / "result.json").read_text(encoding="utf-8"))
+    found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
+    for name, true in {**TRUE, "m": MASS}.items():
+        assert found[name] == pytest.approx(true, rel=2e-3), name
+    assert [one["level"] for one in result["best_linear"]] == [1.0, 8.0]
+    (held,) = result["held_out"]
+    assert held["level"] == 4.0
+    assert held["error"] < 1e-3
+    page = (out / "lines" / "report.html").read_text(encoding="utf-8")
+    assert "A &lt;b&gt;multisine&lt;/b&gt;" in page
+    assert "<b>multisine" not in page
+    assert page.count("<figure>") == 3
+    assert '<math display="block">' in page
+    stored = np.load(out / "lines" / "spectra.npz")
+    np.testing.assert_array_equal(stored["response"], rsgen.read(folder / "lines.toml").response)
+    again = run_cli("report", folder / "lines.toml", "--out", out)
+    assert again.code == 0, again
+
+
+def test_python_has_the_same_with_text_and_frame(folder: Path) -> None:
+    case = rsgen.load_case(folder / "lines.toml")
+    spectra = rsgen.read(case)
+    assert isinstance(spectra, rsgen.MultisineSpectra)
+    assert "3 records of 6 periods" in str(spectra)
+    found = rsgen.identify(spectra, case.model)
+    assert "k3" in str(found)
+    assert list(found.to_frame().index) == ["c", "k", "k2", "k3", "m"]
+    predicted = rsgen.predict(found)
+    assert "error rms" in str(predicted)
+    others = rsgen.predict(found, surface=spectra.select([0, 2]))
+    assert [one.error < 2e-3 for one in others.records] == [True, True]
+
+
+def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
+    spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
+    found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(4.0,)))
+    prediction = rsgen.predict(found)
+    assert "record-missed" in [finding.code for finding in prediction.findings]
+    assert not rsgen.verdict_of(found, prediction=prediction).usable
+
+
+def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_cli: Callable) -> None:
+    def said(identify: str = "", test: str = "", more: str = "", head: str = "") -> str:
+        text = head + CASE.format(law=LAW, identify=identify, test=test) + more
+        place = folder / "odd.toml"
+        place.write_text(text, encoding="utf-8")
+        checked = run_cli("check", place)
+        assert checked.code == 2, checked
+        return " ".join((checked.out + checked.err).split())
+
+    assert "identified without a background" in said(identify='background = "constant"\n')
+    assert "belongs to sines" in said(more='\n[test.demodulation]\nband = ["1 Hz", "9 Hz"]\n')
+    assert "does not repeat every 500 samples" in said(more="\n[test.multisine]\nperiod = 500\n")
+    assert "'rank' compares laws on a response surface" in said(head='model = "rank"\n')
+    text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]\n', '"5 N"]\n', 1)
+    (folder / "odd.toml").write_text(text, encoding="utf-8")
+    checked = run_cli("check", folder / "odd.toml")
+    assert "5 N is not tested; tested are 1, 4, 8 N" in " ".join((checked.out + checked.err).split())
+    noted = run_cli("notebook", folder / "lines.toml")
+    assert "a multisine has no response surface" in " ".join((noted.out + noted.err).split())
+    with pytest.raises(RsgenError, match="they go with what was identified from a multisine"):
+        rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
+    with pytest.raises(MeasurementError, match="a level a record"):
+        rsgen.MultisineSpectra([1.0], 1.0, np.ones((2, 5), complex), np.ones((2, 5), complex))
+
+
+def test_the_periodic_response_is_that_of_time_integration() -> None:
+    """Newton's method on the lines against an independent integrator of the equation of motion."""
+    from scipy.integrate import solve_ivp
+
+    law = compile_law(rsgen.Law(LAW).force)
+    values = np.array([TRUE[name] for name in law.parameters])
+    force = lines(8.0, 7)
+    omega0 = 2 * np.pi * RATE / PERIOD
+    found = periodic_response(law, values, MASS, omega0, force)
+    assert found.converged
+    orders = np.flatnonzero(force)
+
+    def motion(t: float, state: np.ndarray) -> list[float]:
+        x, v = state
+        push = float(np.sum((force[orders] * np.exp(1j * orders * omega0 * t)).real))
+        return [v, (push - TRUE["c"] * v - x * (TRUE["k"] + x * (TRUE["k2"] + TRUE["k3"] * x))) / MASS]
+
+    rate = 1j * omega0 * np.arange(len(force))
+    start = [float(found.spectrum.sum().real), float((rate * found.spectrum).sum().real)]
+    period = 2 * np.pi / omega0
+    end = solve_ivp(motion, (0, period), start, method="DOP853", rtol=1e-10, atol=1e-13).y[:, -1]
+    size = np.abs(found.spectrum).sum()
+    assert abs(end[0] - start[0]) < 1e-7 * size
