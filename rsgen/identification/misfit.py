@@ -12,7 +12,7 @@ from rsgen.expression import parse
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, fit_balance
-from rsgen.identification.least_squares import Regression
+from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
 from rsgen.identification.tolerances import CHANCE, NOTICEABLE, QUICK
@@ -20,7 +20,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.observation import OFFSET
 from rsgen.surface import ResponseSurface
 
-__all__ = ["is_systematic", "misfit_findings", "severity_of"]
+__all__ = ["free_curves_leave", "is_systematic", "misfit_findings", "severity_of"]
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,13 @@ _TAKEN = 0.5
 
 _TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
+
+_KNOTS = (2, 32)
+"""Fewest and most amplitudes, evenly spaced by ratio, between which free curves of amplitude are straight:
+ten a decade follow the onset of every slider of a joint."""
+
+_POINTS_A_KNOT = 8
+"""Points that determine the three values of free curves at an amplitude, and show what they leave."""
 
 _STEPS = 8
 """Gauss-Newton steps of a trial; it starts at the solution without the term or background."""
@@ -139,6 +146,9 @@ def misfit_findings(
         if left < (1 - _TAKEN) * misfit:
             names, severity = {"term": term}, "doubt"
             numbers |= quantities(left=left)
+        elif (free := free_curves_leave(fit, points)) < 1 - _TAKEN:
+            names, severity = {"free": "curves"}, "doubt"
+            numbers |= quantities(left=free * misfit)
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
@@ -192,6 +202,40 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     whole = left.pop("")
     best = min(left, key=lambda term: left[term])
     return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def free_curves_leave(fit: Fit, points: Points) -> float:
+    """Share of the misfit left by a stiffness and a damping that may depend on amplitude in any way.
+
+    What they take up is the law's: an error of a sensor, another mode or a slow sweep do not follow the
+    amplitude alone. To the dynamic stiffness that the law predicts k(X), omega c(X), h(X), for losses that do
+    not grow with the frequency, and the mass where it is free are added by linear least squares. Infinite
+    where there are too few points.
+
+    Parameters
+    ----------
+    fit
+        The refined one.
+    points
+        That were fitted, without the background.
+    """
+    predicted = fit.force / fit.harmonics[:, 1]
+    good = fit.regression.used & np.isfinite(predicted)
+    knots = int(np.count_nonzero(good)) // _POINTS_A_KNOT
+    if knots < _KNOTS[0]:
+        return np.inf
+    knots = min(knots, _KNOTS[1])
+    omega, relative = points.omega[good], (points.harmonics[:, 1] / np.abs(points.force))[good]
+    missed = (points.force / np.abs(points.force))[good] - predicted[good] * relative
+    size = np.log(points.amplitude[good])
+    place = (size - size.min()) / max(float(np.ptp(size)), NOTICEABLE) * (knots - 1)
+    hats = np.maximum(0.0, 1 - np.abs(place[:, None] - np.arange(knots))) * relative[:, None]
+    mass = -(omega**2) * relative * (fit.problem.given is None)
+    columns = np.column_stack([hats, 1j * omega[:, None] * hats, 1j * hats, mass])
+    matrix, right = np.concatenate([columns.real, columns.imag]), np.concatenate([missed.real, missed.imag])
+    left = right - matrix @ solve_scaled(matrix, right)[0]
+    freedom = len(right) - matrix.shape[1]
+    return float(np.sqrt(np.sum(left**2) / freedom / np.mean(right**2)))
 
 
 def _with_backgrounds(fit: Fit) -> dict[str, Fit]:

@@ -16,6 +16,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
+from tests.oracles.masing import slider
 
 MASS = 1.5
 BASE = {"k": 5000.0, "c": 4.0}
@@ -105,14 +106,6 @@ def test_two_switches_are_found_together() -> None:
     found, true = identified(text, added, (2.0, 14.0), 1e-3)
     for estimate in found.refined:
         assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate
-
-
-def slider(stiffness: float, limit: float, size: np.ndarray) -> np.ndarray:
-    """(n,) complex force/displacement of a Jenkins element at amplitudes, from the area of its loop."""
-    place = np.minimum(limit / stiffness, size)
-    angle = np.arccos(1 - 2 * place / size)
-    area = 4 * stiffness * place * (size - place)
-    return stiffness * (angle - np.sin(angle) * np.cos(angle)) / np.pi + 1j * area / (np.pi * size**2)
 
 
 @pytest.mark.slow

@@ -13,7 +13,9 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.soundness import _negative, aside_findings
 from rsgen.observation import Observation
+from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
+from tests.oracles.masing import slider
 from tests.surfaces import MASS, changed, model, noisy, surface
 
 
@@ -41,6 +43,33 @@ def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
     assert found.severity == "doubt"
     assert found.names["term"] == "x**3"
     assert found["left"] < 0.3 * found["misfit"]
+
+
+def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
+    """Loops of dry joints, fitted by polynomials: no single term mends it, another law does."""
+    size, omega = (
+        part.ravel() for part in np.meshgrid(np.geomspace(3e-4, 2e-2, 16), np.linspace(50, 75, 11))
+    )
+    loops = sum(slider(200.0, limit, size) for limit in (0.13, 0.27, 0.53, 1.1))
+    ratio = 5000.0 - MASS * omega**2 + 3j * omega + loops
+    table = noisy(
+        ResponseSurface(
+            level=size,
+            frequency=omega / (2 * np.pi),
+            force=ratio * size,
+            response=np.stack([np.zeros(len(size)), size], axis=1).astype(complex),
+        ),
+        0.003,
+        1,
+    )
+    found = findings(table, "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v) + Ff*sign(v)")[
+        "law-does-not-fit"
+    ]
+    assert found.severity == "doubt"
+    assert "free" in found.names
+    # below what is doubted by its size alone
+    assert found["left"] < 0.5 * found["misfit"] < 0.025
+    assert "free to follow the amplitude" in sentence(found)
 
 
 @pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])

@@ -199,8 +199,12 @@ NEXT_STEPS.update(
 
 @says("law-does-not-fit")
 def _(found: Finding) -> str:
-    term = found.names.get("term")
-    missing = f"; a term {term} would leave {number_text(100 * found['left'], 2)} %" if term else ""
+    better = {"term": "a term {}", "free": "a stiffness and a damping free to follow the amplitude"}
+    missing = "".join(
+        f"; {text.format(found.names[kind])} would leave {number_text(100 * found['left'], 2)} %"
+        for kind, text in better.items()
+        if kind in found.names
+    )
     exactly = " exactly" if found.severity == "warning" else ""
     misfit = f"the misfit of {found['misfit']:.1%} is systematic, not noise"
     return f"the law does not fit{exactly}: {misfit}{missing}"
