@@ -265,9 +265,11 @@ class _Builder:
             text=text,
             sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
             oscillator=oscillator,
-            # a shaken base determines no mass: that of the case is known beforehand, as in a laboratory
+            # where a test determines no mass, that of the case is known beforehand, as in a laboratory
             model=Model(
-                elements, None if isinstance(test, SimulatedTest) and not test.base else mass, observation
+                elements,
+                None if isinstance(test, SimulatedTest) and test.determines_mass else mass,
+                observation,
             ),
             test=test,
             truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},

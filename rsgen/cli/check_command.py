@@ -57,7 +57,8 @@ def _plan(case: Case) -> dict[str, Any]:
             "kind": "simulated",
             "levels": len(test.level),
             "frequencies": len(test.frequency),
-            "points": len(test.level) * len(test.frequency),
+            "points": len(test.level) * test.per_level,
+            "control": test.control,
         }
     else:
         # imports the figures with the package; a simulated case needs neither
@@ -122,7 +123,9 @@ def _describe(plan: dict[str, Any]) -> str:
     names = ", ".join(plan["identifies"])
     levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
     if plan["kind"] == "simulated":
-        what = f"{levels} x {plan['frequencies']} frequencies = {plan['points']} points to simulate"
+        each = plan["points"] // plan["levels"]
+        across = "lags" if plan["control"] == "phase" else "frequencies"
+        what = f"{levels} x {each} {across} = {plan['points']} points to simulate"
     else:
         band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
         what = f"{plan['points']} measured points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"

@@ -55,15 +55,15 @@ def largest_answer(surface: ResponseSurface) -> float:
 
 def level_word(surface: ResponseSurface) -> str:
     """Name the levels of a test: forces, or amplitudes that were held."""
-    return "Level F" if surface.control == "force" else "Level X"
+    return "Level X" if surface.response_held else "Level F"
 
 
 def _answer_word(surface: ResponseSurface) -> str:
-    return "Amplitude X" if surface.control == "force" else "Force F"
+    return "Force F" if surface.response_held else "Amplitude X"
 
 
 def _what(surface: ResponseSurface, words: str) -> str:
-    if surface.control == "response":
+    if surface.response_held:
         return "force that holds the amplitude of the fundamental"
     return f"amplitude of the fundamental, {words}"
 
@@ -96,7 +96,7 @@ def peaks_by_level(surface: ResponseSurface) -> list[int]:
         points = np.flatnonzero((surface.level == level) & surface.settled)
         if points.size:
             answer = surface.answer[points]
-            at = np.argmax(answer) if surface.control == "force" else np.argmin(answer)
+            at = np.argmin(answer) if surface.response_held else np.argmax(answer)
             peaks.append(int(points[at]))
     return peaks
 
@@ -105,7 +105,7 @@ def _alternative(surface: ResponseSurface) -> str:
     peaks = peaks_by_level(surface)
     if not peaks:
         return "No test point settled, so there is no surface to show."
-    extreme = "largest amplitude" if surface.control == "force" else "least force"
+    extreme = "least force" if surface.response_held else "largest amplitude"
     unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
     least, most = (quantity_text(f(surface.level), surface.level_unit) for f in (np.min, np.max))
     band = " to ".join(quantity_text(f(surface.frequency), "Hz", 5) for f in (np.min, np.max))
@@ -185,6 +185,9 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
                 line.level[order] / force.factor,
                 height,
                 color=colours(norm(height.max())),
+                # one point has no line
+                marker="o" if len(line) == 1 else "",
+                ms=3,
                 lw=1.1,
             )
     axes.set_xlabel("Frequency [Hz]", labelpad=4)

@@ -98,7 +98,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     ax
         Axes to draw on; None makes a figure.
     """
-    if surface.control == "force":
+    if not surface.response_held:
         levels = choose_levels(_predicted(surface, prediction))
         shown = surface.select(np.isin(surface.level, levels) & surface.settled)
         forces = _forces(shown)
@@ -144,7 +144,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         "lines as predicted by "
         "the refined model; dashed parts are unstable."
     )
-    if surface.control == "response":
+    if surface.response_held:
         caption = (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
             "predicted by the refined model; dashed parts are unstable."
@@ -166,7 +166,7 @@ def _tested(
     shown: ResponseSurface, level: float, sweep: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Give frequency and amplitude of the points at a force; where X was held, between neighbours."""
-    if shown.control == "force":
+    if not shown.response_held:
         part = shown.select((shown.level == level) & (shown.sweep == sweep))
         return part.frequency, part.amplitude
     found: list[tuple[float, float]] = []

@@ -296,7 +296,7 @@ def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, f
 
 def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
     """Levels of force: as measured near the resonances; where the amplitude was held, what these needed."""
-    if surface.control == "force":
+    if not surface.response_held:
         return np.unique(typical_amounts(surface.select(points.index)))
     needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
     return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])

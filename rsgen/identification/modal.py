@@ -256,7 +256,9 @@ class _Modal:
         found, _, null = solve_scaled(np.asarray(matrix), np.asarray(right))
         misfit = float(np.mean((right - matrix @ found) ** 2))
         used = len(found) - null.shape[1]
-        return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * np.log(len(right))
+        # few points for many coefficients: as of the corrected AIC (Hurvich and Tsai, Biometrika 76, 1989)
+        price = np.log(len(right)) * len(right) / max(len(right) - used - 1, 1)
+        return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * price
 
 
 def _choose(seen: _Seen, mass: float | None) -> _Modal:

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 _STEEP = np.cos(np.pi / 5)
 """Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
 
+_NEAR = 0.6
+"""Cotangent of a lag 30 degrees from a quarter period: a single point nearer is a resonance of its level."""
+
 _BENT = 2.0
 """Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
 
@@ -108,7 +111,8 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
     found: list[Resonance] = []
     turning: list[Array] = []
     for run in _runs(points):
-        place = _crossing(stiffness[run].real, points.amplitude[run], _neighbours(points, run))
+        held = np.abs(stiffness[run].real) < _NEAR * np.abs(stiffness[run].imag)
+        place = _crossing(stiffness[run].real, points.amplitude[run], _neighbours(points, run), held)
         if place is None:
             continue
         near, other, share = place
@@ -135,15 +139,22 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 amplitude=blend(points.amplitude),
                 stiffness=mass * omega**2,
                 damping=damping,
-                jump=near == other and not _reached(stiffness[run].real, points.omega[run], near, mass),
+                jump=near == other
+                and len(run) > 1
+                and not _reached(stiffness[run].real, points.omega[run], near, mass),
             )
         )
         turning.append(np.array([blend(peaks[:, 0]), blend(peaks[:, 1])]))
     return tuple(found), np.array(turning).reshape(-1, 2)
 
 
-def _crossing(real: Array, size: Array, smooth: NDArray[np.bool_]) -> tuple[int, int, float] | None:
-    """Where Re F/X passes zero: two neighbours and the share between them, or one point beside a jump."""
+def _crossing(
+    real: Array, size: Array, smooth: NDArray[np.bool_], held: NDArray[np.bool_]
+) -> tuple[int, int, float] | None:
+    """Where Re F/X passes zero: two neighbours and the share between them, or one point beside a jump.
+
+    ``held`` says which points are at phase resonance as they are.
+    """
     down = np.flatnonzero((real[:-1] > 0) & (real[1:] <= 0))
     if len(down):
         at = int(down[np.argmax(np.maximum(size[down], size[down + 1]))])
@@ -153,6 +164,9 @@ def _crossing(real: Array, size: Array, smooth: NDArray[np.bool_]) -> tuple[int,
         return near, near, 0.0
     if not len(size):
         return None
+    if len(size) == 1 and held[0]:
+        # one point of a phase-locked loop, or a level tested at its resonance alone
+        return 0, 0, 0.0
     top = int(np.argmax(size))
     # the largest response of a run that does not reach the resonance determines it only from nearby
     interior = 0 < top < len(size) - 1

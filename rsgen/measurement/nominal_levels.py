@@ -18,11 +18,20 @@ from rsgen.measurement.plan import MeasuredTest
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.surface.directions import TURN, group_forces, monotone_runs
 
-__all__ = ["group_levels", "group_runs", "level_of_file", "recognise_control", "settle_levels"]
+__all__ = [
+    "PHASE_SPREAD",
+    "group_levels",
+    "group_runs",
+    "level_of_file",
+    "recognise_control",
+    "settle_levels",
+]
 
 _NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 _SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
+PHASE_SPREAD = 0.01
+"""Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
 _ONE_WAY = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
 _DIGITS = 3
@@ -198,7 +207,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
     if test.control == "response":
         surface = replace(surface, findings=(*surface.findings, *_held_findings(surface)))
     if known and not test.level.labels:
-        amount = np.abs(surface.force) if surface.control == "force" else surface.amplitude
+        amount = surface.amplitude if surface.response_held else np.abs(surface.force)
         good = surface.settled & np.isfinite(amount) & (amount > 0)
         median, largest = np.array(
             [

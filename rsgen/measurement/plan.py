@@ -294,10 +294,10 @@ class MeasuredTest:
     response_files: tuple[Path, ...] = declare(
         (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
     )
-    control: Literal["force", "response"] | None = declare(
+    control: Literal["force", "response", "phase"] | None = declare(
         None,
         "What was held constant within a level; recognised without. Levels of a held response are "
-        "displacement amplitudes.",
+        "displacement amplitudes; phase: a phase-locked loop, whose rows are points of the backbone.",
     )
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
     calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)

@@ -16,6 +16,7 @@ from rsgen.measurement.consistency import repeated_rows, run_findings, tell_bran
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import Table, read_table
 from rsgen.measurement.nominal_levels import (
+    PHASE_SPREAD,
     group_levels,
     group_runs,
     level_of_file,
@@ -27,6 +28,7 @@ from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, Swe
 from rsgen.measurement.title_units import contradiction, unit_doubts
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
+from rsgen.surface.phase_lag import at_phase_resonance, lag_findings
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
 
@@ -271,9 +273,17 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     control: str = test.control or "force"
     if test.control is None and test.force is not None and run is not None and test.level.spread is None:
         control = recognise_control(np.abs(force), np.abs(displacement), run)
+    if test.control is None and run is None and test.phase_known and at_phase_resonance(force / displacement):
+        control = "phase"
+    assumed = control == "phase" and not test.phase_known
+    if assumed:
+        # what the loop is for
+        displacement = np.abs(displacement) * np.exp(-0.5j * np.pi)
     if run is None and control == "response":
         run = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
-    if test.level.spread is not None:
+    if run is None and control == "phase" and test.level.spread is None:
+        level = group_levels(np.abs(force), PHASE_SPREAD)
+    elif test.level.spread is not None:
         level = group_levels(np.abs(force), test.level.spread)
     elif run is None:
         level = group_runs(np.abs(force), frequency, block)
@@ -282,6 +292,10 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     findings = [finding for part in parts for finding in part.findings]
     if control == "response" and test.control is None:
         findings.append(Finding("response-held", "info"))
+    if control == "phase" and test.control is None:
+        findings.append(Finding("phase-resonance", "info"))
+    if assumed:
+        findings.append(Finding("phase-lag-assumed", "warning"))
     if test.force is None:
         findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
     surface = ResponseSurface(
@@ -290,7 +304,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         force=force,
         response=displacement.astype(np.complex128),
         sweep=_directions(test.sweep, frequency, level, np.concatenate(marks) if marks else None, block),
-        phase_known=test.phase_known,
+        phase_known=test.phase_known or assumed,
         control=control,
         findings=tuple(findings),
     )
@@ -382,4 +396,5 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     sense = None if test.history is not None else "lag" if test.response.lags else "lead"
     passive = passivity_findings(surface, sense, test.quantity)
     other = quantity_findings(surface, test.quantity)
-    return replace(surface, findings=(*surface.findings, *passive, *other))
+    lag = lag_findings(surface)
+    return replace(surface, findings=(*surface.findings, *passive, *other, *lag))

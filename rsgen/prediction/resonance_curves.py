@@ -306,7 +306,7 @@ def _score(
         & (np.abs(surface.force) > 0)
     )
     scored = []
-    forces = typical_amounts(surface) if surface.control == "force" else np.full(len(surface.levels), nan)
+    forces = np.full(len(surface.levels), nan) if surface.response_held else typical_amounts(surface)
     for level in np.unique(surface.level[chosen]):
         for sweep in np.unique(surface.sweep[chosen & (surface.level == level)]):
             rows = np.flatnonzero(chosen & (surface.level == level) & (surface.sweep == sweep))

@@ -254,7 +254,7 @@ def _write_files(
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
     """Choose the forces [N] to predict: those measured near the resonances of tested and held-out levels."""
-    if surface.control == "response":
+    if surface.response_held:
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
     held_out = surface.level[held_out_mask(surface, identification.model)]

@@ -38,7 +38,7 @@ def _rounded(values: Any) -> Any:
 def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, str]]:
     amplitude = choose_scale(surface.answer[surface.settled], surface.answer_unit)
     force = choose_scale(surface.level, surface.level_unit)
-    held, found = ("F", "X") if surface.control == "force" else ("X", "F")
+    held, found = ("X", "F") if surface.response_held else ("F", "X")
     axes = {
         "x": "Frequency [Hz]",
         "y": force.label(f"Level {held}"),

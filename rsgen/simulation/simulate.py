@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rsgen.arrays import Array
@@ -9,11 +11,13 @@ from rsgen.errors import require
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
+from rsgen.simulation.phase_control import phase_grid
 from rsgen.simulation.point_grid import Progress, grid_of, in_parts, swept
 from rsgen.simulation.response_control import ControlledStates, control_grid
 from rsgen.simulation.virtual_test import SimulatedTest
 from rsgen.steady_state import SteadyStates, solve_steady_states
 from rsgen.surface import ResponseSurface
+from rsgen.surface.phase_lag import lag_findings
 
 __all__ = ["simulate"]
 
@@ -31,7 +35,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     ResponseSurface
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
-        X [m] that were held, the error is that of the force, and ``stable`` is False between folds. Of a
+        X [m] that were held, the error is that of the force, and ``stable`` is False between folds. With
+        ``control="phase"`` there is a point for each level and lag, at the frequency that was found. Of a
         shaken base the response is relative to it and the force one per mass, -a_b.
 
     Raises
@@ -42,8 +47,12 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     require(oscillator, Oscillator, "oscillator")
     require(test, SimulatedTest, "test")
     level, frequency = grid_of(test)
+    states: SteadyStates
     if test.control == "response":
-        states: SteadyStates = control_grid(oscillator, test, progress)
+        states = control_grid(oscillator, test, progress)
+    elif test.control == "phase":
+        level, states = phase_grid(oscillator, test)
+        frequency = states.frequency
     elif test.method == "harmonic-balance":
         states = balance_grid(oscillator, test, progress)
     else:
@@ -66,7 +75,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
         per_mass=test.base is not None,
         base=test.base or "",
     )
-    return add_noise(surface, test.noise_relative, test.seed)
+    surface = add_noise(surface, test.noise_relative, test.seed)
+    return replace(surface, findings=(*surface.findings, *lag_findings(surface)))
 
 
 def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import pi
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.declaration import Rule, check, declare, documented
+from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
 from rsgen.surface.columns import BASE_UNITS, BASES
 
 __all__ = ["SimulatedTest"]
+
+
+_RESONANT = 0.2
+"""Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
 
 
 def _grid(values: ArrayLike, name: str, unit: str) -> Array:
@@ -67,10 +72,26 @@ class SimulatedTest:
     method: Literal["time", "harmonic-balance"] = declare(
         "time", "time: time integration. harmonic-balance: the independent oracle."
     )
-    control: Literal["force", "response"] = declare(
-        "force", "force: constant F. response: constant X, the force follows."
+    control: Literal["force", "response", "phase"] = declare(
+        "force",
+        "force: constant F. response: constant X, the force follows. phase: constant F, the frequency "
+        "follows between the lowest and the highest one, until the response lags as the loop wants it.",
     )
-
+    lags: tuple[Annotated[float, Rule(unit="rad", above=0, below=pi)], ...] = declare(
+        (pi / 2,),
+        "Lags of the displacement that the loop holds at each level; a quarter period, 90 deg, is resonance.",
+        key="phase.lags",
+        fewest=1,
+        most=100,
+    )
+    phase_error: float = declare(
+        0.0,
+        "By which the lag is larger than the loop wants it.",
+        unit="rad",
+        key="phase.error",
+        at_least=-0.5,
+        at_most=0.5,
+    )
     base: Literal["displacement", "velocity", "acceleration"] | None = declare(
         None,
         "What of the motion of a shaken base the levels are amplitudes of, instead of a force. The response "
@@ -86,15 +107,33 @@ class SimulatedTest:
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
-        if self.control == "response" and self.method != "time":
-            yield "method", f"{self.method!r} has no control 'response'; must be 'time'"
-        if self.control == "response" and self.base is not None:
-            yield "base", "is shaken, but the response is held, by a force; leave one of them out"
+        if self.control != "force" and self.method != "time":
+            yield "method", f"{self.method!r} has no control {self.control!r}; must be 'time'"
+        if self.control != "force" and self.base is not None:
+            yield "base", f"is shaken, but a force controls the {self.control}; leave one of them out"
+        if self.control != "phase" and given(self, "lags", "phase_error"):
+            yield "lags", "and phase_error are of a phase-locked loop; leave them out, or set control 'phase'"
+        if self.control == "phase" and self.sweep != "rest":
+            yield "sweep", f"{self.sweep!r}, but a phase-locked loop finds its frequency; leave it out"
+        for lag in self.lags:
+            if not 0 < lag + self.phase_error < pi:
+                yield "phase_error", f"makes a lag of {lag + self.phase_error:.4g} rad; must be 0 to pi"
 
     @property
     def level_unit(self) -> str:
         """SI unit of the levels."""
         return "m" if self.control == "response" else BASE_UNITS[self.base or ""]
+
+    @property
+    def per_level(self) -> int:
+        """Points of each level: frequencies, or lags of a phase-locked loop."""
+        return len(self.lags if self.control == "phase" else self.frequency)
+
+    @property
+    def determines_mass(self) -> bool:
+        """Whether the mass follows from the test: not from a shaken base, nor at phase resonance alone."""
+        resonant = all(abs(lag + self.phase_error - pi / 2) < _RESONANT for lag in self.lags)
+        return self.base is None and not (self.control == "phase" and resonant)
 
     def drive(self, mass: float, level: Array, frequency: Array) -> ComplexArray:
         """(n,) complex force [N] on the mass [kg] at levels and frequencies [Hz]: -m a_b of a shaken base.

@@ -62,7 +62,9 @@ def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:
 
 def _planned(test: SimulatedTest) -> ResponseSurface:
     """The grid of a virtual test, as if every point had settled with the same response."""
-    level, frequency = np.meshgrid(test.level, test.frequency, indexing="ij")
+    # a phase-locked loop finds its frequency: any in the band stands for it
+    frequencies = np.resize(test.frequency, test.per_level)
+    level, frequency = np.meshgrid(test.level, frequencies, indexing="ij")
     return ResponseSurface(
         level.ravel(),
         frequency.ravel(),

@@ -139,7 +139,7 @@ def expect(
     switched = any(piece.switches for piece in normal_form(law).pieces)
     points, harmonics, simulation = 0, 1, reading / _slowness()
     if isinstance(test, SimulatedTest):
-        points, harmonics = len(test.level) * len(test.frequency), test.harmonics
+        points, harmonics = len(test.level) * test.per_level, test.harmonics
         simulation = points / _SURFACE_POINTS_A_SECOND
         if case.oscillator is not None and test.method == "time":
             located = test.accuracy < LOCATED

@@ -35,7 +35,7 @@ def typical_amounts(surface: ResponseSurface) -> Array:
         if not len(at):
             continue
         near = at[size[at] >= _NEAR * size[at].max()]
-        value = float(np.median(force[near] if surface.control == "force" else size[at]))
+        value = float(np.median(size[at] if surface.response_held else force[near]))
         found[number] = level if abs(value - level) <= _EXACT * abs(level) else value
     return found
 

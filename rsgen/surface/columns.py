@@ -13,6 +13,7 @@ __all__ = [
     "BASES",
     "BASE_UNITS",
     "COLUMN_UNITS",
+    "CONTROLS",
     "SWEEPS",
     "check_numbers",
     "column",
@@ -21,6 +22,9 @@ __all__ = [
 ]
 
 SWEEPS = ("rest", "up", "down")
+
+CONTROLS = ("force", "response", "phase")
+"""What a test holds within a level: the force, the amplitude of the response, or force and phase."""
 
 BASE_UNITS = {"": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 """Unit of levels: of the force, or of the motion of the base that was driven."""

@@ -18,6 +18,7 @@ from rsgen.finding import Finding, Quantity
 from rsgen.surface.columns import (
     BASE_UNITS,
     COLUMN_UNITS,
+    CONTROLS,
     SWEEPS,
     check_numbers,
     column,
@@ -85,7 +86,8 @@ class ResponseSurface:
     phase_known
         False where the test recorded amplitudes only: the phase of the response is then without meaning.
     control
-        What the test held constant within a level: "force" or "response".
+        What the test held constant within a level: "force", "response", or "phase" where a phase-locked loop
+        held a force and turned the frequency until the response lagged by an angle.
     stable
         (n,) False where the motion would leave this state if the force were held constant; default True.
     findings
@@ -202,8 +204,8 @@ class ResponseSurface:
             raise RsgenError(f"surface.sweep: must be one of {', '.join(SWEEPS)}")
         if len(self) and not ((self.outcome >= 0) & (self.outcome < len(OUTCOMES))).all():
             raise RsgenError(f"surface.outcome: must be 0 to {len(OUTCOMES) - 1}")
-        if self.control not in ("force", "response"):
-            raise RsgenError(f"surface.control: {self.control!r}; must be 'force' or 'response'")
+        if self.control not in CONTROLS:
+            raise RsgenError(f"surface.control: {self.control!r}; must be one of {', '.join(CONTROLS)}")
         if self.origin not in ("simulated", "measured"):
             raise RsgenError(f"surface.origin: {self.origin!r}; must be 'simulated' or 'measured'")
         if self.base not in BASE_UNITS:
@@ -244,9 +246,14 @@ class ResponseSurface:
     @property
     def level_unit(self) -> str:
         """Unit of the levels: of the force; "m" where the response was held; of the motion of a base."""
-        if self.control == "response":
+        if self.response_held:
             return "m"
         return BASE_UNITS[self.base] if self.base else self.force_unit
+
+    @property
+    def response_held(self) -> bool:
+        """Whether levels are amplitudes of the response, and the force is what the test found."""
+        return self.control == "response"
 
     @property
     def force_unit(self) -> str:
@@ -256,12 +263,12 @@ class ResponseSurface:
     @property
     def answer(self) -> Array:
         """(n,) what the test found at its levels: X [m], or |F| in ``force_unit`` where that was held."""
-        return self.amplitude if self.control == "force" else np.abs(self.force)
+        return np.abs(self.force) if self.response_held else self.amplitude
 
     @property
     def answer_unit(self) -> str:
         """Unit of ``answer``."""
-        return "m" if self.control == "force" else self.force_unit
+        return self.force_unit if self.response_held else "m"
 
     def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
         """Keep some points: a boolean mask (n,) or an index array."""
@@ -332,7 +339,7 @@ class ResponseSurface:
             f"{short(self.frequency.min())} to {short(self.frequency.max())} Hz",
             f"{count} harmonic{'s' if count > 1 else ''}",
             "" if self.phase_known else "phase not measured",
-            "response held" if self.control == "response" else "",
+            {"force": "", "response": "response held", "phase": "phase-locked"}[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
             "" if self.across is None else "motion across",
             f"{self.base} of the base" if self.base else "",

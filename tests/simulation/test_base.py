@@ -127,5 +127,5 @@ def test_what_a_shaken_base_cannot_have_is_said(tmp_path, quantity, more, said):
 
 
 def test_a_held_response_is_not_shaken():
-    with pytest.raises(RsgenError, match="base: is shaken, but the response is held"):
+    with pytest.raises(RsgenError, match="base: is shaken, but a force controls the response"):
         shaken("velocity", control="response")

@@ -12,6 +12,7 @@ from rsgen.report.wording import (  # noqa: F401
     law_sentences,
     modal_sentences,
     multisine_sentences,
+    phase_sentences,
     plausibility_sentences,
     prediction_sentences,
     ranking_sentences,

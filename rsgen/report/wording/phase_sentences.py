@@ -1,0 +1,42 @@
+"""Sentences about tests at phase resonance."""
+
+from __future__ import annotations
+
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly
+
+_LAG = (
+    "at {points:.0f} points of phase resonance the response lags the force by {lag:.2f} degrees, with a "
+    "scatter of {scatter:.2f}"
+)
+
+say_plainly(
+    {
+        "phase-lag-held": f"{_LAG}: the loop held resonance",
+        "phase-lag-off": (
+            f"{_LAG}, not by 90: k/m read as omega^2 is off by {{shift:.1%}} of the damping ratio; it is "
+            "corrected where the mass is known"
+        ),
+        "phase-not-resonant": (
+            "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.0f} "
+            "degrees in place of 90"
+        ),
+        "phase-lag-assumed": (
+            "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees"
+        ),
+        "phase-resonance": (
+            "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked; if it "
+            'was not, write control = "force" under [test]'
+        ),
+    }
+)
+
+NEXT_STEPS |= {
+    "phase-lag-off": (
+        "Look at the phase of the loop's filters and at the sense and quantity of the response; the loop is "
+        "to hold 90 degrees between force and displacement."
+    ),
+    "phase-not-resonant": (
+        "Look at sense, sign and quantity of the response: at resonance a velocity is in phase with the "
+        "force."
+    ),
+}

@@ -1,0 +1,97 @@
+"""Tables of a phase-locked loop: one row a level, with a phase or without, recognised or declared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.measurement import MeasuredTest, Signal
+from rsgen.surface import ResponseSurface
+
+MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
+AMPLITUDE = np.linspace(4e-3, 48e-3, 23)
+"""Forces of neighbours at the upper end differ by 4.6 %, less than the runs of a shaker scatter."""
+
+
+def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Path:
+    k = K + 0.75 * K3 * AMPLITUDE**2
+    cotangent = 1 / np.tan(np.radians(lag))
+    omega = (-C * cotangent + np.sqrt((C * cotangent) ** 2 + 4 * MASS * k)) / (2 * MASS)
+    force = omega * C * AMPLITUDE / np.sin(np.radians(lag))
+    order = {"displacement": 0, "velocity": 1}[quantity]
+    rows = np.stack(
+        [omega / 2 / np.pi, force, AMPLITUDE * omega**order, np.full(23, lag - 90 * order)], axis=1
+    )
+    path = folder / "loop.csv"
+    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
+    return path
+
+
+def read(path: Path, **options: Any) -> ResponseSurface:
+    phase = {"phase": "lag", "phase_sense": "lag"} if options.get("phase_known", True) else {}
+    settings: dict[str, Any] = {
+        "files": path,
+        "frequency": "frequency",
+        "force": Signal(amplitude="force"),
+        "response": Signal(amplitude="response", **phase),
+        "quantity": "displacement",
+    }
+    return rsgen.read_measurement(MeasuredTest(**(settings | options)))
+
+
+def codes(surface: ResponseSurface) -> list[str]:
+    return [finding.code for finding in surface.findings]
+
+
+def test_a_table_of_the_backbone_is_recognised_and_each_row_is_a_level(tmp_path: Path):
+    surface = read(table(tmp_path))
+    assert (surface.control, len(surface.levels)) == ("phase", 23)
+    np.testing.assert_allclose(surface.level, np.abs(surface.force), rtol=1e-9)
+    assert {"phase-resonance", "phase-lag-held"} <= set(codes(surface))
+    found = rsgen.identify(surface, "k*x + k3*x**3 + c*v", mass=MASS)
+    assert found["k"].value == pytest.approx(K, rel=1e-4)
+    assert found["k3"].value == pytest.approx(K3, rel=0.01)
+
+
+def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path: Path):
+    surface = read(table(tmp_path), phase_known=False, control="phase")
+    assert surface.phase_known
+    np.testing.assert_allclose(surface.phase, np.pi / 2)
+    assert "phase-lag-assumed" in codes(surface)
+    modal = rsgen.modal_table(surface, mass=MASS)
+    np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
+    np.testing.assert_allclose(modal.damping, C, rtol=1e-4)
+
+
+def test_without_a_phase_and_without_the_word_nothing_is_assumed(tmp_path: Path):
+    surface = read(table(tmp_path), phase_known=False)
+    assert (surface.control, surface.phase_known) == ("force", False)
+
+
+def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path: Path):
+    surface = read(table(tmp_path, lag=95.0))
+    (found,) = [finding for finding in surface.findings if finding.code == "phase-lag-off"]
+    assert found.numbers["lag"].value == pytest.approx(95, abs=1e-6)
+    modal = rsgen.modal_table(surface, mass=MASS)
+    np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
+
+
+def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path: Path):
+    surface = read(table(tmp_path, quantity="velocity"), control="phase")
+    assert "phase-not-resonant" in codes(surface)
+    right = read(table(tmp_path, quantity="velocity"), quantity="velocity")
+    assert right.control == "phase"
+    assert "phase-not-resonant" not in codes(right)
+
+
+def test_a_sweep_is_not_taken_for_a_loop(tmp_path: Path):
+    frequency = np.linspace(9, 11, 41)
+    ratio = 1 / (K - MASS * (2 * np.pi * frequency) ** 2 + 2j * np.pi * frequency * C)
+    path = tmp_path / "sweep.csv"
+    rows = np.stack([frequency, np.ones(41), np.abs(ratio), -np.degrees(np.angle(ratio))], axis=1)
+    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="")
+    assert read(path).control == "force"

@@ -1,0 +1,139 @@
+"""Phase-locked tests against closed forms, response control, and what a loop with a phase error finds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.simulation import SimulatedTest
+from tests.surfaces import noisy
+
+MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
+LEVELS = np.linspace(1, 12, 5)
+
+
+def oscillator(force: str = "k*x + k3*x**3 + c*v", **values: float) -> rsgen.Oscillator:
+    return rsgen.Oscillator(MASS, force, values or {"k": K, "k3": K3, "c": C})
+
+
+def locked(system: rsgen.Oscillator, **options: object) -> rsgen.ResponseSurface:
+    settings = {"level": LEVELS, "frequency": [8, 14], "control": "phase", "accuracy": 1e-6}
+    return rsgen.simulate(system, SimulatedTest(**(settings | options)))
+
+
+def test_a_linear_mode_is_found_at_its_natural_frequency():
+    surface = locked(oscillator("k*x + c*v", k=K, c=C))
+    np.testing.assert_allclose(surface.omega, np.sqrt(K / MASS), rtol=1e-7)
+    np.testing.assert_allclose(surface.amplitude, LEVELS / (C * np.sqrt(K / MASS)), rtol=1e-6)
+    assert (surface.control, surface.level_unit, len(surface.levels)) == ("phase", "N", 5)
+
+
+@pytest.mark.parametrize("degrees", [60.0, 90.0, 92.0, 120.0])
+def test_the_lag_is_the_one_that_was_asked_for_and_the_force_that_of_the_level(degrees: float):
+    surface = locked(oscillator(), lags=(np.radians(degrees),))
+    np.testing.assert_allclose(np.degrees(surface.phase), degrees, atol=1e-4)
+    np.testing.assert_allclose(np.abs(surface.force), LEVELS, rtol=1e-6)
+
+
+def test_points_are_those_of_the_force_controlled_test_at_the_frequency_found():
+    """From rest, where the resonance is stable under constant force: softly nonlinear, so nothing folds."""
+    system = oscillator(k=K, k3=2e4, c=C)
+    surface = locked(system, harmonics=5)
+    for row in range(len(surface)):
+        forced = rsgen.simulate(
+            system,
+            SimulatedTest(level=LEVELS[row], frequency=surface.frequency[row], harmonics=5, accuracy=1e-6),
+        )
+        np.testing.assert_allclose(surface.amplitude[row], forced.amplitude[0], rtol=1e-4)
+        turned = surface.harmonics[row, 3] * (surface.force[row] / LEVELS[row]) ** -3
+        np.testing.assert_allclose(turned, forced.harmonics[0, 3], rtol=0.02)
+
+
+def test_friction_that_holds_the_mass_does_not_settle():
+    surface = locked(oscillator("k*x + c*v + Ff*sign(v)", k=K, c=C, Ff=0.8), level=[0.9, 4.0], accuracy=1e-4)
+    assert surface.settled.tolist() == [False, True]
+    # one harmonic of friction at resonance: F = c omega X + 4 Ff/pi
+    expected = (4.0 - 4 * 0.8 / np.pi) / (C * surface.omega[1])
+    np.testing.assert_allclose(surface.amplitude[1], expected, rtol=0.02)
+
+
+def test_what_the_band_does_not_contain_is_not_settled():
+    surface = locked(oscillator(), frequency=[8, 10.1])
+    assert surface.settled.tolist() == [True, True, False, False, False]
+
+
+def test_every_lag_is_tested_at_every_level():
+    surface = locked(oscillator(), lags=tuple(np.radians([60, 90, 120])), level=[2.0, 5.0])
+    np.testing.assert_allclose(np.degrees(surface.phase), [60, 90, 120] * 2, atol=1e-4)
+    np.testing.assert_allclose(surface.level, [2, 2, 2, 5, 5, 5])
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "severity"),
+    [(0.3, "phase-lag-held", "info"), (2.0, "phase-lag-off", "warning"), (12.0, "phase-lag-off", "doubt")],
+)
+def test_a_phase_error_is_said(error: float, code: str, severity: str):
+    surface = locked(oscillator(), phase_error=np.radians(error))
+    (found,) = surface.findings
+    assert (found.code, found.severity) == (code, severity)
+    assert found.numbers["lag"].value == pytest.approx(90 + error, abs=1e-3)
+    assert f"{90 + error:.2f} degrees" in rsgen.sentence(found)
+
+
+def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
+    """The asked figures: k(X)/m within 0.1 %, zeta within 3 %, the phase error said."""
+    exact = locked(oscillator(), level=np.linspace(1, 12.5, 13), harmonics=5)
+    surface = locked(
+        oscillator(), level=np.linspace(1, 12, 30), phase_error=np.radians(2), harmonics=5, accuracy=1e-5
+    )
+    zeta = np.abs(exact.force) / (2 * MASS * exact.omega**2 * exact.amplitude)
+    fine = np.polynomial.Polynomial.fit(exact.amplitude**2, exact.omega**2, 4)
+    ratio = np.polynomial.Polynomial.fit(exact.amplitude**2, zeta, 4)
+    worst = []
+    for seed in range(5):
+        read = noisy(surface, 0.01, seed)
+        table = rsgen.modal_table(read, mass=MASS)
+        X = table.amplitude
+        worst.append(
+            [
+                np.abs(table.stiffness_per_mass / fine(X**2) - 1).max(),
+                np.abs(table.damping_ratio / ratio(X**2) - 1).max(),
+            ]
+        )
+    typical = np.median(worst, axis=0)
+    assert typical[0] < 1e-3
+    assert typical[1] < 0.03
+    found = rsgen.identify(read, "k*x + k3*x**3 + c*v", mass=MASS)
+    assert found["k"].interval[0] < K < found["k"].interval[1]
+    assert found["k3"].value == pytest.approx(K3, rel=0.05)
+    assert found["c"].value == pytest.approx(C, rel=0.02)
+    assert len(found.resonances) == 30
+    assert not any(resonance.jump for resonance in found.resonances)
+
+
+def test_without_a_mass_the_damper_alone_is_identified():
+    found = rsgen.identify(
+        noisy(locked(oscillator(), level=np.linspace(1, 12, 12)), 0.01, 1), "k*x + k3*x**3 + c*v"
+    )
+    assert found["c"].value == pytest.approx(C, rel=0.02)
+    assert not found["k"].identifiable
+    assert not found["m"].identifiable
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"lags": (1.0,), "control": "force"}, "phase-locked loop"),
+        ({"method": "harmonic-balance"}, "must be 'time'"),
+        ({"sweep": "up"}, "finds its frequency"),
+        ({"lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"),
+        ({"lags": (90.0,)}, "lags"),
+        ({"base": "acceleration"}, "leave one of them out"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(options: dict[str, object], said: str):
+    settings = {"level": [1.0], "frequency": [8, 14], "control": "phase"}
+    with pytest.raises(RsgenError, match=said):
+        SimulatedTest(**(settings | options))
