@@ -22,6 +22,7 @@ from rsgen.measurement import MeasuredTest
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.simulation import SimulatedTest
+from rsgen.simulation.free_mean import free_mean_fault
 
 __all__ = ["law_faults"]
 
@@ -74,7 +75,9 @@ def law_faults(case: Case) -> list[str]:
         if values is not None:
             faults += [f"{place}.force: {text}" for text in _near_rest(element, values)]
     if not faults and case.oscillator is not None and isinstance(case.test, SimulatedTest):
-        faults += [f"element: {text}" for text in _never_settles(case.oscillator, case.test)]
+        drifts = free_mean_fault(case.oscillator, case.test)
+        never = [drifts] if drifts else _never_settles(case.oscillator, case.test)
+        faults += [f"element: {text}" for text in never]
     return [f"{case.path.name}: {fault}" for fault in faults]
 
 

@@ -154,6 +154,9 @@ def _fit(problem: Problem, start: Array) -> Fit:
     observed = problem.observed
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     feeds = observed.phase_known and feeds_exciter(observed.mode(found.background))
+    if problem.law.mean_free:
+        # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
+        return _add_harmonics(found)
     if sharp and not feeds and found.regression.noise * np.sqrt(2) < _HOPELESS:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
@@ -206,7 +209,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
 
 
 def _add_harmonics(followed: Fit) -> Fit:
-    """Try more harmonics where the simulator did not settle on every branch of exact data."""
+    """Try more harmonics where the simulator is not asked, or did not follow every branch of exact data."""
     balanced = followed
     for order in _ORDERS[1:]:
         balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)

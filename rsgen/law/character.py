@@ -99,6 +99,14 @@ class Character:
     jumps: bool
     springs: bool
 
+    @property
+    def mean_free(self) -> bool:
+        """Whether a law with memory has no spring that holds the mean displacement.
+
+        A loop is the same wherever it lies, so that the mass stays where the start left it.
+        """
+        return self.remembers and not self.springs
+
 
 @lru_cache(maxsize=256)
 def character(force: sympy.Expr) -> Character:

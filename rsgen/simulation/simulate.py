@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.arrays import Array
-from rsgen.errors import require
+from rsgen.errors import RsgenError, require
 from rsgen.oscillator import Oscillator
+from rsgen.simulation.free_mean import free_mean_fault
 from rsgen.simulation.harmonic_balance import balance_grid
 from rsgen.simulation.noise import add_noise
 from rsgen.simulation.phase_control import phase_grid
@@ -42,10 +43,14 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
     Raises
     ------
     RsgenError
-        The test asks for a combination that does not exist.
+        The test asks for a combination that does not exist, or is to be integrated and no spring holds the
+        mean displacement.
     """
     require(oscillator, Oscillator, "oscillator")
     require(test, SimulatedTest, "test")
+    fault = free_mean_fault(oscillator, test)
+    if fault:
+        raise RsgenError(f"law: {fault}")
     level, frequency = grid_of(test)
     states: SteadyStates
     if test.control == "response":
