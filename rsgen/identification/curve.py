@@ -5,28 +5,48 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
+from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit
 from rsgen.identification.result import EquivalentCurve
+from rsgen.identification.tolerances import SAMPLES_SWITCHED
+from rsgen.motion import Motion, project
 from rsgen.surface import ResponseSurface
 
 __all__ = ["equivalent_curve"]
 
 
+def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
+    """Amplitude (n,) [m] that the law follows, and what it gives there over it, k + i omega c [N/m]."""
+    law, response, omega = found.problem.law, surface.harmonics[:, 1], surface.omega
+    if not isinstance(law, LawAtTwoPlaces) or surface.across is None:
+        return np.abs(response), surface.force / response + found.mass * omega**2
+    fundamental = np.zeros((len(surface), 2), dtype=complex)
+    fundamental[:, 1] = response
+    here = law.here.law.along(Motion(omega, fundamental), found.values[law.here.places], SAMPLES_SWITCHED)
+    left = surface.force + found.mass * omega**2 * response - project(here.force, 1)
+    return np.abs(surface.across[:, 1]), left / surface.across[:, 1]
+
+
 def equivalent_curve(
-    surface: ResponseSurface, points: Points, used: NDArray[np.bool_], mass: float
+    surface: ResponseSurface, points: Points, used: NDArray[np.bool_], found: Fit
 ) -> EquivalentCurve:
-    """k and c of every settled point, with the mass [kg] of the law; ``used`` of the points took part."""
+    """k and c of every settled point, with the mass found; ``used`` of the points took part.
+
+    Of a law at two places they are those of the elements across: what the others leave, over their motion.
+    """
     response = surface.harmonics[:, 1]
     rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
-    stiffness = surface.force[rows] / response[rows]
     omega = surface.omega[rows]
+    amplitude, stiffness = _dynamic(surface.select(rows), found)
     took_part = np.zeros(len(surface), dtype=bool)
     took_part[points.index[used]] = True
     return EquivalentCurve(
-        amplitude=np.abs(response[rows]),
+        amplitude=amplitude,
         frequency=surface.frequency[rows],
         level=surface.level[rows],
-        stiffness=stiffness.real + mass * omega**2,
+        stiffness=stiffness.real,
         damping=stiffness.imag / omega,
         used=took_part[rows],
         level_unit=surface.level_unit,

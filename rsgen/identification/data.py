@@ -50,6 +50,8 @@ class Points:
         Harmonics (0 for the mean) that the test measured; others are all zero in the table.
     peak
         (n, 2) largest and smallest displacement [m], NaN where unknown.
+    across
+        (n, H+1) complex displacement [m] across the elements, None where the law acts on the response.
     """
 
     index: NDArray[np.intp]
@@ -60,6 +62,7 @@ class Points:
     harmonics: NDArray[np.complex128]
     measured: tuple[int, ...]
     peak: NDArray[np.float64]
+    across: NDArray[np.complex128] | None = None
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -106,6 +109,7 @@ class Points:
             self.harmonics[chosen],
             self.measured,
             self.peak[chosen],
+            None if self.across is None else self.across[chosen],
         )
 
     def spread(self, count: int) -> NDArray[np.intp]:
@@ -203,4 +207,5 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         chosen,
         measured,
         surface.peak[index],
+        None if surface.across is None else np.nan_to_num(surface.across[index]),
     )

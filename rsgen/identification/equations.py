@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
@@ -48,6 +49,8 @@ class Equations:
     turning
         (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
         equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
+    across
+        (n, H+1) complex displacement [m] across the elements of a law at two places; else None.
     """
 
     omega: Array
@@ -56,6 +59,12 @@ class Equations:
     mean: bool
     weight: Array
     turning: Array
+    across: ComplexArray | None = None
+
+    @property
+    def moved(self) -> ComplexArray:
+        """(n, H+1) displacement [m] that the law of a joint follows."""
+        return self.harmonics if self.across is None else self.across
 
     def select(self, chosen: NDArray[np.intp]) -> Equations:
         """Keep some points."""
@@ -67,15 +76,16 @@ class Equations:
             self.mean,
             self.weight[chosen],
             turning,
+            None if self.across is None else self.across[chosen],
         )
 
 
-@lru_cache(maxsize=2)
-def _motion(equations: Equations, finer: int) -> tuple[Array, Array, Array]:
+@lru_cache(maxsize=4)
+def _motion(equations: Equations, finer: int, across: bool = False) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
     samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
-    return Motion(equations.omega, equations.harmonics).waveforms(samples)
+    return Motion(equations.omega, equations.moved if across else equations.harmonics).waveforms(samples)
 
 
 def equation_rows(
@@ -134,10 +144,15 @@ def _samples(
     """Sample the law along all motions, for each trial."""
     omega = equations.omega[:, None]
     finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
-    x, v, a = _motion(equations, finer if law.switched and not coarse else 1)
+    finer = finer if law.switched and not coarse else 1
+    x, v, a = _motion(equations, finer)
     step = 2 * np.pi / x.shape[1] / omega
     values = np.zeros((len(trials), len(law.parameters)))
     values[:, list(law.nonlinear)] = trials
+    if isinstance(law, LawAtTwoPlaces):
+        across = _motion(equations, finer, across=True)
+        both = [law.sample_both((x, v, a), across, step, trial) for trial in values]
+        return [_joined(here, there) for here, there in both]
     if len(trials) == 1:
         return [law.sample(x, v, a, step, values[0])]
     many, count = len(trials), len(x)
@@ -153,6 +168,12 @@ def _samples(
         )
         for part in parts
     ]
+
+
+def _joined(here: ForceSample, there: ForceSample) -> ForceSample:
+    """Add the forces of two places; slopes by the motions have no sum."""
+    by = tuple(a + b for a, b in zip(here.by_parameter, there.by_parameter, strict=True))
+    return ForceSample(here.force + there.force, here.by_x, here.by_v, by)
 
 
 def _rows(

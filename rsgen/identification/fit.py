@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.identification.across import LawAtTwoPlaces, MeasuredAcross
 from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
 from rsgen.identification.forward import Forward, HarmonicBalance
@@ -220,9 +221,7 @@ def fit_balance(
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    forward = HarmonicBalance(
-        law, mode.motion, order, mass_free=problem.given is None, about_rest=0 not in mode.measured
-    )
+    forward = _forward(problem, mode, order)
     descent = Descent(problem, forward)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
     if not law.odd:
@@ -246,6 +245,15 @@ def fit_balance(
         if correct:
             found = descent.corrected(found)
     return _finish(problem, descent, found)
+
+
+def _forward(problem: Problem, mode: Points, order: int) -> HarmonicBalance | MeasuredAcross:
+    """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
+    free = problem.given is None
+    if isinstance(problem.law, LawAtTwoPlaces) and mode.across is not None:
+        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across), mass_free=free)
+    about_rest = 0 not in mode.measured
+    return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest)
 
 
 def fit_simulator(

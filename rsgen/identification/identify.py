@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
+from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
 from rsgen.identification.curve import equivalent_curve
@@ -44,7 +45,6 @@ from rsgen.identification.soundness import feeds_exciter
 from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
 from rsgen.law import LawLike
-from rsgen.law.numeric import compile_law
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
@@ -140,8 +140,13 @@ class _Test:
 def _prepare(surface: ResponseSurface, model: Model) -> _Test:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
-    law = compile_law(model.force)
-    if law.odd and points.asymmetric:
+    law = law_of(model.elements, across=surface.across is not None)
+    if isinstance(law, LawAtTwoPlaces) and model.observation.background not in ("none", "phase"):
+        raise RsgenError(
+            f"background: {model.observation.background!r} beside a motion across two sensors, in which "
+            "other modes take part already; 'none' or 'phase' is needed"
+        )
+    if law.odd and points.asymmetric and not isinstance(law, LawAtTwoPlaces):
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
     observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
@@ -152,6 +157,9 @@ def _fit(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
     found, sharp = _refine(problem, start)
     observed = problem.observed
+    if isinstance(problem.law, LawAtTwoPlaces):
+        # only the measured motion across is known, and no steady state is asked for
+        return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     feeds = observed.phase_known and feeds_exciter(observed.mode(found.background))
     if problem.law.mean_free:
@@ -230,6 +238,9 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     kept = points.select(used)
     first = _first_order(kept, test.problem, refined.values, refined.mass)
     paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
+    if isinstance(law, LawAtTwoPlaces):
+        # no one amplitude is that of the law at a resonance
+        paper = replace(paper, values=np.full(len(law.parameters), np.nan))
     regression, noise, about = _errors(test, refined, whole)
     misfits = is_systematic(points, refined.regression)
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
@@ -243,7 +254,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     reasons = explain_hidden(test.problem, reasons)
     solution = replace(refined.solution, covariance=regression.covariance, freedom=regression.freedom)
     estimates = make_estimates(solution, law, model, reasons, units)
-    curve = equivalent_curve(surface, points, used, refined.mass)
+    curve = equivalent_curve(surface, points, used, refined)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)

@@ -45,13 +45,14 @@ class _Summand:
 class Element(_Summand):
     """A spring or damper: its name and its force law [N] in x [m] and v [m/s]; symbolic only.
 
-    ``parameters`` are the free symbols of the law other than x and v, sorted by name. ``+`` adds two elements
-    to a law.
+    ``parameters`` are the free symbols of the law other than x and v, sorted by name. ``across`` says between
+    which sensors x is, "payload - wing"; "" where it is the response. ``+`` adds two elements to a law.
     """
 
     name: str
     force: sympy.Expr
     parameters: tuple[str, ...]
+    across: str = ""
 
     @property
     def memory(self) -> dict[str, str]:
@@ -60,7 +61,10 @@ class Element(_Summand):
 
 
 def make_element(
-    name: str, force: str | sympy.Expr, memory: Mapping[str, str | sympy.Expr] | None = None
+    name: str,
+    force: str | sympy.Expr,
+    memory: Mapping[str, str | sympy.Expr] | None = None,
+    across: str = "",
 ) -> Element:
     """Make a spring or damper from a law in x and v; every other name in it is a parameter.
 
@@ -72,6 +76,9 @@ def make_element(
         The law [N], as text in the expression language or as an expression of ``expression.symbol`` symbols.
     memory
         g(x, v, z) of z' = g for every state z of the law; z is zero at the start.
+    across
+        Between which sensors x is, such as "payload - wing"; the test brings the motion there, as ``across``
+        of its surface. "": x is the response.
 
     Raises
     ------
@@ -107,7 +114,7 @@ def make_element(
             normal_form(rate.rate)
         except ExpressionError as fault:
             raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
-    return Element(name, law, tuple(free for free in names if free not in ("x", "v")))
+    return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
 
 
 @dataclass(frozen=True, slots=True)

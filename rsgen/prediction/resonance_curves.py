@@ -16,6 +16,7 @@ from rsgen.multisine import MultisineSpectra
 from rsgen.oscillator import Oscillator
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.known_oscillator import as_identification
+from rsgen.prediction.measured_across import acts_across, respond_across
 from rsgen.prediction.multisine import predict_multisine
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface, typical_amounts
@@ -82,6 +83,7 @@ def predict(
     ------
     RsgenError
         A level is not positive and finite, an oscillator comes without levels, or its resonance has no end.
+        Levels are asked of a law that acts across two sensors: only measured ones have the motion there.
 
     Examples
     --------
@@ -97,6 +99,8 @@ def predict(
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = surface.on_mass(found.mass)
+    if isinstance(found, Identification) and (sensors := acts_across(found)):
+        return _predict_across(found, sensors, levels, surface)
     chosen = _levels(found, levels, surface)
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
@@ -114,6 +118,23 @@ def predict(
         held_out = _score(found, balance, surface)
         findings += _missed(held_out, surface, found.residual * np.sqrt(2))
     return Prediction(curves, held_out, tested, (*_findings(tested, curves, held_out), *findings))
+
+
+def _predict_across(
+    found: Identification, sensors: str, levels: object, surface: ResponseSurface | None
+) -> Prediction:
+    """Score held-out levels along the motion across that was measured; there are no curves without it."""
+    if levels is not None:
+        raise RsgenError(
+            f"levels: the law acts across {sensors!r}, whose motion is known only where it was measured; "
+            "leave levels out and give the surface, for a score of its held-out levels"
+        )
+    held_out = () if surface is None else _score(found, None, surface)
+    missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
+    about = Finding("predicted-along-measured", "info", names={"sensors": sensors})
+    return Prediction(
+        (), held_out, found.amplitude_range, (about, *_findings(found.amplitude_range, (), held_out), *missed)
+    )
 
 
 def _levels(
@@ -252,10 +273,15 @@ def _branches(
 
 
 def _respond(
-    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
 ) -> NDArray[np.complex128]:
     """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
     background = identification.background
+    if balance is None:
+        # beside a motion across there is a phase error at most
+        if background is not None:
+            surface = background.shape(surface.omega, surface.force).subtract(surface, background.values)
+        return respond_across(identification, surface)
     if background is None:
         return balance.respond(surface.force, surface.omega, surface.amplitude)
     shape, values = background.shape(surface.omega, surface.force), background.values
@@ -293,7 +319,7 @@ def _missed(
 
 
 def _score(
-    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)

@@ -124,6 +124,11 @@ def rank(
         follows the test.
     """
     require(surface, ResponseSurface, "surface")
+    if surface.across is not None:
+        raise RsgenError(
+            "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
+            "give the law, or a surface without it"
+        )
     laws, terms, base = competitors(candidates)
     base = replace(
         base,

@@ -14,6 +14,11 @@ say_plainly(
             "the base was driven and no mass is given: parameters are per unit mass, N/m/kg in place of N/m; "
             "give the mass to have them whole"
         ),
+        "predicted-along-measured": (
+            "the law acts across {sensors}: held-out levels are predicted with the motion across in "
+            "proportion to the response as it was measured there, and there are no curves, which would need "
+            "it everywhere"
+        ),
         "values-given": "all parameters are given, none was identified",
         "confounded": (
             "{parameter}: only a combination with {with} is identifiable; give one of them, or test wider"

@@ -1,0 +1,190 @@
+"""Laws between two sensors: a law at two places, and its forward model along the motion that was measured.
+
+The balance is written at the sensor of the response, F = m x'' + n(x, x') + n_a(z, z'): some elements follow
+the response x, others the motion z across them. How z goes with x is measured at every point, and other modes
+take part in it; so z is the measured motion, in proportion to the response, harmonics in the phase measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from rsgen.arrays import Array
+from rsgen.errors import RsgenError
+from rsgen.identification.forward import Response
+from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.law.element import Element
+from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
+from rsgen.motion import Motion, project
+
+__all__ = ["LawAtTwoPlaces", "MeasuredAcross", "law_of"]
+
+Waves = tuple[Array, Array, Array]
+"""Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s)."""
+
+_STEP = 1e-6
+"""Relative change of the amplitude by which the slope of a loop is taken: half the digits of a double."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """The elements of one place as a law, and where its parameters stand among all."""
+
+    law: ForceLaw
+    places: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawAtTwoPlaces(ForceLaw):
+    """A law some of whose elements follow the response and the others the motion across them.
+
+    Its character and its parameters are those of the sum.
+    """
+
+    here: _Part
+    """Elements that follow the response."""
+
+    across: _Part
+    """Elements that follow the motion across."""
+
+    def sample_both(
+        self,
+        response: tuple[Array, Array, Array],
+        across: tuple[Array, Array, Array],
+        step: Array,
+        values: Array,
+    ) -> tuple[ForceSample, ForceSample]:
+        """Evaluate both parts and what each parameter adds to them; see ``ForceLaw.sample``."""
+        found = []
+        for part, motion in ((self.here, response), (self.across, across)):
+            sample = part.law.sample(*motion, step, values[part.places])
+            none = np.zeros_like(sample.force)
+            columns = dict(zip(part.places.tolist(), sample.by_parameter, strict=True))
+            by = tuple(columns.get(place, none) for place in range(len(self.parameters)))
+            found.append(ForceSample(sample.force, sample.by_x, sample.by_v, by, sample.by_memory))
+        return found[0], found[1]
+
+
+def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
+    """Compile the law of some elements; those across two sensors need a test that has their motion.
+
+    Raises
+    ------
+    RsgenError
+        Elements act across two sensors and the motion across is not in the test, or the other way round; they
+        act across several; or a law is not odd, whose mean across nobody recorded.
+    """
+    whole = compile_law(sympy.Add(*(element.force for element in elements)))
+    labels = sorted({element.across for element in elements if element.across})
+    if not across and not labels:
+        return whole
+    if len(labels) > 1:
+        raise RsgenError(f"across: {', '.join(map(repr, labels))}; one pair of sensors is allowed in a law")
+    if not across:
+        raise RsgenError(f"across: an element acts across {labels[0]!r}; the test has no motion across")
+    if not labels:
+        raise RsgenError(
+            "across: the test has a motion across two sensors, but no element follows it; say which ones do "
+            '(across = "..." of the element)'
+        )
+    parts = []
+    for acts in (False, True):
+        chosen = [element.force for element in elements if bool(element.across) == acts]
+        law = compile_law(sympy.Add(*chosen))
+        if not law.odd:
+            raise RsgenError(
+                "across: a law that is not odd moves the mean, which is not known across two sensors; an odd "
+                "law is needed"
+            )
+        places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
+        parts.append(_Part(law, places))
+    facts: dict[str, Any] = {one.name: getattr(whole, one.name) for one in fields(ForceLaw)}
+    return LawAtTwoPlaces(**facts, here=parts[0], across=parts[1])
+
+
+class MeasuredAcross:
+    """Force at the response from a law at two places, along measured motions in proportion to the response.
+
+    Parameters
+    ----------
+    law
+        The force law.
+    response, across
+        As measured at the same points: of the mode, and across the elements.
+    mass_free
+        Whether the mass is a parameter.
+    """
+
+    harmonics: tuple[int, ...] = ()
+    exact_slopes = True
+    step = 1e-4
+    """As that of the harmonic balance."""
+
+    def __init__(self, law: LawAtTwoPlaces, response: Motion, across: Motion, *, mass_free: bool) -> None:
+        self._law, self._omega, self._mass_free = law, response.omega, mass_free
+        self._columns = response.harmonics.shape[1]
+        least = 1 << (8 * (self._columns - 1) - 1).bit_length()
+        self.samples = max(SAMPLES_SWITCHED if law.switched else SAMPLES, least)
+        self._step = response.interval(self.samples)
+        self._response, self._across = (
+            _per_metre(motion, response.harmonics[:, 1]).waveforms(self.samples)
+            for motion in (response, across)
+        )
+
+    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+        """Evaluate at (p,) values, a mass [kg] and (n,) amplitudes [m] of the response."""
+        here, there = self._sample(values, size)
+        inertia = -(self._omega**2) * size
+        force = project(here.force + there.force, 1) + mass * inertia
+        slope = mass * inertia + self._slope(here, there, values, size)
+        columns = [project(a + b, 1) for a, b in zip(here.by_parameter, there.by_parameter, strict=True)]
+        if self._mass_free:
+            columns.append(inertia.astype(complex))
+        force_by = np.stack(columns, axis=1) if columns else np.zeros((len(size), 0), dtype=complex)
+        harmonics = np.zeros((len(size), self._columns), dtype=complex)
+        harmonics[:, 1] = size
+        none = np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex)
+        return Response(force, harmonics, slope, harmonics, force_by, none, np.isfinite(force))
+
+    def _sample(self, values: Array, size: Array) -> tuple[ForceSample, ForceSample]:
+        """Both parts of the law at amplitudes (n,) [m] of the response."""
+        return self._law.sample_both(
+            _times(self._response, size), _times(self._across, size), self._step, values
+        )
+
+    def _slope(
+        self, here: ForceSample, there: ForceSample, values: Array, size: Array
+    ) -> NDArray[np.complex128]:
+        """(n,) derivative of the force of the law by the logarithm of the amplitude."""
+        if not (here.by_memory or there.by_memory):
+            total = np.zeros_like(here.force)
+            for sample, motion in ((here, self._response), (there, self._across)):
+                x, v, _ = _times(motion, size)
+                total += sample.by_x * x + sample.by_v * v
+            return project(total, 1)
+        # a loop changes with the whole motion before it
+        high, low = (
+            sum(
+                (project(part.force, 1) for part in self._sample(values, size * factor)), np.zeros(1, complex)
+            )
+            for factor in (1 + _STEP, 1 - _STEP)
+        )
+        return np.asarray((high - low) / (2 * _STEP))
+
+
+def _per_metre(motion: Motion, fundamental: NDArray[np.complex128]) -> Motion:
+    """The motion for a response of phase zero and amplitude 1 m."""
+    return Motion(
+        motion.omega, motion.turned(-np.angle(fundamental)).harmonics / np.abs(fundamental)[:, None]
+    )
+
+
+def _times(waves: Waves, size: Array) -> Waves:
+    x, v, a = waves
+    return x * size[:, None], v * size[:, None], a * size[:, None]

@@ -1,0 +1,117 @@
+"""Laws across two sensors, on a structure of two masses whose exact motions are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.errors import RsgenError
+from rsgen.motion import Motion, project
+
+MASS, FAR = 3.0, 1.2
+TRUE = {"k": 2e4, "c": 5.0, "kj": 8e3, "k3": 4e8, "cj": 3.0}
+SENSORS = "far - near"
+ELEMENTS = (
+    rs.make_element("ground", "k*x + c*v"),
+    rs.make_element("joint", "kj*x + k3*x**3 + cj*v", across=SENSORS),
+)
+
+
+def two_masses(levels=(1.0, 3.0, 6.0), noise: float = 0.0) -> rs.ResponseSurface:
+    """Mass 1 on ground spring and damper, driven; mass 2 hangs on it by the joint alone.
+
+    With the motion z = x_1 - x_2 across the joint given, mass 2 says x_2 = -n(z)/(FAR omega^2) in every
+    harmonic, x_1 = x_2 + z, and the force on mass 1 is what its balance asks for: no solver is involved.
+    """
+    frequency = np.tile(np.linspace(9, 20, 40), len(levels))
+    omega = 2 * np.pi * frequency
+    level = np.repeat(levels, 40)
+    random = np.random.default_rng(5)
+    # amplitudes across that look like a resonance; harmonics are free, the force has what balances them
+    z = np.zeros((len(omega), 6), dtype=complex)
+    z[:, 1] = level * 1e-3 / (1 - (omega / 2 / np.pi / 13) ** 2 + 0.1j)
+    z[:, 3] = 0.05 * z[:, 1] * np.exp(2j * level)
+    order = np.arange(1, 6)
+    x, v, _ = Motion(omega, z).waveforms(128)
+    joint = TRUE["kj"] * x + TRUE["k3"] * x**3 + TRUE["cj"] * v
+    of_joint = np.stack([project(joint, h) for h in order], axis=1)
+    far = -of_joint / (FAR * (omega[:, None] * order) ** 2)
+    near = np.zeros_like(z)
+    near[:, 1:] = far + z[:, 1:]
+    own = MASS * -(omega**2) * near[:, 1] + (TRUE["k"] + 1j * omega * TRUE["c"]) * near[:, 1]
+    force = own + of_joint[:, 0]
+
+    def noisy(values):
+        draws = random.standard_normal((2, *values.shape))
+        return values * (1 + noise / np.sqrt(2) * (draws[0] + 1j * draws[1]))
+
+    return rs.ResponseSurface(level, frequency, noisy(force), noisy(near), across=noisy(z), sweep="rest")
+
+
+def test_a_law_across_is_identified_with_the_balance_at_another_mass():
+    found = rs.identify(two_masses(), ELEMENTS)
+    for name, true in (TRUE | {"m": MASS}).items():
+        assert found[name].value == pytest.approx(true, rel=1e-9)
+    # the curve is that of the joint, k + i omega c of all harmonics across it
+    first, third = two_masses().across[:, [1, 3]].T
+    size = np.abs(first)
+    cube = 0.75 * (size**2 * first + np.conj(first) ** 2 * third + 2 * np.abs(third) ** 2 * first)
+    expected = TRUE["kj"] + TRUE["k3"] * cube / first
+    np.testing.assert_allclose(found.curve.stiffness, expected.real, rtol=1e-8)
+    np.testing.assert_allclose(found.curve.amplitude, size)
+
+
+def test_noise_leaves_the_true_values_within_their_intervals():
+    found = rs.identify(two_masses(noise=0.003), ELEMENTS)
+    for name, true in (TRUE | {"m": MASS}).items():
+        estimate = found[name]
+        assert abs(estimate.value - true) < 4 * estimate.standard_error
+        assert estimate.standard_error < 0.1 * abs(true)
+
+
+def test_a_law_of_the_response_alone_does_not_fit():
+    alone = rs.identify(replace(two_masses(), across=None), "k*x + c*v + k3*x**3")
+    across = rs.identify(two_masses(), ELEMENTS)
+    assert across.residual < 1e-9 < 0.05 < alone.residual
+
+
+def test_a_held_out_level_is_predicted_with_its_measured_ratio():
+    surface = two_masses()
+    found = rs.identify(surface, ELEMENTS, rs.Observation(hold_out=(3.0,)))
+    prediction = rs.predict(found, surface=surface)
+    (item,) = prediction.held_out
+    assert item.error < 1e-8
+    assert prediction.curves == ()
+    assert prediction.findings[0].code == "predicted-along-measured"
+    assert np.isnan(rs.predict(found, surface=replace(surface, across=None)).held_out[0].predicted).all()
+
+
+@pytest.mark.parametrize(
+    ("law", "surface", "options", "said"),
+    [
+        (ELEMENTS, {"across": None}, {}, "no motion across"),
+        ("k*x + c*v", {}, {}, "no element follows it"),
+        ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "not odd"),
+        ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
+        (
+            ELEMENTS,
+            {},
+            {"observation": rs.Observation(background="residuals")},
+            "or 'phase' is",
+        ),
+    ],
+)
+def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
+    with pytest.raises(RsgenError, match=said):
+        rs.identify(replace(two_masses(), **surface), law, **options)
+
+
+def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
+    found = rs.identify(two_masses(), ELEMENTS)
+    with pytest.raises(RsgenError, match="levels: the law acts across 'far - near'"):
+        rs.predict(found, [2.0])
+    with pytest.raises(RsgenError, match="ranking: the test has a motion across"):
+        rs.rank(two_masses())
