@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import remembers
-from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, solution_of
+from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, solution_of, standard_errors
 from rsgen.identification import Identification
-from rsgen.law.memory import memory_form
+from rsgen.law.memory import Curve, memory_form
 from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Model
@@ -34,6 +34,7 @@ __all__ = [
     "branch_mean",
     "dissipated_energy",
     "estimate_mass",
+    "identified_slips",
     "loop_force",
     "measured_energy",
     "measured_loops",
@@ -66,6 +67,12 @@ _AT_REST = (1e-9, 1e-8)
 
 _SAME = 1e-3
 """Relative difference of the two readings of a stiffness at rest that is none: less than a line shows."""
+
+_MOVED = 0.1
+"""Relative change of a parameter that is not identifiable, by which it is seen whether it moves a limit."""
+
+_DETERMINED = 0.5
+"""Standard error of a limit, relative, beyond which its 95 % interval contains zero."""
 
 _SLIDES = 1e-12
 """Relative difference to the limit force that is round-off of the virgin curve."""
@@ -324,24 +331,64 @@ def slip_limits(force: sympy.Expr, values: Mapping[str, float], largest: float) 
         Displacement [m] of the test; limits beyond a thousand times of it are none.
     """
     form = memory_form(force)
+    slips = (_slip(curve, values, largest) for curve in (() if form is None else form.curves))
+    return tuple(slip for slip in slips if slip is not None)
+
+
+def _slip(curve: Curve, values: Mapping[str, float], largest: float) -> Slip | None:
+    """Find where one virgin curve reaches a limit force; None where it does not."""
+    names = sorted(free.name for free in curve.virgin.free_symbols if free.name != "x")
+    law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
+    numbers = [values[name] for name in names]
+
+    def virgin(x: float) -> float:
+        with np.errstate(all="ignore"):
+            return float(law(x, *numbers)[0])
+
+    far = 1e3 * largest
+    limit = virgin(far)
+    if not limit > 0 or abs(virgin(far / 2) - limit) > _SLIDES * limit:
+        return None
+    low, high = 0.0, far / 2
+    while high - low > _SLIDES * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if abs(virgin(middle) - limit) <= _SLIDES * limit else (middle, high)
+    sticks = abs(virgin(high / 2) - limit / 2) <= _SAME * limit
+    return Slip(high, limit, sticks)
+
+
+def identified_slips(identification: Identification, force: sympy.Expr | None = None) -> tuple[Slip, ...]:
+    """Give the limits that a test determines, of the whole law or of one element's ``force``.
+
+    A limit is not determined where a parameter that moves it is not identifiable, or where its standard error
+    is beyond half of it.
+    """
+    form = memory_form(identification.model.force if force is None else force)
+    values, largest = solution_of(identification), identification.amplitude_range[1]
+    if form is None or not np.isfinite([values[name] for name in identification.model.parameters]).all():
+        return ()
     found = []
-    for curve in () if form is None else form.curves:
-        names = sorted(free.name for free in curve.virgin.free_symbols if free.name != "x")
-        law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
-        numbers = [values[name] for name in names]
-
-        def virgin(x: float, law: Numeric = law, numbers: list[float] = numbers) -> float:
-            with np.errstate(all="ignore"):
-                return float(law(x, *numbers)[0])
-
-        far = 1e3 * largest
-        limit = virgin(far)
-        if not limit > 0 or abs(virgin(far / 2) - limit) > _SLIDES * limit:
-            continue
-        low, high = 0.0, far / 2
-        while high - low > _SLIDES * high:
-            middle = (low + high) / 2
-            low, high = (low, middle) if abs(virgin(middle) - limit) <= _SLIDES * limit else (middle, high)
-        sticks = abs(virgin(high / 2) - limit / 2) <= _SAME * limit
-        found.append(Slip(high, limit, sticks))
+    for curve in form.curves:
+        slip = _slip(curve, values, largest)
+        if slip is not None and _determined(identification, curve, values, slip.amplitude):
+            found.append(slip)
     return tuple(found)
+
+
+def _determined(
+    identification: Identification, curve: Curve, values: Mapping[str, float], limit: float
+) -> bool:
+    """Decide whether the amplitude of a limit follows from the test."""
+
+    def place(changed: Mapping[str, float]) -> Floats:
+        slip = _slip(curve, changed, identification.amplitude_range[1])
+        return np.array([np.nan if slip is None else slip.amplitude])
+
+    names = {free.name for free in curve.virgin.free_symbols} - {"x"}
+    known = {estimate.name for estimate in identification.refined if estimate.identifiable}
+    for name in names - known:
+        moved = float(place({**values, name: (1 + _MOVED) * values[name]})[0])
+        if not abs(moved / limit - 1) <= _SAME:
+            return False
+    error = float(standard_errors(identification, values, sorted(names & known), place)[0])
+    return error <= _DETERMINED * limit

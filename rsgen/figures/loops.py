@@ -19,11 +19,11 @@ from rsgen.figures.cycles import (
     branch_mean,
     dissipated_energy,
     estimate_mass,
+    identified_slips,
     loop_force,
     measured_energy,
     measured_loops,
     mode_surface,
-    slip_limits,
     small_stiffness,
     stiffness_ratio,
 )
@@ -224,7 +224,7 @@ def draw_energy(
     top.set_ylabel(y.label("Energy of a cycle D"))
     if len(panels) > 1:
         _draw_ratio(panels[1], identification, truth, rest, x.factor)
-    slips = slip_limits(identification.model.force, values, identification.amplitude_range[1])
+    slips = identified_slips(identification)
     for i, slip in enumerate(slips):
         for axes in panels:
             low, high = axes.get_xlim()

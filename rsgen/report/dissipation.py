@@ -10,9 +10,9 @@ import numpy as np
 from rsgen.figures.cycles import (
     Energy,
     dissipated_energy,
+    identified_slips,
     measured_energy,
     mode_surface,
-    slip_limits,
     small_stiffness,
 )
 from rsgen.figures.equivalent import NORMAL_95, solution_of
@@ -59,9 +59,6 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
     ends = [0, -1] if isfinite(refined.exponent) else []
     known = np.isfinite([values[name] for name in identification.model.parameters]).all()
     rest = small_stiffness(identification, values) if known else float("nan")
-    slips = (
-        slip_limits(identification.model.force, values, identification.amplitude_range[1]) if known else ()
-    )
     return {
         "measured": {
             "exponent": _known(measured.exponent),
@@ -74,20 +71,14 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
             "exponent": [float(refined.course[end]) for end in ends],
         },
         "stiffness_at_rest": _known(rest),
-        "macro_slip": [{"amplitude": slip.amplitude, "force": slip.force} for slip in slips],
+        "macro_slip": [
+            {"amplitude": slip.amplitude, "force": slip.force} for slip in identified_slips(identification)
+        ],
     }
 
 
-def slip_findings(element: Element, values: dict[str, float], largest: float) -> list[Finding]:
-    """Find from which amplitude on an element slides as a whole, and whether the test went so far.
-
-    Parameters
-    ----------
-    values
-        Every parameter of the laws, SI.
-    largest
-        Tested amplitude [m].
-    """
+def slip_findings(element: Element, identification: Identification) -> list[Finding]:
+    """Find from which amplitude on an element slides as a whole, where the test determines it."""
     return [
         Finding(
             "slides-as-a-whole",
@@ -95,8 +86,8 @@ def slip_findings(element: Element, values: dict[str, float], largest: float) ->
             numbers={"amplitude": Quantity(slip.amplitude, "m"), "force": Quantity(slip.force, "N")},
             names={
                 "below": "sticks" if slip.sticks else "micro-slip",
-                "tested": "yes" if slip.amplitude < largest else "no",
+                "tested": "yes" if slip.amplitude < identification.amplitude_range[1] else "no",
             },
         )
-        for slip in slip_limits(element.force, values, largest)
+        for slip in identified_slips(identification, element.force)
     ]

@@ -216,7 +216,7 @@ def _courses(element: Element, identification: Identification, values: dict[str,
             shape = "hysteretic" if memory else "" if linear else _shape(part)
             course = _Course(kind, unit, amplitude, value, error, shape, linear, frequency)
             findings.append(_course_finding(course))
-    findings += slip_findings(element, values, high)
+    findings += slip_findings(element, identification)
     if abs(mean[-1]) > 1e-6 * high and np.abs(parts[0]).max() > 1e-9 * size:
         numbers = {
             "mean": Quantity(float(mean[-1]), "m"),

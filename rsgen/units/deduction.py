@@ -17,6 +17,10 @@ __all__ = ["parameter_units", "per_mass_unit", "unit_faults"]
 
 _LENGTH = Dimension({"m": Fraction(1)})
 _TIME = Dimension({"s": Fraction(1)})
+_PLAIN = 100
+"""A ratio of whole numbers up to this before parameters is a plain number, as in series and means; before x
+and v alone any number but one may be a stiffness or a damping."""
+
 _STATES = {
     "x": _LENGTH,
     "v": _LENGTH / _TIME,
@@ -149,6 +153,11 @@ class _Law:
             return self.named(part.name)
         if part.is_Mul:
             result = _Form()
+            number, rest = part.as_coeff_Mul()
+            if _may_carry_unit(number, rest):
+                result = self.unknown()
+                # a plain one where nothing speaks against it
+                self.later.append((result,))
             for factor in part.args:
                 result = result * (self.form(factor) or _Form())
             return result
@@ -221,6 +230,14 @@ class _Law:
         if len(proper) < len(forms) and any(part != 0 for part, form in forms if form is None):
             self.later.append((reference,))
         return reference
+
+
+def _may_carry_unit(factor: sympy.Expr, rest: sympy.Expr) -> bool:
+    """Whether a number before a part may have a unit: in "1500*x", "562500*x**2/Fs", not in "a*x**3/3"."""
+    if abs(factor) == 1:
+        return False
+    plain = max(abs(factor.p), factor.q) <= _PLAIN if factor.is_Rational else False
+    return not plain or all(free.name in _STATES for free in rest.free_symbols)
 
 
 def _solved(force: sympy.Expr, known: Mapping[str, str]) -> _Law:

@@ -17,6 +17,7 @@ from rsgen.figures.cycles import (
     branch_mean,
     dissipated_energy,
     estimate_mass,
+    identified_slips,
     loop_force,
     measured_energy,
     measured_loops,
@@ -27,6 +28,9 @@ from rsgen.figures.cycles import (
 )
 from rsgen.motion import Motion, project
 from rsgen.oscillator import Model
+from rsgen.report.dissipation import slip_findings
+from rsgen.simulation.noise import add_noise
+from tests.oracles.masing import slider
 from tests.samples import cubic_identification, cubic_surface
 
 M, KT, FS = 1.5, 4e4, 8.0
@@ -125,6 +129,21 @@ def test_a_joint_slides_where_its_virgin_curve_ends() -> None:
         assert slip.sticks is sticks
     for law in ("k*x", "masing(kt*x - K*x**p)", "masing(Fs*(1 - exp(-x*kt/Fs)) + k*x)"):
         assert slip_limits(parse(law), values, 1e-3) == ()
+
+
+@pytest.mark.parametrize(("largest", "slips"), [(0.9, 0), (30.0, 1)])
+def test_a_limit_that_the_test_does_not_determine_is_not_drawn(largest: float, slips: int) -> None:
+    """A joint that sticks at all levels, and one that slides."""
+    size = np.geomspace(0.05, largest, 12) * SLIP
+    loop = slider(KT, FS, size)
+    surface = sines(6e3 + loop.real, 20.0 + loop.imag / np.sqrt((6e3 + loop.real) / M), size)
+    found = rs.identify(add_noise(surface, 0.003, 1), "k*x + c*v + masing(Min(kt*x, Fs))", mass=M)
+    determined = identified_slips(found)
+    assert len(determined) == slips
+    drawing = figures.draw_energy(surface, found)
+    assert ("macro-slip sets in" in drawing.alternative) is bool(slips)
+    assert len(slip_findings(found.model.elements[0], found)) == slips
+    assert all(slip.amplitude == pytest.approx(SLIP, rel=0.1) for slip in determined)
 
 
 def test_loops_are_shown_where_they_say_something() -> None:

@@ -200,6 +200,12 @@ def test_dimensions_form_a_group(first: dict[str, Fraction], second: dict[str, F
             {"k4": "N/m", "k5": "N/m", "b": "m"},
         ),
         ("Piecewise((k6*x, x > 0), (k7*x, True))", {"k6": "N/m", "k7": "N/m"}),
+        # numbers before x are values with a unit where the rest asks for one
+        ("k*x + masing(Min(1500*x, F1))", {"k": "N/m", "F1": "N"}),
+        ("Max(-Fm, Min(20*x, Fm))", {"Fm": "N"}),
+        ("masing(Piecewise((1500*x - (1500*x)**2/(4*Fs), 1500*x < 2*Fs), (Fs, True)))", {"Fs": "N"}),
+        ("k*Max(0, 2*x - b)", {"k": "N/m", "b": "m"}),
+        ("A*tanh(1000*v/w)", {"A": "N", "w": "m/s"}),
         ("cn6*v*abs(v) + kn8*x**3", {"cn6": "N*s^2/m^2", "kn8": "N/m^3"}),
         ("c*sign(v)*abs(v)**0.5", {"c": "N*s^0.5/m^0.5"}),
         ("k*x*abs(x)**(1/3)", {"k": "N/m^(4/3)"}),
@@ -234,6 +240,8 @@ def test_known_units_help() -> None:
     [
         ("kn1*x**3", {"kn1": "N/m^2"}, ("kn1*x**3 is in N*m, a force is needed: kn1 must be in N/m^3",)),
         ("k*x", {"k": "kN/mm"}, ()),
+        ("masing(Min(1500*x, F1))", {"F1": "kN"}, ()),
+        ("masing(Min(1500*x, F1))", {"F1": "mm"}, ("masing(Min(F1, 1500*x)) is in m, a force is needed",)),
         (
             "k*x + c*v",
             {"k": "N", "c": "N*m"},
