@@ -16,7 +16,7 @@ from rsgen.multisine.spectra import smooth
 
 __all__ = ["LineFit", "errors_of", "fit_lines", "parts_of_band", "relative_to_force", "times_noise"]
 
-_ROUNDS = 4
+_ROUNDS = 3
 """Fits, each with the weights of the one before: two settle them, the others see to it."""
 _STEPS = 40
 """Gauss-Newton steps of a fit."""
@@ -45,7 +45,10 @@ class LineFit:
 def _weights(lines: Lines, balance: Balance, noise: NoiseOfBalance, mass: float) -> Array:
     """(r, H+1) variance of each line: its noise, or the misfit around it where that is clearly more."""
     left = np.stack(
-        [_beside(np.abs(one) ** 2, used) for one, used in zip(balance.residual, lines.used, strict=True)]
+        [
+            _beside(np.abs(one) ** 2 / shape, used) * shape
+            for one, shape, used in zip(balance.residual, noise.shape, lines.used, strict=True)
+        ]
     )
     known = np.isfinite(noise.variance)
     # the smoothed power of pure noise exceeds this once in thousands
@@ -156,6 +159,7 @@ def errors_of(
     size = np.append(fit.values, fit.mass) if given is None else fit.values
     _, inverse, null = solve_scaled(matrix, right, size)
     covariance = inverse @ inverse.T
+    covariance = covariance * _scatter_of_periods(lines, fit, given, covariance)
     freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
     wider = 1.0
     if times_noise(lines, fit) > EXCESS:
@@ -172,6 +176,26 @@ def errors_of(
     covariance[lost] = np.nan
     covariance[:, lost] = np.nan
     return covariance, null, freedom, wider
+
+
+def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:
+    """(q, q) factor by which the scatter of single periods exceeds the covariance, at least 1.
+
+    What each period would move the estimate holds what the variances of the lines leave out: along a nonlinear
+    law the noise of one line is in the balance of many.
+    """
+    count = lines.spectra.periods
+    moved = np.zeros(len(covariance))
+    columns = fit.balance.by_parameter
+    if given is None:
+        columns = np.concatenate([columns, fit.balance.inertia[:, None]], axis=1)
+    for column, apart, variance, used in zip(columns, fit.noise.apart, fit.variance, lines.used, strict=True):
+        weighted = np.conj(column[:, used]) * (2 / variance[used])
+        moves = (apart[:, used] @ weighted.T).real @ covariance
+        moved += np.sum(moves**2, axis=0) / max(count * (count - 1), 1)
+    known = np.diag(covariance)
+    ratio = np.sqrt(np.maximum(moved / np.where(known > 0, known, np.inf), 1.0))
+    return np.outer(ratio, ratio)
 
 
 def parts_of_band(lines: Lines) -> NDArray[np.intp]:

@@ -83,8 +83,8 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     observation = model.observation
     held = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held))
-    lines = lines_of(part, observation.band)
     law = compile_law(model.force)
+    lines = lines_of(part, observation.band, switched=law.switched)
     count = int(lines.used.sum())
     if 2 * count <= len(law.parameters) + 1:
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
