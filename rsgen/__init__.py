@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from rsgen.report import write_report
     from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
-    from rsgen.simulation import SimulatedTest, simulate
+    from rsgen.simulation import MultisineTest, SimulatedTest, simulate
     from rsgen.steady_state import SteadyStates, solve_steady_states
     from rsgen.surface import ResponseSurface, load_surface, save_surface
     from rsgen.verdict import Verdict
@@ -75,6 +75,7 @@ _PLACES = {
     "ModalTable": "identification",
     "Model": "oscillator",
     "MultisineSpectra": "multisine",
+    "MultisineTest": "simulation",
     "Observation": "observation",
     "Oscillator": "oscillator",
     "Prediction": "prediction",
@@ -123,6 +124,7 @@ __all__ = [
     "ModalTable",
     "Model",
     "MultisineSpectra",
+    "MultisineTest",
     "Observation",
     "Oscillator",
     "Prediction",

@@ -26,6 +26,7 @@ PUBLIC = [
     "ModalTable",
     "Model",
     "MultisineSpectra",
+    "MultisineTest",
     "Observation",
     "Oscillator",
     "Prediction",

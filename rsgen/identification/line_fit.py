@@ -181,8 +181,8 @@ def errors_of(
 def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:
     """(q, q) factor by which the scatter of single periods exceeds the covariance, at least 1.
 
-    What each period would move the estimate holds what the variances of the lines leave out: along a nonlinear
-    law the noise of one line is in the balance of many.
+    What each period would move the estimate holds what the variances of the lines leave out: the noise of one
+    line is, along a nonlinear law, in the balance of many.
     """
     count = lines.spectra.periods
     moved = np.zeros(len(covariance))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from rsgen.simulation.multisine import MultisineTest
 from rsgen.simulation.simulate import simulate
 from rsgen.simulation.verification import Verification, verify
 from rsgen.simulation.virtual_test import SimulatedTest
 
-__all__ = ["SimulatedTest", "Verification", "simulate", "verify"]
+__all__ = ["MultisineTest", "SimulatedTest", "Verification", "simulate", "verify"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule, check, declare, documented
@@ -21,7 +22,7 @@ from rsgen.simulation.virtual_test import level_grid
 __all__ = ["MultisineTest", "simulate_multisine"]
 
 _EXACT = 1e-9
-"""Change of the recorded lines, relative, at which more lines of the motion no longer matter: a smooth law."""
+"""Relative change of the recorded lines at which more lines of the motion no longer matter: a smooth law."""
 _SWITCHED = 1e-5
 """The same of a law with switches: the next doubling would change half as much or less."""
 _MOST_LINES = 1 << 15
@@ -39,8 +40,13 @@ class MultisineTest:
     """
 
     level: Annotated[Array, Rule("Root mean square of the force of each level.", unit="N")]
-    band: tuple[float, float] = declare("Lowest and highest excited frequency [Hz].")
-    period: float = declare("Of the multisine; its inverse is the spacing of the lines.", unit="s", above=0)
+    band: Annotated[
+        tuple[Annotated[float, Rule(unit="Hz", at_least=0)], Annotated[float, Rule(unit="Hz", above=0)]],
+        Rule("Lowest and highest excited frequency."),
+    ]
+    period: Annotated[
+        float, Rule("Of the multisine; its inverse is the spacing of the lines.", unit="s", above=0)
+    ]
     lines: Literal["all", "odd"] = declare(
         "odd", "Which lines are excited: the even ones that odd leaves out show even distortion."
     )
@@ -69,13 +75,13 @@ class MultisineTest:
         if not 0 <= low < high:
             yield "band", f"{low:g} to {high:g} Hz; must be ascending"
         elif not self.excited.size:
-            yield "band", f"no line of 1/{self.period:g} Hz is in it; a longer period or a wider band is needed"
+            yield "band", f"no line of a period of {self.period:g} s is in it; a longer one is needed"
         size = len(self.level) * self.realisations * self.periods * (self.highest + 1)
         if size > _MOST_SAMPLES:
             yield "periods", f"{size} lines of all periods; at most {_MOST_SAMPLES}"
 
     @property
-    def excited(self) -> np.ndarray:
+    def excited(self) -> NDArray[np.intp]:
         """(e,) numbers of the excited lines."""
         low, high = self.band
         chosen = np.arange(max(1, int(np.ceil(low * self.period - 1e-9))), int(high * self.period + 1e-9) + 1)
@@ -108,8 +114,8 @@ def simulate_multisine(oscillator: Oscillator, test: MultisineTest) -> Multisine
         found = _respond(law, values, oscillator.mass, 2 * np.pi / test.period, force)
         if found is None:
             raise RsgenError(
-                f"test.level: {level:g} N: no periodic response was found; where dry friction holds the mass for "
-                "a while, or several motions are possible, test at higher levels"
+                f"test.level: {level:g} N: no periodic response was found; where dry friction holds the mass "
+                "for a while, or several motions are possible, test at higher levels"
             )
         forces.append(force)
         responses.append(found)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
+from rsgen.multisine import MultisineSpectra
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.free_mean import free_mean_fault
 from rsgen.simulation.harmonic_balance import balance_grid
+from rsgen.simulation.multisine import MultisineTest, simulate_multisine
 from rsgen.simulation.noise import add_noise
 from rsgen.simulation.phase_control import phase_grid
 from rsgen.simulation.point_grid import Progress, grid_of, in_parts, swept
@@ -23,7 +26,21 @@ from rsgen.surface.phase_lag import lag_findings
 __all__ = ["simulate"]
 
 
-def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress = None) -> ResponseSurface:
+@overload
+def simulate(
+    oscillator: Oscillator, test: SimulatedTest, *, progress: Progress = None
+) -> ResponseSurface: ...
+
+
+@overload
+def simulate(
+    oscillator: Oscillator, test: MultisineTest, *, progress: Progress = None
+) -> MultisineSpectra: ...
+
+
+def simulate(
+    oscillator: Oscillator, test: SimulatedTest | MultisineTest, *, progress: Progress = None
+) -> ResponseSurface | MultisineSpectra:
     """Run a virtual test: the grid of levels and frequencies, level by level.
 
     Parameters
@@ -33,7 +50,8 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
 
     Returns
     -------
-    ResponseSurface
+    ResponseSurface or MultisineSpectra
+        Of a multisine its spectra, a record a level and realisation. Else a surface of
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
         X [m] that were held, the error is that of the force, and ``stable`` is False between folds. With
@@ -47,7 +65,9 @@ def simulate(oscillator: Oscillator, test: SimulatedTest, *, progress: Progress 
         mean displacement.
     """
     require(oscillator, Oscillator, "oscillator")
-    require(test, SimulatedTest, "test")
+    require(test, (SimulatedTest, MultisineTest), "test")
+    if isinstance(test, MultisineTest):
+        return simulate_multisine(oscillator, test)
     fault = free_mean_fault(oscillator, test)
     if fault:
         raise RsgenError(f"law: {fault}")

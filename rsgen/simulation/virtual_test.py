@@ -16,14 +16,15 @@ from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
 from rsgen.surface.columns import BASE_UNITS, BASES
 
-__all__ = ["SimulatedTest"]
+__all__ = ["SimulatedTest", "level_grid"]
 
 
 _RESONANT = 0.2
 """Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
 
 
-def _grid(values: ArrayLike, name: str, unit: str) -> Array:
+def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
+    """Check the values of a grid: one or more, positive, each once."""
     try:
         array = np.array(values, dtype=np.float64, ndmin=1)
     except (TypeError, ValueError):
@@ -101,8 +102,8 @@ class SimulatedTest:
 
     def __post_init__(self) -> None:
         unit = self.level_unit
-        object.__setattr__(self, "level", _grid(self.level, "level", unit))
-        object.__setattr__(self, "frequency", _grid(self.frequency, "frequency", "Hz"))
+        object.__setattr__(self, "level", level_grid(self.level, "level", unit))
+        object.__setattr__(self, "frequency", level_grid(self.frequency, "frequency", "Hz"))
         check(self)
 
     def faults(self) -> Iterator[tuple[str, str]]:

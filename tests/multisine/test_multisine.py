@@ -93,14 +93,14 @@ def test_a_sensor_without_mean_leaves_the_mean_to_the_law() -> None:
 
 
 def test_intervals_cover_the_truth() -> None:
-    """One per cent of noise in force and response, 16 periods: 95 % intervals, 16 runs of five parameters."""
+    """One per cent of noise in force and response, 16 periods: 95 % intervals, 12 runs of five parameters."""
     within = []
-    for seed in range(16):
+    for seed in range(12):
         found = rsgen.identify(spectra(duffing, SIZES, noise=0.01, periods=16, seed=seed), LAW)
         truth = {**TRUE, "m": MASS}
         within += [e.interval[0] <= truth[e.name] <= e.interval[1] for e in found]
-    # 80 draws of which 95 % cover: the standard deviation is 2.4 %
-    assert np.mean(within) >= 0.89
+    # 60 draws of which 95 % cover: the standard deviation is 2.8 %
+    assert np.mean(within) >= 0.86
 
 
 def test_a_wrong_law_is_not_taken_for_noise() -> None:

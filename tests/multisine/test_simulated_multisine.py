@@ -1,0 +1,94 @@
+"""Virtual multisine tests of smooth laws, friction and corners: independent motions, and the way back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.errors import RsgenError
+
+LAWS: dict[str, tuple[str, dict[str, float]]] = {
+    "cubic": ("k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0}),
+    "friction": ("k*x + c*v + F*sign(v)", {"k": 5000.0, "c": 4.0, "F": 0.2}),
+    "corner": ("k*x + c*v + kb*Max(x - b, 0)", {"k": 5000.0, "c": 4.0, "kb": 3000.0, "b": 2e-3}),
+}
+MASS = 1.5
+
+
+def simulated(name: str, level: tuple[float, ...] = (3.0, 5.0, 8.0), **more: Any) -> rsgen.MultisineSpectra:
+    law, values = LAWS[name]
+    test = rsgen.MultisineTest(level, (2.5, 20.0), 2.0, **{"periods": 1, **more})
+    return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+
+
+@pytest.mark.parametrize(("name", "within"), [("cubic", 1e-9), ("friction", 1e-4), ("corner", 1e-4)])
+def test_parameters_come_back(name: str, within: float) -> None:
+    law, values = LAWS[name]
+    found = rsgen.identify(simulated(name), law)
+    for each, true in {**values, "m": MASS}.items():
+        assert found[each].value == pytest.approx(true, rel=within), each
+
+
+def test_friction_moves_as_its_exact_pieces_do() -> None:
+    """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
+    from scipy.linalg import expm
+    from scipy.optimize import brentq
+
+    _, values = LAWS["friction"]
+    spectra = simulated("friction", (6.0,))
+    k, c, friction = values["k"], values["c"], values["F"]
+    lines = np.flatnonzero(spectra.force[0, 0])
+    omega = lines * spectra.omega0
+    steady = spectra.force[0, 0, lines] / (k - MASS * omega**2 + 1j * c * omega)
+    matrix = np.array([[0.0, 1.0], [-k / MASS, -c / MASS]])
+
+    def forced(t: float, side: float) -> np.ndarray:
+        wave = steady * np.exp(1j * omega * t)
+        return np.array([wave.real.sum() - side * friction / k, (1j * omega * wave).real.sum()])
+
+    rate = 1j * spectra.lines * spectra.omega0
+    state = np.array([spectra.response[0, 0].sum().real, (rate * spectra.response[0, 0]).sum().real])
+    start, t, end, step = state, 0.0, 2 * np.pi / spectra.omega0, 1e-3
+    while t < end - 1e-12:
+        side = float(np.sign(state[1]))
+        own = state - forced(t, side)
+
+        def moved(dt: float, own: np.ndarray = own, t: float = t, side: float = side) -> np.ndarray:
+            return expm(matrix * dt) @ own + forced(t + dt, side)
+
+        dt = min(step, end - t)
+        new = moved(dt)
+        if np.sign(new[1]) != side and dt > 1e-9:
+            dt = float(brentq(lambda s: moved(s)[1], 0, dt, xtol=1e-14)) + 1e-10
+            new = moved(dt)
+        state, t = new, t + dt
+    size = np.abs(spectra.response[0, 0]).sum()
+    assert abs(state[0] - start[0]) < 3e-5 * size
+
+
+def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong() -> None:
+    spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
+    assert len(spectra) == 6
+    apart = spectra.response - spectra.response.mean(axis=1, keepdims=True)
+    share = np.sqrt(0.5 * np.sum(np.abs(apart[:, :, 1:]) ** 2, axis=2)).mean(axis=1) / spectra.rms_response()
+    np.testing.assert_allclose(share, 0.01 * np.sqrt(39 / 40), rtol=0.05)
+    high = rsgen.best_linear(simulated("cubic"))[-1]
+    assert high.even is not None
+    assert high.odd is not None
+    # an odd law answers odd lines at odd ones
+    assert high.even.response.max() < 1e-9 * high.response.max()
+    assert high.odd.response.max() > 1e-3 * high.response.max()
+
+
+def test_impossible_tests_are_refused_with_the_reason() -> None:
+    with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
+        rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)
+    with pytest.raises(RsgenError, match="must be ascending"):
+        rsgen.MultisineTest((1.0,), (20.0, 2.0), 2.0)
+    with pytest.raises(RsgenError, match="lines of all periods; at most"):
+        rsgen.MultisineTest((1.0,), (2.0, 2000.0), 200.0, periods=1000)
+    with pytest.raises(RsgenError, match=r"0\.2 N: no periodic response.*dry friction holds the mass"):
+        simulated("friction", (0.2,))
