@@ -64,7 +64,7 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.rank(np.ones(3)), "surface: ndarray"),
         (
             lambda s, f: rs.predict(s, levels=[1]),
-            "found: ResponseSurface; must be Identification or Oscillator",
+            "found: ResponseSurface; must be Identification or ModalTable or Oscillator",
         ),
         (lambda s, f: rs.predict(f, s), "levels: ResponseSurface"),
         (lambda s, f: rs.predict(f, levels=["high"]), "levels: .*must be numbers"),

@@ -8,13 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
+from rsgen.identification.background import state_background
 from rsgen.identification.curve import equivalent_curve
 from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.findings import (
@@ -34,7 +34,6 @@ from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
 from rsgen.identification.result import (
-    Background,
     EquivalentCurve,
     Estimate,
     Identification,
@@ -43,7 +42,7 @@ from rsgen.identification.result import (
 )
 from rsgen.identification.soundness import feeds_exciter
 from rsgen.identification.start import start_fit, with_phase
-from rsgen.identification.tolerances import CONFIDENCE, NOISY, QUICK
+from rsgen.identification.tolerances import NOISY, QUICK
 from rsgen.law import LawLike
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
@@ -280,7 +279,12 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, estimates, refined),
         solution=refined.values,
-        background=_background(refined, whole, model.observation.background),
+        background=state_background(
+            refined.problem.observed,
+            refined.background,
+            np.diag(whole.covariance)[test.problem.count :],
+            whole.freedom,
+        ),
         findings=(
             *about,
             *mirror_findings(test.problem, estimates),
@@ -337,25 +341,6 @@ def _mode(table: Table, found: Fit) -> Table:
     if not observed.phase_known:
         table = with_phase(table, found, shape)
     return shape.subtract(table, found.background)
-
-
-def _background(found: Fit, regression: Regression, kind: str) -> Background | None:
-    """Background with the errors of its values; None where none was asked for."""
-    observed = found.problem.observed
-    shape, values = observed.background, found.background
-    if not len(values):
-        return None
-    variance = np.diag(regression.covariance)[found.problem.count :]
-    wide = float(stdtrit(regression.freedom, CONFIDENCE))
-    errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
-    estimates = tuple(
-        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
-        for name, v, e, unit in zip(shape.names, values, errors, shape.units, strict=True)
-    )
-    points = observed.points
-    part = np.abs(shape.receptance(values) * points.force)
-    share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
-    return Background(kind, observed.band, estimates, share)
 
 
 def _first_order(points: Points, problem: Problem, values: Array, mass: float) -> Fit:

@@ -12,59 +12,32 @@ phi that is not exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zet
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
-from rsgen.identification.agreement import Agreement
+from rsgen.identification.background import state_background
 from rsgen.identification.data import Points, select_points
-from rsgen.identification.descent import Descent
 from rsgen.identification.fit import Problem, fit_balance
-from rsgen.identification.forward import Forward
-from rsgen.identification.least_squares import Regression, fit, solve_scaled
-from rsgen.identification.misfit import is_systematic
-from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
-from rsgen.identification.modal_splines import ModalSplines, SplineBasis, SplineMode
+from rsgen.identification.least_squares import Regression
+from rsgen.identification.modal_fit import ModeProblem, SeenMode, choose_splines, fit_splines
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
+from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.observed import Observed
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, EXCESS, NOISY
+from rsgen.identification.tolerances import ANY_LAW, EXCESS
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["modal_table"]
 
 Array = NDArray[np.float64]
-
-_SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (3, 16))
-"""Degrees and intervals that are tried: a constant for a linear mode, as many pieces as a corner needs."""
-
-_POWERS = (0, 1, 2)
-"""Of the amplitude, that are tried as the coordinate of the splines; zero is the logarithm."""
-
-_TRIED = 300
-"""Points, spread over the amplitude, on which shapes are compared: sixteen for each coefficient."""
-
-_MIDDLE = 6
-"""Of the shapes, with which the orders are chosen first."""
-
-_WIDE = 1.15
-"""Ratio of the highest to the lowest frequency from which on the order shows: over less the order changes the
-force of points off resonance, where damping is small, by a few per cent of that."""
-
-_ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
-"""Orders of the damping that are tried: those of dampers, joints and drag, and their sums."""
-
-_ROUNDS = 3
-"""Shape and orders hardly depend on each other."""
-
-_POINTS_A_COEFFICIENT = 2
-"""At least as many points for each coefficient of k and of c: half of what they say is left to disagree."""
 
 _MOST = 800
 """Points that are fitted, spread over the amplitude: more leave intervals narrower than any calibration."""
@@ -74,9 +47,6 @@ _ROWS = 21
 
 _NEAR = np.sqrt(0.5)
 """Sine of the lag at the half-power points, 45 degrees from resonance: there damping is half of the force."""
-
-_FLOOR = 1e-12
-"""Misfits below are round-off, and one is as good as the other."""
 
 _FEWEST = 4
 """Points near resonance: fewer do not tell a constant from its error."""
@@ -134,44 +104,33 @@ def modal_table(
     0.01581
     """
     require(surface, ResponseSurface, "surface")
-    model = _about(surface, about, mass)
+    model = _about(about, mass)
+    surface = surface.on_mass(model.mass)
+    if surface.per_mass:
+        # there is nothing to identify
+        model = replace(model, mass=1.0)
     means, _ = gather_repeats(surface)
     points = select_points(means, model)
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         seen = _see(points, model, phase_known=surface.phase_known)
-        modal = _choose(seen, model.mass)
-        found = _fit(modal)
+        modal = choose_splines(seen, model.mass)
+        found = fit_splines(modal)
         if not _mass_known(modal, found):
             modal, found = _at_phase_resonance(seen)
-    return _table(modal, found, surface, model)
+    return _table(modal, found, means, model)
 
 
-def _about(surface: ResponseSurface, about: Observation | Model | None, mass: float | None) -> Model:
+def _about(about: Observation | Model | None, mass: float | None) -> Model:
     """Mass and observation, with a law that is near any other."""
     require(about, (Observation, Model, type(None)), "about")
     if isinstance(about, Model):
         mass = about.mass if mass is None else mass
         about = about.observation
-    # per unit mass there is nothing to identify
-    return Model(ANY_LAW, 1.0 if surface.per_mass else mass, about or Observation())
+    return Model(ANY_LAW, mass, about or Observation())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """The points, a first guess of the mode without the background, and the range near resonance [m]."""
-
-    observed: Observed
-    mode: Points
-    background: Array
-    tested: tuple[float, float]
-
-    def select(self, rows: NDArray[np.intp]) -> _Seen:
-        """Take some of the points."""
-        return replace(self, observed=self.observed.select(rows), mode=self.mode.select(rows))
-
-
-def _see(points: Points, model: Model, *, phase_known: bool) -> _Seen:
+def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
     """Take the points as a fit sees them, those that it needs.
 
     Where background or phases have to be found, a law that is near any other finds them.
@@ -194,112 +153,17 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> _Seen:
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
             f"at least {_FEWEST} are needed"
         )
+    if np.median(np.sign(stiffness.imag[near])) < 0:
+        raise RsgenError(
+            "modal table: near resonance the response leads the force, so that the structure would feed the "
+            "exciter; look at the sign, sense and quantity of the response"
+        )
     size = mode.amplitude
     tested = float(size[near].min()), float(size[near].max())
     # smaller motions say nothing of resonance, but all of the background
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MOST)]
-    return _Seen(observed, mode, background, tested).select(rows)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Modal:
-    """What is fitted: coefficients of the splines, the mass where it is free, the background.
-
-    ``given`` is a mass that stays; it is ``assumed`` where k/m and c are all that is wanted.
-    """
-
-    seen: _Seen
-    basis: SplineBasis
-    orders: tuple[int, ...]
-    given: float | None
-    assumed: bool = False
-
-    @property
-    def observed(self) -> Observed:
-        """The points."""
-        return self.seen.observed
-
-    @property
-    def coefficients(self) -> int:
-        """How many."""
-        return self.basis.count * (1 + len(self.orders))
-
-    @property
-    def count(self) -> int:
-        """Parameters apart from the background."""
-        return self.coefficients + (self.given is None)
-
-    def split(self, parameters: Array) -> tuple[Array, float, Array]:
-        """Coefficients, mass [kg] and background."""
-        mass = float(parameters[self.coefficients]) if self.given is None else self.given
-        return parameters[: self.coefficients], mass, parameters[self.count :]
-
-    def compared(self, forward: Forward) -> tuple[int, ...]:
-        """Higher harmonics are part of no linear mode."""
-        return ()
-
-    def forward(self, omega: Array) -> SplineMode:
-        """Give the forward model at the frequencies (n,) [rad/s]."""
-        return SplineMode(omega, self.basis, self.orders, mass_free=self.given is None)
-
-    def solve(self) -> tuple[Array, float]:
-        """Parameters of the linear balance beside the background, and their BIC."""
-        mode = self.seen.mode
-        by = self.forward(mode.omega)(np.zeros(self.coefficients), 0.0, mode.amplitude).force_by
-        size = np.abs(mode.force)
-        right = mode.force * mode.amplitude / mode.harmonics[:, 1]
-        if self.given is not None:
-            right = right + self.given * mode.omega**2 * mode.amplitude
-        matrix, right = by / size[:, None], right / size
-        matrix, right = np.concatenate([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
-        found, _, null = solve_scaled(np.asarray(matrix), np.asarray(right))
-        misfit = float(np.mean((right - matrix @ found) ** 2))
-        used = len(found) - null.shape[1]
-        # few points for many coefficients: as of the corrected AIC (Hurvich and Tsai, Biometrika 76, 1989)
-        price = np.log(len(right)) * len(right) / max(len(right) - used - 1, 1)
-        return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * price
-
-
-def _choose(seen: _Seen, mass: float | None) -> _Modal:
-    """Choose the shape of the splines and the orders of the damping, each by BIC given the other."""
-    mode = seen.mode
-    count = np.count_nonzero(mode.amplitude >= seen.tested[0])
-    room = [s for s in _SHAPES if not s[0] or sum(s) * _POINTS_A_COEFFICIENT <= count]
-    shapes = [(*shape, power) for shape in room for power in _POWERS]
-    wide = float(mode.omega.max() / mode.omega.min()) > _WIDE
-    trials = _ORDERS if wide else _ORDERS[:1]
-    some = seen.select(mode.spread(_TRIED))
-
-    def trial(part: _Seen, shape: tuple[int, int, int], orders: tuple[int, ...]) -> _Modal:
-        return _Modal(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
-
-    shape, orders = (*room[min(_MIDDLE, len(room) - 1)], _POWERS[0]), trials[0]
-    for _ in range(_ROUNDS):
-        before = shape, orders
-        orders = min(trials, key=lambda each: trial(some, shape, each).solve()[1])
-        shape = min(shapes, key=lambda each: trial(some, each, orders).solve()[1])
-        if before == (shape, orders):
-            break
-    return trial(seen, shape, orders)
-
-
-def _fit(modal: _Modal) -> Regression:
-    """Maximum likelihood with noise of force and response, errors widened where parts disagree."""
-    observed, mode = modal.observed, modal.seen.mode
-    descent = Descent(modal, modal.forward(mode.omega))
-    nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    if not observed.phase_known:
-        descent.scale = mode.amplitude
-    start = np.concatenate([modal.solve()[0], modal.seen.background])
-    found = fit(descent.linearise, start, nuisance, neighbours=mode.neighbours)
-    if found.noise > NOISY:
-        response = descent.predict(found.parameters, found.nuisance)
-        descent.scale = np.abs(observed.seen(response, modal.split(found.parameters)[2]))
-        place = found.parameters, found.nuisance
-        found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
-    misfits = is_systematic(observed.points, found)
-    return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)
+    return SeenMode(observed, mode, background, tested).select(rows)
 
 
 def _in_quadrature(mode: Points) -> NDArray[np.bool_]:
@@ -308,7 +172,7 @@ def _in_quadrature(mode: Points) -> NDArray[np.bool_]:
     return np.asarray(np.abs(stiffness.real) < _QUADRATURE * np.abs(stiffness.imag))
 
 
-def _mass_known(modal: _Modal, found: Regression) -> bool:
+def _mass_known(modal: ModeProblem, found: Regression) -> bool:
     """Whether the mass was given, or is positive and sure enough."""
     if modal.given is not None:
         return True
@@ -320,7 +184,7 @@ def _mass_known(modal: _Modal, found: Regression) -> bool:
     return bool(mass > 0 and found.covariance[place, place] < (_KNOWN * mass) ** 2)
 
 
-def _at_phase_resonance(seen: _Seen) -> tuple[_Modal, Regression]:
+def _at_phase_resonance(seen: SeenMode) -> tuple[ModeProblem, Regression]:
     """Fit k/m and c with any mass to the points at phase resonance."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
     rows = np.flatnonzero(_in_quadrature(seen.mode))
@@ -334,8 +198,8 @@ def _at_phase_resonance(seen: _Seen) -> tuple[_Modal, Regression]:
     seen = replace(seen, tested=(float(size.min()), float(size.max())))
     omega = seen.mode.omega
     mass = float(np.median(np.abs(stiffness[rows].imag) / omega**2)) / (2 * _ASSUMED)
-    modal = _choose(seen, mass)
-    found = _fit(modal)
+    modal = choose_splines(seen, mass)
+    found = fit_splines(modal)
     # the shift that a lag off a quarter period causes with damping that is not known
     shift = 2 * _DAMPED * float(np.sqrt(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2)))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
@@ -357,7 +221,25 @@ def _left_out(points: Points, noise: float) -> float:
     return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
 
 
-def _table(modal: _Modal, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
+def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTest:
+    """What predictions need to know of the test."""
+    points = modal.observed.points
+    part = surface.select(points.index)
+    forces = np.unique(np.abs(part.force)) if surface.response_held else typical_amounts(part)
+    variance = np.diag(found.covariance)[modal.count :]
+    return ModalTest(
+        observation=model.observation,
+        levels=np.unique(forces),
+        frequencies=(float(part.frequency.min()), float(part.frequency.max())),
+        level_unit=surface.level_unit,
+        per_mass=surface.per_mass,
+        background=state_background(
+            modal.observed, modal.split(found.parameters)[2], variance, found.freedom
+        ),
+    )
+
+
+def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
     """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
     tested = modal.seen.tested
     values, mass, _ = modal.split(found.parameters)
@@ -392,5 +274,6 @@ def _table(modal: _Modal, found: Regression, surface: ResponseSurface, model: Mo
         mass_error=float(np.sqrt(covariance[-1, -1])) if sure else float("nan"),
         misfit=misfit,
         points=int(np.count_nonzero(found.used)),
+        test=_test(modal, found, surface, model),
         findings=findings,
     )

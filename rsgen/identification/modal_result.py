@@ -14,10 +14,12 @@ from scipy.special import stdtrit
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.identification.modal_splines import ModalSplines
+from rsgen.identification.result import Background
 from rsgen.identification.tolerances import CONFIDENCE
+from rsgen.observation import Observation
 from rsgen.text_table import Printed, TextTable, data_frame, short
 
-__all__ = ["MODAL_COLUMNS", "ModalTable"]
+__all__ = ["MODAL_COLUMNS", "ModalTable", "ModalTest"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,32 @@ MODAL_COLUMNS = {
     "damping_per_mass": "1/s",
 }
 """Columns of a modal table after the amplitude [m], with their units."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModalTest:
+    """What a modal table knows of its test.
+
+    Parameters
+    ----------
+    observation
+        How the structure was observed.
+    levels
+        Forces [N, per mass N/kg] near the resonances of the levels that took part.
+    frequencies
+        Lowest and highest frequency [Hz] of the points.
+    level_unit, per_mass
+        As of the response surface.
+    background
+        What was fitted beside the mode; None where nothing was asked for.
+    """
+
+    observation: Observation
+    levels: Array
+    frequencies: tuple[float, float]
+    level_unit: str
+    per_mass: bool
+    background: Background | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -59,6 +87,8 @@ class ModalTable(Printed):
         and response [1].
     points
         How many test points it rests on.
+    test
+        What predictions need to know of the test.
     findings
         What a reader should know.
     """
@@ -71,6 +101,7 @@ class ModalTable(Printed):
     mass_error: float
     misfit: float
     points: int
+    test: ModalTest
     findings: tuple[Finding, ...] = ()
     _columns: dict[str, Array] = field(init=False)
 

@@ -55,6 +55,12 @@ class SplineBasis:
         """How many functions."""
         return len(self.knots) - self.degree - 1
 
+    @property
+    def lowest(self) -> float:
+        """Smallest amplitude [m] that points have shown."""
+        first = float(self.knots[0])
+        return float(np.exp(first) if not self.power else first ** (1 / self.power)) * (1 + _MARGIN)
+
     def __call__(self, amplitude: Array) -> tuple[Array, Array]:
         """(n, f) functions at amplitudes [m], and their derivatives by ln X; constant beyond the ends."""
         from scipy.interpolate import BSpline

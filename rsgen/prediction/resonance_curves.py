@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.identification import Identification, MultisineIdentification
+from rsgen.identification import Identification, ModalTable, MultisineIdentification
 from rsgen.identification.data import held_out_mask
 from rsgen.multisine import MultisineSpectra
 from rsgen.oscillator import Oscillator
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.known_oscillator import as_identification
 from rsgen.prediction.measured_across import acts_across, respond_across
+from rsgen.prediction.modal_synthesis import SynthesisBalance, table_as_identification
 from rsgen.prediction.multisine import predict_multisine
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.surface import ResponseSurface, typical_amounts
@@ -53,7 +54,7 @@ twentieth is as good as most sensors, a seventh worse than most tests, with a ha
 
 
 def predict(
-    found: Identification | Oscillator,
+    found: Identification | ModalTable | Oscillator,
     levels: float | Sequence[float] | None = None,
     surface: ResponseSurface | MultisineSpectra | None = None,
     *,
@@ -68,7 +69,8 @@ def predict(
     Parameters
     ----------
     found
-        An identification, whose refined estimate is used, or an oscillator.
+        An identification, whose refined estimate is used, an oscillator, or a modal table: then no law takes
+        part, and curves end at its largest amplitude.
     levels
         [N]; None: the forces measured near the resonances at the levels that took part in the identification
         and, with a surface, at the held-out ones.
@@ -91,14 +93,17 @@ def predict(
     >>> round(float(np.nanmax(curves[3.0].amplitude)), 4)
     0.015
     """
-    require(found, (Identification, Oscillator), "found")
+    require(found, (Identification, ModalTable, Oscillator), "found")
     if isinstance(found, MultisineIdentification):
         return predict_multisine(found, surface)
     if isinstance(surface, MultisineSpectra):
         raise RsgenError("surface: MultisineSpectra; they go with what was identified from a multisine")
+    table = None
+    if isinstance(found, ModalTable):
+        table, found = found, table_as_identification(found)
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-        surface = surface.on_mass(found.mass)
+        surface = surface.on_mass(None if table is not None and table.test.per_mass else found.mass)
     if isinstance(found, Identification) and (sensors := acts_across(found)):
         return _predict_across(found, sensors, levels, surface)
     chosen = _levels(found, levels, surface)
@@ -109,14 +114,14 @@ def predict(
         tested = found.amplitude_range
     low, high = found.frequency_range
     window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
-    balance = AmplitudeBalance(found)
+    balance = SynthesisBalance(table, window) if table is not None else AmplitudeBalance(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     curves = tuple(_curve(found, balance, level, omega, tested) for level in chosen)
     held_out: tuple[HeldOutLevel, ...] = ()
     findings = list[Finding]()
     if surface is not None:
         held_out = _score(found, balance, surface)
-        findings += _missed(held_out, surface, found.residual * np.sqrt(2))
+        findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
     return Prediction(curves, held_out, tested, (*_findings(tested, curves, held_out), *findings))
 
 
@@ -299,15 +304,20 @@ def _miss(
 
 
 def _missed(
-    held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float
+    held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float, *, by_law: bool = True
 ) -> tuple[Finding, ...]:
-    """Judge held-out levels by their error, but for points at jumps, against the misfit of the others."""
+    """Judge held-out levels by their error, but for points at jumps, against the misfit of the others.
+
+    What has no steady state there is missed by all of it ``by_law``; a modal table does not reach it.
+    """
     findings = []
     warned, doubted, refuted = _MISSED
     for item in held_out:
         size = np.abs(item.measured)
-        # what has no steady state there is missed by all of it
-        miss = np.where(np.isfinite(item.predicted), _miss(item.predicted, item.measured, surface), size)
+        known = np.isfinite(item.predicted)
+        miss = np.where(known, _miss(item.predicted, item.measured, surface), size)
+        if not by_law:
+            miss, size = miss[known], size[known]
         judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
         error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
         if not (error > max(warned, _OF_MISFIT * misfit)):

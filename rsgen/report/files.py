@@ -33,14 +33,14 @@ from rsgen.figures import (
     draw_time_history,
 )
 from rsgen.figures.cycles import shows_loops
-from rsgen.identification import Identification, ModalTable
+from rsgen.identification import Identification
 from rsgen.identification.data import held_out_mask
 from rsgen.multisine import MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.ranking import Ranking
 from rsgen.report.interpretation import mean_finding
-from rsgen.report.modal_section import Modal, tabulate_mode
+from rsgen.report.modal_section import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.multisine_files import write_multisine_files
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
@@ -58,7 +58,7 @@ def draw_all(
     surface: ResponseSurface,
     identification: Identification,
     prediction: Prediction,
-    modal: Modal = "",
+    modal: Modal = NO_MODAL,
 ) -> list[Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
     drawings = [
@@ -70,8 +70,8 @@ def draw_all(
         draw_damping(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
-    if isinstance(modal, ModalTable):
-        drawings.append(draw_modal(modal, identification))
+    if modal.table is not None:
+        drawings.append(draw_modal(modal.table, identification))
     if not remembers(identification.model.force):
         drawings.append(draw_forces(identification, subject.truth))
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
@@ -223,8 +223,8 @@ def _write_files(
     prediction = predict(identification, levels, surface)
     printed = check_printed(subject, identification)
     modal = tabulate_mode(surface, identification)
-    if isinstance(modal, ModalTable):
-        write_atomic(place / "modal.csv", modal.to_csv())
+    if modal.table is not None:
+        write_atomic(place / "modal.csv", modal.table.to_csv())
     result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
     write_atomic(place / "result.json", result_text(result))
     drawings = draw_all(subject, surface, identification, prediction, modal)

@@ -3,19 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from rsgen.errors import RsgenError
 from rsgen.identification import Identification, ModalTable, modal_table
 from rsgen.identification.modal_result import MODAL_COLUMNS
+from rsgen.prediction import HeldOutLevel, predict
 from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.surface import ResponseSurface
 from rsgen.units.scale import choose_scale, number_text
 
-__all__ = ["Modal", "modal_entry", "modal_page_table", "tabulate_mode"]
+__all__ = ["NO_MODAL", "Modal", "modal_entry", "modal_page_table", "tabulate_mode"]
 
-Modal = ModalTable | str
-"""The modal table, or why there is none; "" where nobody asked."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Modal:
+    """The modal table of a report.
+
+    Parameters
+    ----------
+    table
+        None where there is none.
+    reason
+        Why there is none; "" where nobody asked.
+    held_out
+        Levels that the table has not seen, predicted from it without a law.
+    """
+
+    table: ModalTable | None = None
+    reason: str = ""
+    held_out: tuple[HeldOutLevel, ...] = ()
+
+
+NO_MODAL = Modal()
+"""Where nobody asked for a table."""
 
 _ROWS = 2
 """Every second row is on the page; the file has all."""
@@ -34,36 +56,54 @@ _TITLES = {
 def tabulate_mode(surface: ResponseSurface, identification: Identification) -> Modal:
     """Make the modal table of a test, as the model was observed and with its mass where that was given."""
     try:
-        return modal_table(surface, identification.model)
+        table = modal_table(surface, identification.model)
     except RsgenError as fault:
-        return str(fault)
+        return Modal(reason=str(fault))
+    if not (identification.model.observation.hold_out and "damping_ratio" in table.known):
+        return Modal(table)
+    return Modal(table, held_out=predict(table, None, surface).held_out)
+
+
+def _finite(value: float) -> float | None:
+    """A number with as many digits as any test has; JSON has none that is not finite."""
+    return float(f"{value:.8e}") if math.isfinite(value) else None
 
 
 def modal_entry(modal: Modal) -> dict[str, Any] | None:
     """Give the table for result.json: columns in SI, null where they are not known; or the reason."""
-    if isinstance(modal, str):
-        return {"reason": modal} if modal else None
-
-    def numbers(values: Any) -> list[float | None]:
-        return [float(f"{v:.8e}") if math.isfinite(v) else None for v in values]
+    table = modal.table
+    if table is None:
+        return {"reason": modal.reason} if modal.reason else None
 
     entry: dict[str, Any] = {
-        "points": modal.points,
-        "misfit": modal.misfit,
-        "mass": modal.mass if math.isfinite(modal.mass) else None,
-        "mass_error": modal.mass_error if math.isfinite(modal.mass_error) else None,
-        "known": list(modal.known),
-        "amplitude": numbers(modal.amplitude),
+        "points": table.points,
+        "misfit": _finite(table.misfit),
+        "mass": _finite(table.mass),
+        "mass_error": _finite(table.mass_error),
+        "known": list(table.known),
+        "amplitude": list(map(_finite, table.amplitude)),
     }
-    for name in modal.known:
+    for name in table.known:
         for column in (name, f"{name}_lower", f"{name}_upper"):
-            entry[column] = numbers(getattr(modal, column))
+            entry[column] = list(map(_finite, getattr(table, column)))
+    entry["held_out"] = [
+        {
+            "level": item.level,
+            "sweep": item.sweep,
+            "points": len(item.frequency),
+            "missing": item.missing,
+            "error": _finite(item.error),
+            "largest_error": _finite(item.largest_error),
+        }
+        for item in modal.held_out
+    ]
     return entry
 
 
-def modal_page_table(modal: Modal) -> Table | None:
+def modal_page_table(section: Modal) -> Table | None:
     """Give the rows for the page; None where there is no table."""
-    if isinstance(modal, str):
+    modal = section.table
+    if modal is None:
         return None
     amplitude = choose_scale(modal.amplitude, "m")
     scales = {name: choose_scale(getattr(modal, name), MODAL_COLUMNS[name]) for name in modal.shown}

@@ -16,11 +16,11 @@ from rsgen.case import Case
 from rsgen.comparison import Comparison
 from rsgen.errors import RsgenError
 from rsgen.figures import Drawing
-from rsgen.identification import Identification, ModalTable
+from rsgen.identification import Identification
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction
 from rsgen.report.environment import TEMPLATES, plain_text
-from rsgen.report.modal_section import Modal
+from rsgen.report.modal_section import NO_MODAL, Modal
 from rsgen.report.notebook_cells import KnownResults, execute_cells
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
@@ -166,7 +166,7 @@ def known_results(
     prediction: Prediction,
     levels: Sequence[float],
     drawings: Sequence[Drawing],
-    modal: Modal = "",
+    modal: Modal = NO_MODAL,
 ) -> KnownResults:
     """Collect what the lesson on a case would compute again.
 
@@ -195,9 +195,9 @@ def known_results(
         "responses": (surface, prediction),
         "held-out": (prediction,),
     }
-    if isinstance(modal, ModalTable):
-        results.add("modal_table", surface, case.model, result=modal)
-        inputs["modal"] = (modal, identification)
+    if modal.table is not None:
+        results.add("modal_table", surface, case.model, result=modal.table)
+        inputs["modal"] = (modal.table, identification)
     for drawing in drawings:
         if drawing.name in inputs:
             function = f"draw_{drawing.name.replace('-', '_')}"

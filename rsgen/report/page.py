@@ -21,7 +21,7 @@ from rsgen.report.dissipation import dissipation_findings
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, mean_finding
-from rsgen.report.modal_section import Modal, modal_page_table
+from rsgen.report.modal_section import NO_MODAL, Modal, modal_page_table
 from rsgen.report.page_tables import (
     background_table,
     estimate_table,
@@ -86,7 +86,7 @@ def render_page(
     printed: Sequence[PrintedFormula],
     drawings: Iterable[Drawing],
     provenance: Mapping[str, str],
-    modal: Modal = "",
+    modal: Modal = NO_MODAL,
 ) -> str:
     """Render the page; everything but the provenance follows from the input alone.
 
@@ -133,7 +133,7 @@ def render_page(
         "drawings": shown,
         "energy_sentences": [full_sentence(finding) for finding in energy],
         "prediction_remarks": [full_sentence(found) for found in prediction.findings],
-        "held_out_table": held_out_table(prediction),
+        "held_out_table": held_out_table(prediction.held_out),
         "elements": [_element(element) for element in subject.elements],
         "printed": [
             {
@@ -149,7 +149,8 @@ def render_page(
         "estimates_table": estimate_table(identification),
         "resonance_table": resonance_table(identification),
         "modal_table": modal_page_table(modal),
-        "modal_remarks": [modal] if isinstance(modal, str) else [full_sentence(f) for f in modal.findings],
+        "modal_remarks": [modal.reason] if modal.table is None else map(full_sentence, modal.table.findings),
+        "modal_held_out": held_out_table(modal.held_out, "The same levels, from the modal table alone"),
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],

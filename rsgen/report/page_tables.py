@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rsgen.comparison import FORCE_KEYS, Comparison, Row
 from rsgen.identification import Estimate, Identification
-from rsgen.prediction import Prediction
+from rsgen.prediction import HeldOutLevel
 from rsgen.report.wording import sentence
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.units.scale import choose_scale, number_text, quantity_text, unit_text
@@ -190,9 +191,11 @@ def resonance_table(identification: Identification) -> Table:
     return Table("Resonance of each level", columns, rows)
 
 
-def held_out_table(prediction: Prediction) -> Table | None:
-    """Score the held-out levels; None where there are none."""
-    if not prediction.held_out:
+def held_out_table(
+    held_out: Sequence[HeldOutLevel], caption: str = "Levels that identification has not seen"
+) -> Table | None:
+    """Score held-out levels; None where there are none."""
+    if not held_out:
         return None
     rows = tuple(
         TableRow(
@@ -205,7 +208,7 @@ def held_out_table(prediction: Prediction) -> Table | None:
                 Cell(str(item.missing)),
             )
         )
-        for item in prediction.held_out
+        for item in held_out
     )
     columns = (
         "Level",
@@ -215,7 +218,7 @@ def held_out_table(prediction: Prediction) -> Table | None:
         "Largest error",
         "Points without prediction",
     )
-    return Table("Levels that identification has not seen", columns, rows)
+    return Table(caption, columns, rows)
 
 
 def background_table(identification: Identification) -> Table | None:

@@ -19,7 +19,7 @@ from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
 from rsgen.report.dissipation import dissipation_entry
-from rsgen.report.modal_section import Modal, modal_entry
+from rsgen.report.modal_section import NO_MODAL, Modal, modal_entry
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
@@ -136,7 +136,7 @@ def build_result(
     prediction: Prediction,
     printed: Iterable[PrintedFormula],
     durations: Mapping[str, float],
-    modal: Modal = "",
+    modal: Modal = NO_MODAL,
 ) -> dict[str, Any]:
     """Give the content of result.json (schema 1); units are SI, what is not known is null.
 

@@ -200,3 +200,38 @@ def test_what_cannot_be_tabulated_is_refused_with_the_reason():
         rsgen.modal_table(SURFACE).at([1e-3, -1.0])
     with pytest.raises(AttributeError, match="it has amplitude, frequency"):
         _ = rsgen.modal_table(SURFACE).omga
+
+
+@pytest.mark.parametrize("level", [3.2, 12.0])
+def test_a_held_out_level_is_predicted_without_a_law(level: float):
+    """Inside the table to the error of its splines; above its amplitudes not at all, and that is said."""
+    asked = float(SURFACE.levels[np.argmin(np.abs(SURFACE.levels - level))])
+    table = rsgen.modal_table(SURFACE, Observation(hold_out=(asked,)))
+    prediction = rsgen.predict(table, None, SURFACE)
+    (scored,) = prediction.held_out
+    known = np.isfinite(scored.predicted)
+    assert scored.error < 1e-3
+    if level == 12.0:
+        assert np.nanmax(np.abs(scored.predicted)) < 1.011 * table.tested[1]
+        assert scored.missing == np.count_nonzero(~known) > 0
+        assert "held-out-points-missing" in [finding.code for finding in prediction.findings]
+        return
+    assert known.all()
+    # the resonance curve by the closed formula of the law that nobody told it
+    curve = prediction[asked]
+    X, omega = curve.amplitude, 2 * np.pi * curve.frequency
+    force = X * np.abs(K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1)
+    near = (table.tested[0] < X) & (table.tested[1] > X)
+    np.testing.assert_allclose(force[near], asked, rtol=2e-3)
+
+
+def test_without_a_mass_no_response_off_resonance_is_predicted():
+    table = rsgen.modal_table(phase_resonance(np.geomspace(5e-3, 5e-2, 9)))
+    with pytest.raises(RsgenError, match="give the mass"):
+        rsgen.predict(table, [1.0])
+
+
+def test_a_response_of_the_wrong_sign_is_refused():
+    turned = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, -SURFACE.harmonics[:, 1])
+    with pytest.raises(RsgenError, match="feed the exciter"):
+        rsgen.modal_table(turned)
