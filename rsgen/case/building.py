@@ -19,8 +19,8 @@ from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
 from rsgen.law.memory import memory_form
+from rsgen.measurement import MeasuredTest
 from rsgen.oscillator import KNOWN_MASS, Model, Oscillator
-from rsgen.simulation import SimulatedTest
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
 __all__ = ["build"]
@@ -75,7 +75,7 @@ class _Builder:
         self.faults = self.maker.faults
         self.warnings: list[str] = []
         self.units_fit = True
-        self.simulated = document.test.kind == "simulated"
+        self.simulated = document.test.kind != "measured"
 
     def fault(self, place: str, text: str) -> None:
         self.faults.append(f"{place}: {text}")
@@ -268,7 +268,7 @@ class _Builder:
             # where a test determines no mass, that of the case is known beforehand, as in a laboratory
             model=Model(
                 elements,
-                None if isinstance(test, SimulatedTest) and test.determines_mass else mass,
+                None if not isinstance(test, MeasuredTest) and test.determines_mass else mass,
                 observation,
             ),
             test=test,

@@ -13,7 +13,7 @@ import sympy
 from rsgen.measurement import MeasuredTest
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 
 __all__ = ["Case"]
 
@@ -59,7 +59,7 @@ class Case:
     sha256: str
     oscillator: Oscillator | None
     model: Model
-    test: SimulatedTest | MeasuredTest
+    test: SimulatedTest | MultisineTest | MeasuredTest
     truth: Mapping[str, float] | None
     accept: Mapping[str, float] = field(default_factory=dict)
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)

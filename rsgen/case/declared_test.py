@@ -12,7 +12,7 @@ from rsgen.case.tables import Maker
 from rsgen.declaration import given
 from rsgen.measurement import HistoryRule, MeasuredTest, Signal
 from rsgen.observation import Observation
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import match_level
 from rsgen.surface.columns import BASE_UNITS
 
@@ -21,8 +21,10 @@ __all__ = ["make_measured", "make_observation", "make_simulated"]
 _SIGNAL = Signal(amplitude=1)
 
 
-def make_simulated(table: Any, maker: Maker) -> SimulatedTest:
+def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
     """Make a virtual test of at most a million points."""
+    if table.kind == "simulated-multisine":
+        return maker.make(MultisineTest, table, "test")
     if table.control == "response":
         maker.units = {"N": "m"}
     elif table.base is not None and table.base.quantity is not None:
@@ -100,7 +102,9 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
             yield "response.phase_known: is false, but there is a phase; leave one out"
 
 
-def make_observation(table: Any, test: SimulatedTest | MeasuredTest, maker: Maker) -> Observation:
+def make_observation(
+    table: Any, test: SimulatedTest | MultisineTest | MeasuredTest, maker: Maker
+) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
     observation = maker.make(Observation, table, "identify")
     unit = maker.units.get("N", "N")
@@ -109,7 +113,7 @@ def make_observation(table: Any, test: SimulatedTest | MeasuredTest, maker: Make
         if isnan(level):
             continue
         place = f"identify.hold_out.{number}"
-        if isinstance(test, SimulatedTest) and test.level is not None:
+        if not isinstance(test, MeasuredTest) and test.level is not None:
             meant = match_level(test.level, level)
             if meant is None:
                 maker.faults.append(f"{place}: {level:g} {unit} is not tested; one of test.level is needed")
@@ -120,7 +124,7 @@ def make_observation(table: Any, test: SimulatedTest | MeasuredTest, maker: Make
             continue
         levels.append(level)
     if (
-        isinstance(test, SimulatedTest)
+        not isinstance(test, MeasuredTest)
         and levels
         and test.level is not None
         and len(levels) == len(test.level)

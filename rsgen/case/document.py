@@ -16,7 +16,7 @@ from rsgen.declaration import Rule
 from rsgen.measurement import MeasuredTest
 from rsgen.measurement.plan import Excitation
 from rsgen.observation import Observation
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 
 __all__ = ["CaseDocument", "Document", "ElementTable", "case_schema"]
 
@@ -95,6 +95,12 @@ _SIMULATED = table_of(
     "A virtual test: rsgen computes the steady states from [truth].",
     {"kind": (Literal["simulated"], Field())},
 )
+_MULTISINE = table_of(
+    MultisineTest,
+    "MultisineTest",
+    "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
+    {"kind": (Literal["simulated-multisine"], Field())},
+)
 _MEASURED = table_of(
     MeasuredTest,
     "MeasuredTest",
@@ -113,7 +119,7 @@ _MEASURED = table_of(
 )
 
 _DERIVED: dict[str, Any] = {
-    "test": (_SIMULATED | _MEASURED, Field(discriminator="kind")),
+    "test": (_SIMULATED | _MULTISINE | _MEASURED, Field(discriminator="kind")),
     "identify": (table_of(Observation, "Observation") | None, None),
 }
 CaseDocument = create_model("CaseDocument", __base__=Document, __doc__=Document.__doc__, **_DERIVED)

@@ -21,7 +21,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.measurement import MeasuredTest
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.simulation.free_mean import free_mean_fault
 
 __all__ = ["law_faults"]
@@ -127,7 +127,10 @@ def _sines(test: SimulatedTest) -> Motion:
 
 
 def _wrong_memory(
-    place: str, element: Element, values: Mapping[str, float], test: SimulatedTest | MeasuredTest
+    place: str,
+    element: Element,
+    values: Mapping[str, float],
+    test: SimulatedTest | MultisineTest | MeasuredTest,
 ) -> list[str]:
     virgins = [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
     return [*virgins, *(f"{place}.memory.{text}" for text in _open_loops(element, values, test))]
@@ -156,7 +159,7 @@ def _wrong_virgins(element: Element, values: Mapping[str, float]) -> list[str]:
 
 
 def _open_loops(
-    element: Element, values: Mapping[str, float], test: SimulatedTest | MeasuredTest
+    element: Element, values: Mapping[str, float], test: SimulatedTest | MultisineTest | MeasuredTest
 ) -> list[str]:
     """Say which states never come back to where they were, on a sine of any size.
 

@@ -17,7 +17,7 @@ from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.finding import Finding
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.study import STAGES, expect
 from rsgen.study.foresight import point_faults
 from rsgen.surface import ResponseSurface
@@ -59,6 +59,18 @@ def _plan(case: Case) -> dict[str, Any]:
             "frequencies": len(test.frequency),
             "points": len(test.level) * test.per_level,
             "control": test.control,
+        }
+    elif isinstance(test, MultisineTest):
+        _refuse(point_faults(case))
+        kind = {
+            "kind": "simulated",
+            "levels": len(test.level),
+            "records": len(test.level) * test.realisations,
+            "periods": test.periods,
+            "points": len(test.level) * test.realisations * len(test.excited),
+            "lowest_frequency": float(test.excited[0] / test.period),
+            "highest_frequency": float(test.excited[-1] / test.period),
+            "sweeps": [],
         }
     else:
         # imports the figures with the package; a simulated case needs neither
@@ -122,7 +134,7 @@ def _takes(plan: dict[str, Any]) -> str:
 def _describe(plan: dict[str, Any]) -> str:
     names = ", ".join(plan["identifies"])
     levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
-    if plan["kind"] == "simulated":
+    if "frequencies" in plan:
         each = plan["points"] // plan["levels"]
         across = "lags" if plan["control"] == "phase" else "frequencies"
         what = f"{levels} x {each} {across} = {plan['points']} points to simulate"

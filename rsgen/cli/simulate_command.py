@@ -8,7 +8,8 @@ from rsgen.case import load_case
 from rsgen.cli.progress_bar import stage_progress
 from rsgen.cli.terminal import ACCEPTED, print_cache_fault, print_json, print_line
 from rsgen.errors import RsgenError
-from rsgen.simulation import SimulatedTest
+from rsgen.measurement import MeasuredTest
+from rsgen.simulation import MultisineTest
 from rsgen.study import obtain_surface
 from rsgen.surface import save_surface
 
@@ -19,8 +20,12 @@ def simulate_command(path: Path, out: Path | None, json: bool) -> int:
     """Write the response surface of a simulated case as HDF5."""
     print_cache_fault()
     case = load_case(path)
-    if not isinstance(case.test, SimulatedTest):
+    if isinstance(case.test, MeasuredTest):
         raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    if isinstance(case.test, MultisineTest):
+        raise RsgenError(
+            f"{path.name}: test.kind: a multisine has no response surface; `rsgen run` simulates it"
+        )
     target = out or Path(f"{case.name}.h5")
     with stage_progress(case, "surface") as note:
         surface = obtain_surface(case, lambda share: note("surface", share))

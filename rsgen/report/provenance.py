@@ -9,8 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 import rsgen
 from rsgen.case import Case
+from rsgen.measurement import MeasuredTest
 from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface
 
 __all__ = ["collect_provenance"]
@@ -33,12 +34,15 @@ def _origin(case: Case | None) -> dict[str, str]:
     if case is None:
         return {}
     named = {"Case file": case.path.name, "SHA-256 of the case": case.sha256}
-    if not isinstance(case.test, SimulatedTest):
+    if isinstance(case.test, MeasuredTest):
         return named | {
             "Measured file": ", ".join(path.name for path in (*case.test.files, *case.test.response_files)),
             "SHA-256 of the measured file": ", ".join(case.test.sha256) or "not fixed by the case",
         }
     noise = f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
+    if isinstance(case.test, MultisineTest):
+        made = f"multisine, {case.test.lines} lines, {case.test.realisations} realisations a level"
+        return named | {"Simulation": made, "Noise": noise if case.test.noise_relative else "none"}
     return named | {
         "Simulation": f"{case.test.method}, {_held(case.test)}, sweep {case.test.sweep}, "
         f"accuracy {case.test.accuracy:g}",

@@ -81,6 +81,11 @@ class MultisineTest:
             yield "periods", f"{size} lines of all periods; at most {_MOST_SAMPLES}"
 
     @property
+    def determines_mass(self) -> bool:
+        """Whether such a test determines the mass: forces are in N."""
+        return True
+
+    @property
     def excited(self) -> NDArray[np.intp]:
         """(e,) numbers of the excited lines."""
         low, high = self.band

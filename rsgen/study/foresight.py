@@ -11,7 +11,7 @@ from rsgen.identification.data import select_points
 from rsgen.identification.multisine import check_records
 from rsgen.identification.repeats import gather_repeats
 from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface
 
 __all__ = ["point_faults"]
@@ -32,6 +32,8 @@ def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None 
     list of str
         One sentence a fault, ``file: place: what; what is allowed``.
     """
+    if isinstance(case.test, MultisineTest):
+        return _unranked(case)
     if surface is None:
         surface = _planned(case.test) if isinstance(case.test, SimulatedTest) else None
     if surface is None:
@@ -45,14 +47,18 @@ def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None 
     return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points.omega)]
 
 
+def _unranked(case: Case) -> list[str]:
+    """Refuse a ranking on a multisine."""
+    fault = (
+        f"{case.path.name}: model: 'rank' compares laws on a response surface; give the law of a multisine"
+    )
+    return [fault] if case.ranked else []
+
+
 def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:
     """What identification would refuse of records of a multisine."""
     place, observation = case.path.name, case.observation
-    faults = []
-    if case.ranked:
-        faults.append(
-            f"{place}: model: 'rank' compares laws on a response surface; give the law of a multisine"
-        )
+    faults = _unranked(case)
     try:
         check_records(spectra, observation)
     except RsgenError as fault:

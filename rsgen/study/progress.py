@@ -13,7 +13,7 @@ from rsgen.case import Case
 from rsgen.kernel import generate, is_stored
 from rsgen.law.pieces import normal_form
 from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import SimulatedTest
+from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.steady_state.solver import LOCATED
 from rsgen.surface import ResponseSurface
 
@@ -36,6 +36,8 @@ _RANKED_REPORT_SECONDS = 15.0
 """More for the curves of a law that a ranking puts together beside a background."""
 _RANK_POINTS = 500
 """More points than these are thinned out before laws are ranked."""
+_SECONDS_A_RECORD = {False: 0.2, True: 1.5}
+"""Of a virtual multisine."""
 _LINES_A_POINT = 100
 """Lines of single periods that cost as much as a point of a surface."""
 _REPORT_SECONDS = 4.0
@@ -145,6 +147,10 @@ def expect(
             located = test.accuracy < LOCATED
             source = generate(law, values=case.oscillator.values, locate_all=located)
             simulation += 0.0 if is_stored(source) else _COMPILE_SECONDS[switched]
+    elif isinstance(test, MultisineTest):
+        records = len(test.level) * test.realisations
+        points = records * test.periods * test.highest // _LINES_A_POINT
+        simulation = records * _SECONDS_A_RECORD[switched]
     elif isinstance(surface, MultisineSpectra):
         points = len(surface) * surface.periods * len(surface.lines) // _LINES_A_POINT
     elif surface is not None:

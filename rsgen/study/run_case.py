@@ -17,7 +17,7 @@ from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import SimulatedTest, simulate
+from rsgen.simulation import MultisineTest, simulate
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
 from rsgen.study.progress import Progress, stage_reporter
@@ -130,6 +130,8 @@ def obtain_table(
         return table.on_mass(case.model.mass) if isinstance(table, ResponseSurface) else table
     if case.oscillator is None:
         raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
+    if isinstance(case.test, MultisineTest):
+        return simulate(case.oscillator, case.test)
     return simulate(case.oscillator, case.test, progress=progress).on_mass(case.model.mass)
 
 
@@ -152,6 +154,8 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
 
 def _many_lines(case: Case) -> bool:
     """Whether the test is a multisine, whose spectra are read anew: that is quicker than their file."""
+    if isinstance(case.test, MultisineTest):
+        return True
     rule = case.test.history if isinstance(case.test, MeasuredTest) else None
     return rule is not None and rule.excitation == "multisine"
 
@@ -183,8 +187,9 @@ def _execute(
     from rsgen.report import write_report
     from rsgen.study.identified import identify_case
 
-    noisy = isinstance(case.test, SimulatedTest) and case.test.noise_relative > 0
-    seed = case.test.seed if isinstance(case.test, SimulatedTest) and noisy else None
+    seed = None
+    if not isinstance(case.test, MeasuredTest) and case.test.noise_relative > 0:
+        seed = case.test.seed
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()

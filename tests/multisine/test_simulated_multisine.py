@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,6 +84,61 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
     # an odd law answers odd lines at odd ones
     assert high.even.response.max() < 1e-9 * high.response.max()
     assert high.odd.response.max() > 1e-3 * high.response.max()
+
+
+CASE = """
+schema = 1
+name   = "lines"
+title  = "Virtual multisine"
+
+[system]
+mass = "1.5 kg"
+
+[[element]]
+name  = "all"
+force = "k*x + k3*x**3 + c*v"
+
+[truth]
+k  = "5 kN/m"
+k3 = 4e6
+c  = 4
+
+[test]
+kind    = "simulated-multisine"
+level   = {{ values = ["3 N", "5 N", "8 N"] }}
+band    = ["2.5 Hz", "20 Hz"]
+period  = "2 s"
+periods = 4
+noise   = {{ relative = 0.01, seed = 5 }}
+
+[identify]
+hold_out = ["{held}"]
+
+[accept]
+k  = 0.01
+k3 = 0.02
+stiffness_force = 0.02
+"""
+
+
+@pytest.mark.slow
+def test_a_case_of_a_virtual_multisine_is_checked_and_run(
+    tmp_path: Path, run_cli: Callable[..., Any]
+) -> None:
+    case = tmp_path / "lines.toml"
+    case.write_text(CASE.format(held="5 N"), encoding="utf-8")
+    checked = run_cli("check", case)
+    assert checked.code == 0, checked
+    assert "54 excited lines of 3 records of 4 periods at 3 levels, 2.5 to 19.5 Hz" in checked.out
+    run = run_cli("run", case, "--out", tmp_path / "out")
+    assert run.code == 0, run
+    result = json.loads((tmp_path / "out" / "lines" / "result.json").read_text(encoding="utf-8"))
+    assert result["verdict"]["state"] == "accepted"
+    assert [row["name"] for row in result["forces"]] == ["stiffness_force", "damping_force"]
+    assert result["held_out"][0]["error"] < 0.02
+    assert "a multisine has no response surface" in run_cli("simulate", case).err
+    case.write_text(CASE.format(held="6 N"), encoding="utf-8")
+    assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 
 
 def test_impossible_tests_are_refused_with_the_reason() -> None:

@@ -451,7 +451,7 @@ main(words)
 
 @posix
 @pytest.mark.slow
-@pytest.mark.parametrize("step", ["obtain_surface", "write_manifest"])
+@pytest.mark.parametrize("step", ["obtain_table", "write_manifest"])
 def test_killing_the_command_keeps_the_earlier_result(
     finished: tuple[Path, Path, CaseRun], tmp_path: Path, step: str
 ) -> None:
