@@ -24,7 +24,7 @@ from rsgen.oscillator import Oscillator
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.simulation.free_mean import free_mean_fault
 
-__all__ = ["law_faults"]
+__all__ = ["law_faults", "law_notes"]
 
 _NEAR = 1e-12
 """So near rest [m, m/s] every motion comes: a law must be a number there."""
@@ -98,13 +98,7 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
             f"dry friction of {min(held[0], -held[1]):.4g} N holds the mass at every level; a level above it "
             "is needed"
         ]
-    motion = _sines(test)
-    x, v, _ = motion.waveforms(_SAMPLES)
-    force = law.along(motion, values, _SAMPLES).force
-    # no number, where the law overflows, is no evidence
-    with np.errstate(over="ignore", invalid="ignore"):
-        work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
-        round_off = _ROUND_OFF * np.sum(np.abs(force * v), axis=1)
+    _, work, push, round_off = _balance(oscillator, test)
     if np.all(work <= round_off):
         return [
             "no damping: the law takes no energy out of a motion of any amplitude, so that none settles; a "
@@ -116,6 +110,36 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
             "a spring whose force has the sign of x, at small or at large amplitudes, is needed"
         ]
     return []
+
+
+def _balance(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Array, Array, Array]:
+    """Amplitudes [m], work and push of the law on sines of all sizes, and what of the work is round-off."""
+    law = compile_law(oscillator.force)
+    values = np.array([oscillator.values[name] for name in law.parameters])
+    motion = _sines(test)
+    x, v, _ = motion.waveforms(_SAMPLES)
+    force = law.along(motion, values, _SAMPLES).force
+    # no number, where the law overflows, is no evidence
+    with np.errstate(over="ignore", invalid="ignore"):
+        work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
+        round_off = _ROUND_OFF * np.sum(np.abs(force * v), axis=1)
+    return np.abs(motion.harmonics[:, 1]), work, push, round_off
+
+
+def law_notes(case: Case) -> list[str]:
+    """Say what of the values of a virtual test may keep points from settling; nothing else is odd."""
+    if case.oscillator is None or not isinstance(case.test, SimulatedTest):
+        return []
+    size, work, _, round_off = _balance(case.oscillator, case.test)
+    gives = work < -round_off
+    if not gives.any() or np.all(gives):
+        return []
+    takes = size[work > round_off]
+    between = f"between {takes.min():.2g} and {takes.max():.2g} m " if takes.size else ""
+    return [
+        f"with the values of [truth] the law takes energy out of motions {between}only, and gives it to "
+        "others: points may not settle"
+    ]
 
 
 def _sines(test: SimulatedTest) -> Motion:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
-from rsgen.case.trial import law_faults
-from rsgen.cli.combinations import combination_sentences
+from rsgen.case.trial import law_faults, law_notes
+from rsgen.cli.law_notes import law_sentences
 from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, MeasurementError, RsgenError
@@ -50,7 +50,7 @@ def _plan(case: Case) -> dict[str, Any]:
         It would refuse the points of the test.
     """
     test, surface, reading = case.test, None, 0.0
-    warnings = [*case.warnings, *combination_sentences(case.model.force)]
+    warnings = [*case.warnings, *law_sentences(case.model.force), *law_notes(case)]
     if isinstance(test, SimulatedTest):
         _refuse(point_faults(case))
         kind = {

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rsgen.cli.combinations import combination_sentences
+from rsgen.cli.law_notes import law_sentences
 from rsgen.cli.terminal import print_block, print_json, print_line
 from rsgen.errors import ExpressionError, RsgenError
 
@@ -46,9 +46,9 @@ def derive_command(
     if plot is not None:
         values, omega, top = read_settings(function, settings, largest)
         write_picture(function, plot, values, omega, top)
-    notes = combination_sentences(function.force, full=True)
+    notes = law_sentences(function.force, full=True)
     if json:
-        print_json(spell(function, seconds) | ({"combinations": notes} if notes else {}))
+        print_json(spell(function, seconds) | ({"notes": notes} if notes else {}))
     else:
         describe(function, latex, plot, notes)
     return 0

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from rsgen.case import load_case
+from rsgen.case.trial import law_faults
 from rsgen.cli.progress_bar import stage_progress
-from rsgen.cli.terminal import ACCEPTED, print_cache_fault, print_json, print_line
-from rsgen.errors import RsgenError
+from rsgen.cli.terminal import ACCEPTED, MISSED, print_cache_fault, print_json, print_line
+from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest
 from rsgen.simulation import MultisineTest
 from rsgen.study import obtain_surface
@@ -26,6 +27,9 @@ def simulate_command(path: Path, out: Path | None, json: bool) -> int:
         raise RsgenError(
             f"{path.name}: test.kind: a multisine has no response surface; `rsgen run` simulates it"
         )
+    refused = law_faults(case)
+    if refused:
+        raise CaseError(refused)
     target = out or Path(f"{case.name}.h5")
     with stage_progress(case, "surface") as note:
         surface = obtain_surface(case, lambda share: note("surface", share))
@@ -35,4 +39,8 @@ def simulate_command(path: Path, out: Path | None, json: bool) -> int:
         print_json({"case": case.name, "file": str(target), "points": len(surface), "settled": settled})
     else:
         print_line(f"{case.name}: {len(surface)} points, {settled} settled: {target}")
-    return ACCEPTED
+        if not settled:
+            print_line(
+                "no point settled: check the values of [truth], their signs first; levels and frequencies"
+            )
+    return ACCEPTED if settled else MISSED

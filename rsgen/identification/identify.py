@@ -44,6 +44,7 @@ from rsgen.identification.soundness import feeds_exciter
 from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.tolerances import NOISY, QUICK
 from rsgen.law import LawLike
+from rsgen.law.remarks import law_remarks
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
@@ -287,6 +288,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         ),
         findings=(
             *about,
+            *law_remarks(model.force),
             *mirror_findings(test.problem, estimates),
             *general.collect(of_parameters, calibrated=model.observation.calibrated),
         ),

@@ -13,6 +13,7 @@ from rsgen.expression import check_name, parse, symbol, write
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
+from rsgen.law.remarks import refuse_library_names
 from rsgen.text_table import TextTable
 
 __all__ = ["Element", "Law", "LawLike", "Parameter", "Range", "Search", "as_elements", "make_element"]
@@ -85,7 +86,7 @@ def make_element(
     ExpressionError
         The text is no formula, a parameter is named X, X0 or omega, or the law has no normal form: it is not
         real for negative x or v, not defined everywhere, or has hundreds of switches. An equation of a state
-        is none, or a virgin curve is none.
+        is none, or a virgin curve is none. A term is the name of a law of the library.
 
     Examples
     --------
@@ -107,6 +108,7 @@ def make_element(
             f"{name}: {', '.join(reserved)}: no parameter can have this name, it is a variable of the "
             "describing function; a law is written in x and v"
         )
+    refuse_library_names(law)
     normal_form(law)
     remembered = memory_form(law)
     for rate in () if remembered is None else remembered.rates:

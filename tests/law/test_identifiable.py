@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rsgen.case import load_case
-from rsgen.cli.combinations import combination_sentences
+from rsgen.cli.law_notes import law_sentences
 from rsgen.law import laws, make_element
 from rsgen.law.identifiable import combinations_of
 
@@ -62,7 +62,7 @@ def test_no_false_alarm_for_the_cases(case):
 
 
 def test_the_sentence():
-    (said,) = combination_sentences(make_element("law", "k*x + z", BOUC_WEN).force)
+    (said,) = law_sentences(make_element("law", "k*x + z", BOUC_WEN).force)
     assert said.startswith("only beta*delta and beta*gamma can be identified, not beta, delta and gamma")
-    (said,) = combination_sentences(make_element("law", "a*x + b*d*x").force)
+    (said,) = law_sentences(make_element("law", "a*x + b*d*x").force)
     assert said == "no test tells a, b and d apart: they act together in this law"

@@ -17,6 +17,12 @@ say_plainly(
         "micro-slip; 2 is viscous or structural damping, or the passage from micro-slip to macro-slip)",
         "loop-does-not-close": "the loop of {states} does not close with the identified values",
         "element-without-force": "no force over the tested amplitudes",
+        "constant-force": "{parameter} stands alone in the law: a constant force, which moves the mean only. "
+        "If it is a state, its equation is missing (memory)",
+        "loop-gives-energy": "{curve} gives energy to every motion: of Masing laws only virgin curves that "
+        "flatten dissipate",
+        "virgin-curve-negative": "{curve} turns negative where x is large: its loop is that of a joint only "
+        "as far as the virgin curve rises",
     }
 )
 

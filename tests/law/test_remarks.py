@@ -1,0 +1,58 @@
+"""What is odd about a law whatever its values."""
+
+from __future__ import annotations
+
+import pytest
+
+import rsgen
+from rsgen.errors import ExpressionError
+from rsgen.expression import parse
+from rsgen.law.remarks import law_remarks
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("k*x + z", {"constant-force"}),
+        ("k*x + 2*F0", {"constant-force"}),
+        ("k*x + c*v + Ff*sign(v)", set()),
+        # a virgin curve that gets steeper turns its loop the other way
+        ("masing(kt*x**3)", {"loop-gives-energy"}),
+        ("k*x + masing(K*x + R*x**1.5)", {"loop-gives-energy"}),
+        # gives or dissipates, as the power says
+        ("masing(a*x**p)", set()),
+        # neither
+        ("masing(kt*x)", set()),
+        ("masing(K*x - R*x**p)", {"virgin-curve-negative"}),
+        ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
+    ],
+)
+def test_oddities_are_said(text: str, codes: set[str]) -> None:
+    assert {finding.code for finding in law_remarks(parse(text))} == codes
+
+
+def test_nothing_is_odd_about_the_library() -> None:
+    assert [law.name for law in rsgen.laws if law_remarks(law.force)] == []
+
+
+@pytest.mark.parametrize("name", ["jenkins", "dahl", "ramberg_osgood"])
+def test_a_law_of_the_library_is_no_force(name: str) -> None:
+    with pytest.raises(ExpressionError, match=rf"{name} is a law of the library.*rsgen.laws"):
+        rsgen.Law(f"k*x + {name}")
+
+
+def test_a_constant_force_may_be_called_a_preload() -> None:
+    assert rsgen.Law("k*x + preload").parameters == ("k", "preload")
+
+
+def test_an_identification_says_it(linear_table: rsgen.ResponseSurface) -> None:
+    found = rsgen.identify(linear_table, "k*x + c*v + z")
+    assert ("constant-force", "z") in {(finding.code, finding.parameter) for finding in found.findings}
+
+
+@pytest.fixture
+def linear_table() -> rsgen.ResponseSurface:
+    """Few points of a linear oscillator."""
+    frequency = [8.0, 9.0, 10.0, 11.0, 12.0]
+    stiffness = [5920.0 - 1.5 * (6.2831853 * f) ** 2 + 6.2831853j * f * 3.8 for f in frequency]
+    return rsgen.ResponseSurface(1.0, frequency, 1.0, [1 / k for k in stiffness])
