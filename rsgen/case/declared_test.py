@@ -54,7 +54,7 @@ def make_measured(table: Any, maker: Maker, mass: float | None, calibrated: bool
     """
     if not calibrated:
         maker.units = {"N": None}
-    elif table.control == "response":
+    elif table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
     timed = table.excitation != "steady"
     known: dict[str, Any] = {"calibrated": calibrated, "history": None}

@@ -283,8 +283,8 @@ class Findings:
         if jumps and not self._decays():
             found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
-        # a phase-locked loop has one point a level, where damping is all of the force
-        if few and self.surface.control != "phase":
+        # loops and continuations have few points a level, and many levels
+        if few and self.surface.control not in ("phase", "continuation"):
             numbers = quantities(few=few, runs=runs, points=_FEW)
             found.append(Finding("resonance-sparse", "warning", numbers=numbers))
         return found

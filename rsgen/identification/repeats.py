@@ -117,7 +117,8 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     repeats
         None where there are too few repeats to tell the noise.
     """
-    if not len(surface):
+    if not len(surface) or surface.control == "continuation":
+        # what a continuation passes at one frequency are points of their own
         return surface, None
     given, group = surface, _groups(surface)
     kept = ~_unsettled(surface, group)

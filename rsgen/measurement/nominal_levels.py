@@ -19,7 +19,6 @@ from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.surface.directions import TURN, group_forces, monotone_runs
 
 __all__ = [
-    "PHASE_SPREAD",
     "group_levels",
     "group_runs",
     "level_of_file",
@@ -30,8 +29,6 @@ __all__ = [
 _NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
 _SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
-PHASE_SPREAD = 0.01
-"""Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
 _ONE_WAY = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
 _DIGITS = 3

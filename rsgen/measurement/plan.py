@@ -294,10 +294,10 @@ class MeasuredTest:
     response_files: tuple[Path, ...] = declare(
         (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
     )
-    control: Literal["force", "response", "phase"] | None = declare(
+    control: Literal["force", "response", "phase", "continuation"] | None = declare(
         None,
         "What was held constant within a level; recognised without. Levels of a held response are "
-        "displacement amplitudes; phase: a phase-locked loop, whose rows are points of the backbone.",
+        "amplitudes. phase: a phase-locked loop, one point a level. continuation: points on any branch.",
     )
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
     calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
@@ -364,7 +364,7 @@ class MeasuredTest:
     @property
     def level_unit(self) -> str:
         """SI unit of the levels: "N", or "m" where the response was held."""
-        return "m" if self.control == "response" else "N"
+        return "m" if self.control in ("response", "continuation") else "N"
 
     def factor(self, name: str) -> float:
         """The numbers of the "force", the "response" or the "level" times this are SI peak values.

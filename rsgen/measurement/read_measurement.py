@@ -13,14 +13,11 @@ from rsgen.finding import Finding, quantities
 from rsgen.measurement.address import show
 from rsgen.measurement.column_titles import is_angular, unit_in
 from rsgen.measurement.consistency import repeated_rows, run_findings, tell_branches_apart
+from rsgen.measurement.controls import amplitude_steps, hold
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import Table, read_table
 from rsgen.measurement.nominal_levels import (
-    PHASE_SPREAD,
-    group_levels,
-    group_runs,
     level_of_file,
-    recognise_control,
     settle_levels,
 )
 from rsgen.measurement.passivity import passivity_findings
@@ -28,7 +25,7 @@ from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, Swe
 from rsgen.measurement.title_units import contradiction, unit_doubts
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
-from rsgen.surface.phase_lag import at_phase_resonance, lag_findings
+from rsgen.surface.phase_lag import lag_findings
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
 
@@ -232,10 +229,11 @@ def _directions(
     rule: SweepRule,
     frequency: NDArray[np.float64],
     level: NDArray[np.float64],
-    mark: NDArray[np.float64] | None,
+    marks: list[NDArray[np.float64]],
     block: NDArray[np.int64],
 ) -> NDArray[np.str_]:
-    if mark is not None:
+    if marks:
+        mark = np.concatenate(marks)
         up, down = (_as_number(value) for value in (rule.up, rule.down))
         return np.where(mark == up, "up", np.where(mark == down, "down", "rest"))
     if rule.direction == "recognise":
@@ -270,54 +268,33 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     levels = [part.level for part in parts if part.level is not None]
     known, entries = bool(levels), _has_entries(test)
     run = np.concatenate(levels) if known else block if entries else None
-    control: str = test.control or "force"
-    if test.control is None and test.force is not None and run is not None and test.level.spread is None:
-        control = recognise_control(np.abs(force), np.abs(displacement), run)
-    if test.control is None and run is None and test.phase_known and at_phase_resonance(force / displacement):
-        control = "phase"
-    assumed = control == "phase" and not test.phase_known
-    if assumed:
-        # what the loop is for
-        displacement = np.abs(displacement) * np.exp(-0.5j * np.pi)
-    if run is None and control == "response":
-        run = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
-    if run is None and control == "phase" and test.level.spread is None:
-        level = group_levels(np.abs(force), PHASE_SPREAD)
-    elif test.level.spread is not None:
-        level = group_levels(np.abs(force), test.level.spread)
-    elif run is None:
-        level = group_runs(np.abs(force), frequency, block)
-    else:
-        level = run.astype(np.float64)
-    findings = [finding for part in parts for finding in part.findings]
-    if control == "response" and test.control is None:
-        findings.append(Finding("response-held", "info"))
-    if control == "phase" and test.control is None:
-        findings.append(Finding("phase-resonance", "info"))
-    if assumed:
-        findings.append(Finding("phase-lag-assumed", "warning"))
+    files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
+    held = hold(test, frequency, force, displacement, run, block, files)
+    followed = held.control == "continuation"
+    findings = [*(finding for part in parts for finding in part.findings), *held.findings]
     if test.force is None:
         findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
     surface = ResponseSurface(
-        level=level,
+        level=held.level,
         frequency=frequency,
         force=force,
-        response=displacement.astype(np.complex128),
-        sweep=_directions(test.sweep, frequency, level, np.concatenate(marks) if marks else None, block),
-        phase_known=test.phase_known or assumed,
-        control=control,
+        response=held.displacement.astype(np.complex128),
+        sweep="rest" if followed else _directions(test.sweep, frequency, held.level, marks, block),
+        phase_known=test.phase_known or held.control == "phase",
+        control=held.control,
+        stable=held.stable,
         findings=tuple(findings),
     )
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
     consistent = run_findings(surface, block, names, test.per_force)
     surface = replace(surface, findings=(*surface.findings, *consistent))
-    if test.sweep.direction == "recognise" and test.sweep.column is None:
+    if test.sweep.direction == "recognise" and test.sweep.column is None and not followed:
         sweep = tell_branches_apart(surface, block)
         turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
         if turned["points"].value:
             finding = Finding("direction-from-branch", "info", numbers=turned)
             surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
-    if test.level.spread is not None or (run is None and not known):
+    if followed or test.level.spread is not None or (run is None and not known):
         return surface
     return settle_levels(surface, test, known, any(part.unit_said for part in parts))
 
@@ -327,6 +304,8 @@ def _levels_of_histories(
 ) -> ResponseSurface:
     """Say what was held, and settle the levels that the plan gives."""
     surface = replace(surface, control=test.control or "force")
+    if surface.control == "continuation":
+        return replace(surface, level=amplitude_steps(surface.amplitude, test.level.spread))
     known = all(history.level is not None for history in histories)
     return settle_levels(surface, test, known, test.unit_said) if known else surface
 

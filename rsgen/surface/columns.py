@@ -23,8 +23,9 @@ __all__ = [
 
 SWEEPS = ("rest", "up", "down")
 
-CONTROLS = ("force", "response", "phase")
-"""What a test holds within a level: the force, the amplitude of the response, or force and phase."""
+CONTROLS = ("force", "response", "phase", "continuation")
+"""What a test holds within a level: force, amplitude of the response, force and phase, or nothing: points of
+a control-based continuation, whose levels are steps of the amplitude."""
 
 BASE_UNITS = {"": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 """Unit of levels: of the force, or of the motion of the base that was driven."""

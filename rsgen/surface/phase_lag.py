@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rsgen.arrays import Array
+from rsgen.arrays import ComplexArray
 from rsgen.finding import Finding, Quantity, Severity
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _FEWEST = 4
 """Points from which on that is no accident."""
 
 
-def at_phase_resonance(ratio: Array) -> bool:
+def at_phase_resonance(ratio: ComplexArray) -> bool:
     """Tell whether force over displacement (n,) complex is that of phase resonance at every point."""
     ratio = ratio[np.isfinite(ratio)]
     return len(ratio) >= _FEWEST and bool(np.all(np.abs(np.angle(ratio) - pi / 2) < _CLOSE))

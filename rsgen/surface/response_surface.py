@@ -31,6 +31,14 @@ from rsgen.text_table import TextTable, short
 
 __all__ = ["OUTCOMES", "ResponseSurface"]
 
+_CONTROLLED = {
+    "force": "",
+    "response": "response held",
+    "phase": "phase-locked",
+    "continuation": "continuation",
+}
+"""What a test held, in the one line that shows a surface."""
+
 OUTCOMES = (
     "settled: the response repeats with the period of the force",
     "not settled: the response still changes after the longest transient allowed",
@@ -87,7 +95,8 @@ class ResponseSurface:
         False where the test recorded amplitudes only: the phase of the response is then without meaning.
     control
         What the test held constant within a level: "force", "response", or "phase" where a phase-locked loop
-        held a force and turned the frequency until the response lagged by an angle.
+        held a force and turned the frequency until the response lagged by an angle. "continuation": points of
+        a control-based continuation, stable or not, whose levels are steps of the amplitude.
     stable
         (n,) False where the motion would leave this state if the force were held constant; default True.
     findings
@@ -253,7 +262,7 @@ class ResponseSurface:
     @property
     def response_held(self) -> bool:
         """Whether levels are amplitudes of the response, and the force is what the test found."""
-        return self.control == "response"
+        return self.control in ("response", "continuation")
 
     @property
     def force_unit(self) -> str:
@@ -339,7 +348,7 @@ class ResponseSurface:
             f"{short(self.frequency.min())} to {short(self.frequency.max())} Hz",
             f"{count} harmonic{'s' if count > 1 else ''}",
             "" if self.phase_known else "phase not measured",
-            {"force": "", "response": "response held", "phase": "phase-locked"}[self.control],
+            _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
             "" if self.across is None else "motion across",
             f"{self.base} of the base" if self.base else "",

@@ -1,4 +1,4 @@
-"""Sentences about tests at phase resonance."""
+"""Sentences about tests at phase resonance, and about continuations."""
 
 from __future__ import annotations
 
@@ -22,6 +22,10 @@ say_plainly(
         ),
         "phase-lag-assumed": (
             "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees"
+        ),
+        "continuation-recognised": (
+            "at some frequency the force falls while the amplitude grows, so the test is read as a "
+            'control-based continuation; if it was none, write control = "force" under [test]'
         ),
         "phase-resonance": (
             "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked; if it "

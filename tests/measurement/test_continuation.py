@@ -1,0 +1,92 @@
+"""Tables of a control-based continuation: stable and unstable points of one surface, read and identified."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.measurement import LevelRule, MeasuredTest, Signal
+from rsgen.simulation.response_control import ControlledStates, solve_response_control
+from rsgen.surface import ResponseSurface
+
+MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
+LAW = "k*x + k3*x**3 + c*v"
+FREQUENCIES, POINTS = np.linspace(9.6, 10.8, 6), 24
+
+
+@pytest.fixture(scope="module")
+def states() -> ControlledStates:
+    """S-curves at six frequencies; the amplitudes differ a little from one to the next."""
+    frequency = np.repeat(FREQUENCIES, POINTS)
+    size = np.tile(np.linspace(3e-3, 6e-2, POINTS), len(FREQUENCIES))
+    size = size * (1 + 0.02 * np.sin(1.7 * np.arange(len(size))))
+    return solve_response_control(rsgen.Oscillator(MASS, LAW, VALUES), size, frequency, accuracy=1e-7)
+
+
+def read(folder: Path, states: ControlledStates, rows: Any = slice(None), **options: Any) -> ResponseSurface:
+    ratio = states.force / states.harmonics[:, 1]
+    table = np.stack(
+        [
+            np.repeat(FREQUENCIES, POINTS),
+            np.abs(states.force),
+            np.abs(states.harmonics[:, 1]),
+            np.degrees(np.angle(ratio)),
+        ],
+        axis=1,
+    )
+    path = folder / "continuation.csv"
+    np.savetxt(path, table[rows], delimiter=",", header="frequency,force,response,lag", comments="")
+    plan = MeasuredTest(
+        files=path,
+        frequency="frequency",
+        force=Signal(amplitude="force"),
+        response=Signal(amplitude="response", phase="lag", phase_sense="lag"),
+        quantity="displacement",
+        **options,
+    )
+    return rsgen.read_measurement(plan)
+
+
+def test_a_fold_at_one_frequency_is_recognised_and_its_unstable_points_are_marked(
+    tmp_path: Path, states: ControlledStates
+):
+    surface = read(tmp_path, states)
+    assert (surface.control, surface.level_unit) == ("continuation", "m")
+    assert "continuation-recognised" in [finding.code for finding in surface.findings]
+    assert np.count_nonzero(~states.stable) > 4
+    # the force turns between two points, of which either may count
+    rows = (surface.stable != states.stable).reshape(len(FREQUENCIES), POINTS)
+    assert np.all(rows.sum(axis=1) <= 2)
+    assert np.count_nonzero(~surface.stable & ~states.stable) > 0.8 * np.count_nonzero(~states.stable)
+
+
+def test_every_point_counts_with_its_own_force(tmp_path: Path, states: ControlledStates):
+    surface = read(tmp_path, states, control="continuation")
+    found = rsgen.identify(surface, LAW)
+    for name, value in {**VALUES, "m": MASS}.items():
+        assert found[name].value == pytest.approx(value, rel=1e-6), name
+    table = rsgen.modal_table(surface)
+    wanted = np.sqrt((VALUES["k"] + 0.75 * VALUES["k3"] * table.amplitude**2) / MASS)
+    np.testing.assert_allclose(table.omega, wanted, rtol=1e-3)
+
+
+def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path: Path, states: ControlledStates):
+    fine, coarse = (
+        read(tmp_path, states, control="continuation", level=LevelRule(spread=spread))
+        for spread in (0.05, 0.5)
+    )
+    for surface, step in ((fine, 0.05), (coarse, 0.5)):
+        ratio = surface.amplitude / surface.level
+        assert np.all((ratio > 1 / np.sqrt(1 + step) - 1e-9) & (ratio < np.sqrt(1 + step) + 1e-9))
+    assert len(coarse.levels) < len(fine.levels)
+
+
+def test_levels_side_by_side_at_each_frequency_are_no_continuation(tmp_path: Path, states: ControlledStates):
+    """Rows in the order of their forces, as a multichannel table has them, whatever branch they lie on."""
+    force = np.abs(states.force).reshape(len(FREQUENCIES), POINTS)
+    rows = (np.argsort(force, axis=1) + POINTS * np.arange(len(FREQUENCIES))[:, None]).ravel()
+    assert read(tmp_path, states, rows).control == "force"
