@@ -10,6 +10,7 @@ from rsgen.cli.terminal import print_json, print_line, print_reading_fault
 from rsgen.cli.trial_reading import Trial, try_proposal
 from rsgen.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.measurement.tree import TEXT
+from rsgen.multisine import MultisineSpectra
 from rsgen.report.wording import next_step, sentence
 
 __all__ = ["inspect_command", "proposal_text", "trial_lines"]
@@ -112,10 +113,13 @@ def trial_lines(trial: Trial) -> list[str]:
     surface = trial.surface
     if surface is None:
         return []
-    frequency = surface.frequency
     levels = f"{len(surface.levels)} level{'' if len(surface.levels) == 1 else 's'}"
+    frequency, points = surface.frequency, f"{len(surface)} points"
+    if isinstance(surface, MultisineSpectra):
+        frequency = frequency[surface.excited().any(axis=0)]
+        points = f"{len(frequency)} lines of {surface.periods} periods"
     band = f"{frequency.min():.5g} to {frequency.max():.5g} Hz"
-    lines = [f"Read so, the file gives {len(surface)} points at {levels}, {band}"]
+    lines = [f"Read so, the file gives {points} at {levels}, {band}"]
     lines += [f"  {finding.severity}: {sentence(finding)}" for finding in trial.findings]
     lines += [f"  next: {next_step(f)}" for f in trial.findings if f.severity == "doubt"]
     if trial.not_found:

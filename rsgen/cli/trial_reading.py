@@ -13,6 +13,7 @@ from rsgen.finding import Finding
 from rsgen.inspection import Contents, Proposal
 from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
 from rsgen.units.quantities import UNKNOWN
@@ -23,6 +24,8 @@ _MOST_SAMPLES = 500_000
 """Longer histories are not tried: a run takes them apart in seconds to minutes, and a look may not."""
 _PLACEHOLDERS = ("test.level.value", "test.level.values")
 """Values that a proposal asks for: until they are there no size means anything."""
+_MANY = 8
+"""Lines from which on a periodic force is no sine with harmonics."""
 _CASE = "trial.toml"
 
 
@@ -35,7 +38,7 @@ class Trial:
     proposal
         With the sense of the phase turned where only so the structure takes energy from the exciter.
     surface
-        None where nothing was tried or the file could not be read so.
+        None where nothing was tried or the file could not be read so; spectra of a multisine.
     findings
         About reading, sizes, and a part of the response that does not depend on the force.
     not_found
@@ -45,7 +48,7 @@ class Trial:
     """
 
     proposal: Proposal
-    surface: ResponseSurface | None = None
+    surface: ResponseSurface | MultisineSpectra | None = None
     findings: tuple[Finding, ...] = ()
     not_found: tuple[str, ...] = ()
     fault: str = ""
@@ -72,9 +75,13 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
         if turned is not None:
             proposal, surface = turned, _read(contents.file, turned)
     except RsgenError as fault:
+        if "excitation" in test and (other := _as_multisine(contents.file, proposal)) is not None:
+            return other
         faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
         # the case is nobody's file: its name says nothing
         return Trial(proposal, fault=" ".join(faults[0].removeprefix(f"{_CASE}: ").split()))
+    if isinstance(surface, MultisineSpectra):
+        return Trial(proposal, surface, surface.findings)
     looked_for: dict[str, tuple[Finding, ...]] = {}
     if not set(_PLACEHOLDERS) & set(proposal.doubts):
         looked_for["sizes that no test has"] = tuple(plausibility_findings(surface))
@@ -85,7 +92,22 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     return Trial(proposal, surface, findings, tuple(what for what, found in looked_for.items() if not found))
 
 
-def _read(file: Path, proposal: Proposal) -> ResponseSurface:
+def _as_multisine(file: Path, proposal: Proposal) -> Trial | None:
+    """Read a history as a multisine instead; None where its force does not repeat or has a few lines only."""
+    tables = {name: dict(table) for name, table in proposal.tables.items() if name != "test.demodulation"}
+    tables["test"]["excitation"] = "multisine"
+    doubts = proposal.doubts | {"test.excitation": "the force repeats and has many lines"}
+    multisine = replace(proposal, tables=tables, doubts=doubts)
+    try:
+        spectra = _read(file, multisine)
+    except RsgenError:
+        return None
+    if not isinstance(spectra, MultisineSpectra) or spectra.excited().sum(axis=1).min() < _MANY:
+        return None
+    return Trial(multisine, spectra, spectra.findings)
+
+
+def _read(file: Path, proposal: Proposal) -> ResponseSurface | MultisineSpectra:
     # both write a proposal as text
     from rsgen.cli.init_command import case_text
     from rsgen.cli.inspect_command import proposal_text
@@ -96,12 +118,10 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface:
     with TemporaryDirectory(prefix="rsgen-") as folder:
         case = Path(folder, _CASE)
         case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")
-        surface = read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
-    # single sines alone are proposed
-    return cast("ResponseSurface", surface)
+        return read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
 
 
-def _turned(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:
+def _turned(surface: ResponseSurface | MultisineSpectra, proposal: Proposal) -> Proposal | None:
     """Turn the sense of the phase where only so the structure is passive; None where it is right."""
     wrong = [f for f in surface.findings if f.code == "not-passive" and f.names["reversed"] == "phase"]
     response = proposal.tables["test.response"]

@@ -29,6 +29,8 @@ _FEWEST = 2
 """Periods of which each shows what the other has in noise."""
 ROUND_OFF = 1e-12
 """Of a period's samples through a transform, relative to the response."""
+_APART = 1.5
+"""Ratios of measured to nominal level that differ by more are no calibration: something is mixed up."""
 _STRETCH = 1 << 19
 """Samples in which the period is looked for: the transform stays small."""
 
@@ -122,6 +124,12 @@ def from_multisine(
     numbers = quantities(samples=length, periods=settled, left_out=max(left), step=step)
     found = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
+    ratio = typical / levels
+    if ratio.max() > _APART * ratio.min():
+        for end in (int(np.argmin(ratio)), int(np.argmax(ratio))):
+            about = {"level": Quantity(float(levels[end]), "N"), "rms": Quantity(float(typical[end]), "N")}
+            names = {"record": records[end].label}
+            findings.append(Finding("multisine-level-differs", "doubt", numbers=about, names=names))
     findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": found}))
     return MultisineSpectra(
         level=levels,

@@ -47,6 +47,9 @@ and the iteration to the law's own motion shrinks its error threefold a step."""
 _TAIL_STEPS = 12
 """Of that iteration."""
 
+_TAIL_ENOUGH = 1e-9
+"""Change of the unseen lines, relative to the seen ones, at which they move no force any more."""
+
 _MEAN_STEPS = 30
 """Newton steps to the mean of a motion whose mean the sensor does not see."""
 
@@ -236,7 +239,7 @@ class _Along:
             if not moved < before:
                 break
             self.unseen, before = found, moved
-            if moved < ROUND_OFF * float(np.linalg.norm(response)):
+            if moved < _TAIL_ENOUGH * float(np.linalg.norm(response)):
                 break
         return self.one(response)
 

@@ -25,7 +25,7 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.identification.tolerances import EXCESS, NULL_PART
+from rsgen.identification.tolerances import CHANCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
 from rsgen.observation import Observation
@@ -143,6 +143,7 @@ def _judge(
     estimates = make_estimates(solution, law, model, reasons)
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
+    findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if not model.observation.calibrated:
@@ -233,6 +234,22 @@ def _reasons(
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
             reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
     return reasons
+
+
+def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list[Finding]:
+    """Find a structure that works on the exciter, and a negative mass; ``covariance`` where it was free."""
+    part, found = lines.spectra, []
+    # (r,) mean power of the force, and its standard deviation by the noise of force and response
+    velocity = lines.rate * part.mean_response
+    power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
+    force, response = (np.nan_to_num(one) for one in part.noise())
+    spread = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
+    limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
+    if np.any(power < -limit):
+        found.append(Finding("structure-feeds-exciter", "error"))
+    if covariance is not None and fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
+        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
+    return found
 
 
 def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:

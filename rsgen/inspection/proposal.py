@@ -51,6 +51,7 @@ __all__ = ["Proposal", "propose"]
 
 _EXCITATIONS = {
     "step": "stepped-sine",
+    "multisine": "multisine",
     **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
 }
 """Excitations by what stands in the name of a file."""
@@ -153,7 +154,7 @@ def _history(guess: Guess, time: Entry | None, rate: Entry | None) -> None:
         test["excitation"] = "ring-down"
         guess.doubts["test.excitation"] = "no force was found"
     else:
-        guess.doubts["test.excitation"] = "swept-sine, stepped-sine or ring-down"
+        guess.doubts["test.excitation"] = "swept-sine, stepped-sine, multisine or ring-down"
         guess.tables["test.force"] = {"samples": guess.address(force), "unit": _unit_of_force(guess, force)}
     response = guess.take(fits & _IS_RESPONSE, fits & RESPONSE, fits)
     table: dict[str, Any] = {}

@@ -109,6 +109,19 @@ def test_a_wrong_law_is_not_taken_for_noise() -> None:
     assert "law-leaves-distortion" in [finding.code for finding in found.findings]
 
 
+def test_reversed_and_mixed_up_records_are_not_believed() -> None:
+    good = spectra(duffing, SIZES, noise=1e-3, periods=8)
+    for force, response in ((good.force, -good.response), (good.force, np.conj(good.response))):
+        found = rsgen.identify(rsgen.MultisineSpectra(good.level, OMEGA0, force, response), LAW)
+        assert found.verdict.state == "rejected"
+        codes = {finding.code for finding in found.findings}
+        assert codes & {"structure-feeds-exciter", "mass-negative"}
+    record = histories(6, np.zeros(0))
+    weak = TimeHistory(record.rate, record.force, record.response, level=1.0, label="one")
+    strong = TimeHistory(record.rate, record.force, record.response, level=2.0, label="two")
+    assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]
+
+
 def test_what_a_test_does_not_tell_is_not_a_number() -> None:
     found = rsgen.identify(spectra(duffing, SIZES), "ka*x + kb*x + k2*x**2 + k3*x**3 + c*v")
     assert not found["ka"].identifiable

@@ -12,6 +12,10 @@ say_plainly(
             "a period of {samples:.0f} samples ({period}), lines {step:.4q} apart; {periods:.0f} settled "
             "periods of each record are used, up to {left_out:.0f} at the beginning were left out"
         ),
+        "multisine-level-differs": (
+            "{record}: the level is {level:.3q}, but the force has {rms:.3q} rms; in other records the ratio "
+            "of both is another one"
+        ),
         "one-period": (
             "one period of each record: noise and misfit cannot be told apart, and the intervals take the "
             "misfit for noise; record several periods"
@@ -47,6 +51,9 @@ _WITH_IT = (
 
 NEXT_STEPS.update(
     {
+        "multisine-level-differs": (
+            "Check that test.level.values stand in the order of test.file, and are root mean squares."
+        ),
         "record-not-predicted": _WITH_IT,
         "record-missed": _WITH_IT,
         "law-leaves-distortion": (
