@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import sympy
@@ -122,6 +123,10 @@ class _Builder:
                 # what is wrong with an equation says its own key
                 self.faults.append(f"{place}.{text if text.startswith('memory.') else f'{key}: {text}'}")
                 continue
+            if table.across is not None:
+                element = replace(element, across=table.across)
+                if self.simulated:
+                    self.fault(f"{place}.across", "a simulated test has one response; leave it out")
             if MASS in element.parameters:
                 self.fault(f"{place}.{key}", "'m' is the mass; name the parameter otherwise")
             built.append(element)
@@ -186,6 +191,15 @@ class _Builder:
             self.fault("system.mass", 'is missing; a simulated case needs a mass such as "1.5 kg"')
         return None
 
+    def across(self) -> str | None:
+        """Between which channels elements act; one pair in a case."""
+        said = {table.across: number for number, table in reversed([*enumerate(self.tables, start=1)])}
+        said.pop(None, None)
+        for other, number in list(said.items())[:-1]:
+            text = f"{quote(str(other))}; one sum of channels is allowed in a case"
+            self.fault(f"element.{number}.across", text)
+        return next(iter(said), None)
+
     def printed(self, units: dict[str, str]) -> dict[str, sympy.Expr]:
         table = self.document.printed
         formulas: dict[str, sympy.Expr] = {}
@@ -249,7 +263,7 @@ class _Builder:
         test = (
             make_simulated(document.test, self.maker)
             if self.simulated
-            else make_measured(document.test, self.maker, mass, calibrated)
+            else make_measured(document.test, self.maker, mass, calibrated, self.across())
         )
         observation = make_observation(document.identify, test, self.maker)
         if mass is not None and not calibrated:

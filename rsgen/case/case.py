@@ -87,7 +87,7 @@ class Case:
     def data_files(self) -> tuple[Path, ...]:
         """The measured files; none of a simulated case."""
         test = self.test
-        return (*test.files, *test.response_files) if isinstance(test, MeasuredTest) else ()
+        return test.all_files if isinstance(test, MeasuredTest) else ()
 
     @property
     def folder(self) -> Path:

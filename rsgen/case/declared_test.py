@@ -38,7 +38,9 @@ def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
     return test
 
 
-def make_measured(table: Any, maker: Maker, mass: float | None, calibrated: bool) -> MeasuredTest:
+def make_measured(
+    table: Any, maker: Maker, mass: float | None, calibrated: bool, across: str | None = None
+) -> MeasuredTest:
     """Make the plan for reading measured files.
 
     Parameters
@@ -51,13 +53,17 @@ def make_measured(table: Any, maker: Maker, mass: float | None, calibrated: bool
         The moving mass [kg], if the case has it.
     calibrated
         False where force or response have no known scale: their units may then be any.
+    across
+        The sum of channels that elements act across, if any do.
     """
     if not calibrated:
         maker.units = {"N": None}
     elif table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
+    elif table.base is not None:
+        maker.units = {"N": BASE_UNITS[_base_quantity(table)]}
     timed = table.excitation != "steady"
-    known: dict[str, Any] = {"calibrated": calibrated, "history": None}
+    known: dict[str, Any] = {"calibrated": calibrated, "history": None, "across": across}
     if timed:
         known["history"] = maker.make(HistoryRule, table, "test", mass=mass)
     if table.force is None or table.force.nominal:
@@ -74,17 +80,29 @@ def make_measured(table: Any, maker: Maker, mass: float | None, calibrated: bool
     return test
 
 
+def _base_quantity(table: Any) -> str:
+    """What of the base was measured, "" where the case does not say."""
+    if table.base.quantity is not None:
+        return str(table.base.quantity)
+    for name, channel in (table.channels or {}).items():
+        if name in (table.base.channels or "") and channel.quantity in BASE_UNITS:
+            return str(channel.quantity)
+    return ""
+
+
 def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
     """Find what a case file must say of force and response, where an object has a default."""
     force, response = table.force, table.response
-    if force is None and table.excitation != "ring-down":
+    if force is None and table.base is None and table.excitation != "ring-down":
         yield "force: is missing; where it is, or nominal = true, is needed"
     elif force is not None and force.nominal:
         if any(getattr(force, name) is not None for name in given(_SIGNAL, "amplitude")):
             yield "force.nominal: is true, but there are columns of the force; leave one out"
         if test.history is not None:
             yield "force.nominal: a time history needs the force as it was; 'samples' is needed"
-    for place, signal in (("force", test.force), ("response", test.response)):
+    named = [(f"channels.{name}", channel.signal) for name, channel in (test.channels or {}).items()]
+    base = None if test.base is None else test.base.signal
+    for place, signal in (("force", test.force), ("base", base), ("response", test.response), *named):
         if signal is None or test.history is not None:
             continue
         turned = (signal.phase, signal.imaginary, signal.complex) != (None, None, None)

@@ -50,6 +50,11 @@ class ElementTable(Table):
     law: Text | None = Field(
         default=None, description="Instead of force: a law of the library by its name; rsgen laws lists them."
     )
+    across: Text | None = Field(
+        default=None,
+        description="x of this element is a sum of channels of the test, such as 'payload - wing'; without "
+        "it the response.",
+    )
     parameters: dict[str, Text] = Field(
         default_factory=dict,
         description='With law: new names of its parameters and states, such as { k3 = "kn1" }.',

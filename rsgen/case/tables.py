@@ -147,7 +147,10 @@ def _tree(cls: Any, optional: bool = False) -> dict[str, Any]:
         place = tree
         for part in tables:
             place = place.setdefault(part, {})
-        if not is_dataclass(one.type):
+        if get_origin(one.type) is dict:
+            inner: Any = table_of(get_args(one.type)[1], get_args(one.type)[1].__name__)
+            place[last] = _Key(dict[str, inner], Field(None, description=one.rule.help), False)
+        elif not is_dataclass(one.type):
             place[last] = _key(one, optional)
         elif last:
             inner = _tree(one.type, optional or one.optional)
@@ -277,6 +280,9 @@ class Maker:
         return made
 
     def _convert(self, base: Any, rule: Rule, raw: Any, place: str) -> Any:
+        if get_origin(base) is dict:
+            entry: Any = get_args(base)[1]
+            return {name: self.make(entry, table, f"{place}.{name}") for name, table in raw.items()}
         if is_dataclass(base):
             kind: Any = base
             return self.make(kind, raw, place)

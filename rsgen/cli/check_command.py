@@ -10,7 +10,7 @@ import numpy as np
 
 from rsgen.case import Case, find_cases, load_case, name_clashes
 from rsgen.case.trial import law_faults, law_notes
-from rsgen.cli.law_notes import law_sentences
+from rsgen.cli.law_notes import sentences_of_elements
 from rsgen.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, MeasurementError, RsgenError
@@ -50,7 +50,7 @@ def _plan(case: Case) -> dict[str, Any]:
         It would refuse the points of the test.
     """
     test, surface, reading = case.test, None, 0.0
-    warnings = [*case.warnings, *law_sentences(case.model.force), *law_notes(case)]
+    warnings = [*case.warnings, *sentences_of_elements(case.model.elements), *law_notes(case)]
     if isinstance(test, SimulatedTest):
         _refuse(point_faults(case))
         kind = {

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import sympy
 
-__all__ = ["law_sentences"]
+    from rsgen.law import Element
+
+__all__ = ["law_sentences", "sentences_of_elements"]
+
+
+def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
+    """Say it of the elements of a model: those across two sensors follow another motion than the others."""
+    found: list[str] = []
+    for place in dict.fromkeys(element.across for element in elements):
+        first, *others = (element.force for element in elements if element.across == place)
+        found += law_sentences(sum(others, start=first))
+    return found
 
 
 def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:

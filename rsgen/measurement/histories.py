@@ -1,8 +1,9 @@
-"""Time histories from files of any format: force and one response, evenly sampled, in SI units."""
+"""Time histories from files of any format: force and response, evenly sampled, in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,9 +20,10 @@ from rsgen.measurement.file_table import read_channels
 from rsgen.measurement.file_units import scaled
 from rsgen.measurement.nominal_levels import level_of_file
 from rsgen.measurement.plan import HistoryRule, MeasuredTest
+from rsgen.measurement.sources import file_of
 from rsgen.measurement.title_units import unit_doubts
 
-__all__ = ["read_histories"]
+__all__ = ["read_both", "read_histories", "shifted"]
 
 
 def _rows(
@@ -58,37 +60,102 @@ def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
     return float(distinct[0])
 
 
-def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
-    path = test.files[number]
-    label = file_label(path)
-    force = None if test.force is None else test.force.samples
-    response = cast("int | str", test.response.samples)
-    apart = bool(test.response_files)
-    if force == response and not apart:
-        raise MeasurementError(f"{label}: {show(response)} is force and response; they must differ")
-    places = (force, rule.time, rule.rate_column, None if apart else response)
-    wanted = list(dict.fromkeys(place for place in places if place is not None))
-    sha256 = test.sha256[number] if test.sha256 else None
+_TAPS = 48
+"""Samples on either side of the sinc that shifts by a part of a sample: good to 1e-4 up to 0.47 of the
+sampling rate, beyond which no channel is trusted."""
+
+_BETA = 9.0
+"""Of the Kaiser window over these: side lobes of 1e-4 and less."""
+
+
+def shifted(samples: NDArray[Any], delay: float) -> NDArray[np.float64]:
+    """Move samples to earlier times by ``delay`` samples; what lies beyond the ends is their last value.
+
+    By whole samples, and by a part of one with a windowed sinc.
+
+    Examples
+    --------
+    >>> shifted(np.array([0.0, 1.0, 2.0, 3.0]), 1).tolist()
+    [1.0, 2.0, 3.0, 3.0]
+    """
+    whole = int(np.round(delay))
+    part = delay - whole
+    place = np.clip(np.arange(len(samples)) + whole, 0, len(samples) - 1)
+    moved = np.asarray(samples, dtype=np.float64)[place]
+    if part == 0:
+        return moved
+    taps = np.arange(-_TAPS, _TAPS + 1)
+    away = (taps - part) / (_TAPS + 1)
+    kernel = np.sinc(taps - part) * np.i0(_BETA * np.sqrt(1 - away**2))
+    padded = np.pad(moved, _TAPS, mode="edge")
+    # x(t + part) is the sum of x(k) sinc(t + part - k)
+    return np.asarray(np.convolve(padded, kernel[::-1] / kernel.sum(), mode="valid"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Record:
+    """The channels of one file and of those beside it, as samples in the order of ``test.sources``."""
+
+    test: MeasuredTest
+    rate: float
+    start: float
+    samples: list[NDArray[Any]]
+    findings: list[Finding]
+
+    def sum(self, what: str, part: slice) -> NDArray[Any] | None:
+        """Samples of what the test makes of its channels, in SI; None where it makes nothing."""
+        total: NDArray[Any] | None = None
+        for factor, channel in self.test.terms(what):
+            values = self.samples[self.test.sources.index(channel)]
+            if channel.delay:
+                values = shifted(values, channel.delay * self.rate)
+            # a named channel may be needed again: only others are scaled in place
+            values = values[part] if self.test.channels is None else np.array(values[part])
+            values = scaled(values, factor * self.test.scale_of(channel))
+            total = values if total is None else total + values
+        return total
+
+
+def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
+    main = test.files[number]
+    label = file_label(main)
+    files = [file_of(test, channel, number) for channel in test.sources]
+    places = [cast("int | str", channel.signal.samples) for channel in test.sources]
+    if len(set(zip(files, places, strict=True))) < len(places) and test.channels is None:
+        raise MeasurementError(f"{label}: {show(places[-1])} is force and response; they must differ")
+    wanted: dict[Path, list[int | str]] = {}
+    for path, place in zip(files, places, strict=True):
+        wanted.setdefault(path, []).append(place)
+    for timing in (rule.time, rule.rate_column):
+        if timing is not None:
+            wanted.setdefault(main, []).append(timing)
     findings: list[Finding] = []
-    rows = _rows(path, test, wanted, sha256, findings) if wanted else {}
-    other = _rows(test.response_files[number], test, [response], None, findings) if apart else rows
+    rows = {}
+    for path, names in wanted.items():
+        sha256 = test.sha256[number] if test.sha256 and path == main else None
+        rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
     start = 0.0
     if rule.time is not None:
-        rate, start = sampling_rate(rows[rule.time], f"{label}: {show(rule.time)}")
+        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {show(rule.time)}")
         rate, start = rate / rule.factor, start * rule.factor
     elif rule.rate_column is not None:
-        rate = _rate_in(label, rule.rate_column, rows[rule.rate_column]) * rule.factor
+        rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column]) * rule.factor
     else:
         rate = rule.rate or 0.0
-    for name in (rule.time, rule.rate_column):
-        if name is not None and name not in (force, response):
-            # a long column of instants is not needed any more
-            del rows[name]
-    length = len(other[response])
-    if force is not None and len(rows[force]) != length:
-        raise MeasurementError(
-            f"{label}: {len(rows[force])} samples of force, {length} of response; one of each is needed"
+    samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
+    lengths = {len(values) for values in samples}
+    if len(lengths) > 1:
+        counts = ", ".join(
+            f"{len(values)} of {show(place)}" for values, place in zip(samples, places, strict=True)
         )
+        raise MeasurementError(f"{label}: samples differ in number: {counts}; as many of each are needed")
+    return _Record(test, rate, start, samples, findings)
+
+
+def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> tuple[TimeHistory, TimeHistory | None]:
+    """One file as the history of its response, and with the motion across in its place."""
+    label, record = file_label(test.files[number]), _record(test, rule, number)
+    rate, start, length = record.rate, record.start, len(record.samples[-1])
     begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate)))
     end = length if rule.stop is None else min(length, int(np.floor((rule.stop - start) * rate)) + 1)
     if end <= begin:
@@ -96,16 +163,25 @@ def _history(test: MeasuredTest, rule: HistoryRule, number: int) -> TimeHistory:
             f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"
         )
     part = slice(begin, end)
-    return TimeHistory(
+    force, response = record.sum("force", part), cast("NDArray[Any]", record.sum("response", part))
+    across, base = record.sum("across", part), record.sum("base", part)
+    if base is not None:
+        # per mass, on the motion relative to the base
+        force = -base
+        response = response - base if test.base is not None and test.base.response == "absolute" else response
+    history = TimeHistory(
         rate=rate,
-        force=None if force is None else scaled(rows[force][part], test.factor("force")),
-        response=scaled(other[response][part], test.factor("response")),
-        quantity=test.quantity,
+        force=force,
+        response=response,
+        quantity=cast("str", test.quantity),
         level=level_of_file(test, number),
         start=start + begin / rate,
         label=label,
-        findings=tuple(findings),
+        findings=tuple(record.findings),
     )
+    if across is None:
+        return history, None
+    return history, replace(history, response=across, quantity=test.terms("across")[0][1].quantity)
 
 
 def read_histories(test: MeasuredTest) -> list[TimeHistory]:
@@ -116,5 +192,16 @@ def read_histories(test: MeasuredTest) -> list[TimeHistory]:
     MeasurementError
         A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
     """
+    return [history for history, _ in read_both(test)]
+
+
+def read_both(test: MeasuredTest) -> list[tuple[TimeHistory, TimeHistory | None]]:
+    """Read the time histories, each with that of the motion across where the plan asks for one.
+
+    Raises
+    ------
+    MeasurementError
+        As of ``read_histories``.
+    """
     rule = cast("HistoryRule", test.history)
-    return [_history(test, rule, number) for number in range(len(test.files))]
+    return [_histories(test, rule, number) for number in range(len(test.files))]

@@ -10,11 +10,26 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, cast
 
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import MeasurementError, RsgenError
+from rsgen.measurement.channel_rules import channel_faults
 from rsgen.measurement.multisine_rule import FROM_RECORDS, MultisineRule, multisine_faults
+from rsgen.measurement.signals import (
+    AMPLITUDES,
+    QUANTITIES,
+    BaseRule,
+    Checked,
+    Column,
+    Factor,
+    NamedChannel,
+    Scale,
+    Seconds,
+    Signal,
+    Unit,
+    combination,
+)
 from rsgen.units import quantity, sensor_factor, sensor_unit
 
 __all__ = [
@@ -22,12 +37,9 @@ __all__ = [
     "Signal", "SweepRule",
 ]  # fmt: skip
 
-QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
-_AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
-_PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"
@@ -36,47 +48,16 @@ _UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m)(?![A-Za-z])")
 """A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
 Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
-Column = Annotated[
-    int | str,
-    Rule(
-        "A column by its number (1 is the first), by its name in the header, or by its path in the file's "
-        'tree, such as "runs/*/freq" or "Acceleration[3]" (rsgen inspect lists them).',
-        at_least=1,
-        at_most=10_000,
-        fewest=1,
-        most=200,
-        what="a column number from 1 (the first) to 10000, or a column name of 1 to 200 characters,",
-    ),
-]
 Mark = Annotated[int | str, Rule(most=200, what="a whole number or a text of at most 200 characters")]
 Hertz = Annotated[float, Rule(unit="Hz", above=0)]
 Newton = Annotated[float, Rule(unit="N", above=0)]
-Seconds = Annotated[float, Rule(unit="s")]
-Unit = Annotated[str, Rule(most=40)]
-Scale = Annotated[
-    Literal["peak", "rms"], Rule("Whether the numbers are peak amplitudes or root mean squares.")
-]
-Factor = Annotated[
-    float | str,
-    Rule(
-        "Every number is multiplied by it, its unit included: '10 g/V'. A sensitivity divides: '100 mV/g'.",
-        unit="",
-    ),
-]
 Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
 _SHA256 = Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")
 
 
-class _Checked:
-    __slots__ = ()
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
-
-
 @documented
 @dataclass(frozen=True, slots=True)
-class Layout(_Checked):
+class Layout(Checked):
     """How the text of a data file is laid out."""
 
     delimiter: Literal["auto", "whitespace", ",", ";", "\t", "|"] = declare(
@@ -99,51 +80,7 @@ class Layout(_Checked):
 
 @documented
 @dataclass(frozen=True, slots=True)
-class Signal(_Checked):
-    """A complex amplitude in one or two columns, or the samples of a time history."""
-
-    amplitude: Column | None = None
-    phase: Column | None = declare(None, "Goes with amplitude; 0 without.")
-    real: Column | None = None
-    imaginary: Column | None = None
-    factor: Factor = 1.0
-    unit: Unit | None = declare(None, "Of the column; without it the unit that the file names, else SI.")
-    scale: Scale = "peak"
-    phase_unit: Literal["deg", "rad"] = "deg"
-    phase_sense: Literal["lag", "lead"] | None = declare(
-        None,
-        "Whether a positive phase (or imaginary part) means later or earlier than the reference; a case file "
-        "must say it, otherwise lead.",
-    )
-    complex: Column | None = declare(None, "A column of complex numbers.")
-    samples: Column | None = declare(None, "The samples of a time history.")
-
-    def faults(self) -> Iterator[tuple[str, str]]:
-        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
-        main = [name for name in given(self, *_PLACES) if name != "phase"]
-        if main not in (["amplitude"], ["complex"], ["samples"], ["real", "imaginary"]):
-            yield "", f"give {_AMPLITUDES}, or samples of a time history; one is needed"
-        elif self.phase is not None and self.amplitude is None:
-            yield "phase", "goes with amplitude only; leave one out"
-        if self.samples is not None and self.scale == "rms":
-            yield "scale", "is 'rms', but samples are instants; leave it out"
-        if self.factor == 0:
-            yield "factor", "is 0; a number other than 0 is needed"
-
-    @property
-    def columns(self) -> tuple[int | str, ...]:
-        """The columns that are needed."""
-        return tuple(getattr(self, name) for name in given(self, *_PLACES))
-
-    @property
-    def lags(self) -> bool:
-        """Whether a positive phase or imaginary part means later."""
-        return self.phase_sense == "lag"
-
-
-@documented
-@dataclass(frozen=True, slots=True)
-class SweepRule(_Checked):
+class SweepRule(Checked):
     """From which side a point was reached: the same for all, a column, or recognised from the order."""
 
     direction: Literal["recognise", "rest", "up", "down"] = "recognise"
@@ -165,7 +102,7 @@ class SweepRule(_Checked):
 
 @documented
 @dataclass(frozen=True, slots=True)
-class LevelRule(_Checked):
+class LevelRule(Checked):
     """The nominal level of a point: values, a column, a part of the file's name, or what was measured."""
 
     value: Newton | None = declare(None, "One level for all files.")
@@ -214,7 +151,7 @@ class LevelRule(_Checked):
 
 @documented
 @dataclass(frozen=True, slots=True)
-class HistoryRule(_Checked):
+class HistoryRule(Checked):
     """How time histories were taken, and where their time is."""
 
     excitation: Excitation
@@ -274,8 +211,8 @@ class MeasuredTest:
     ]
     response: Annotated[Signal, Rule("Where the response is, and what was measured.")]
     quantity: Annotated[
-        Literal["displacement", "velocity", "acceleration"],
-        Rule("What the response is.", key="response.quantity"),
+        Literal["displacement", "velocity", "acceleration"] | None,
+        Rule("What the response is; None: what its channels are.", key="response.quantity"),
     ]
     frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] | None = declare(
         None, "Without it the unit that the file names, else Hz.", key="frequency.unit"
@@ -301,15 +238,28 @@ class MeasuredTest:
     )
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
     calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
+    base: BaseRule | None = declare(None, "Instead of a force: the motion of a driven base.")
+    channels: dict[str, NamedChannel] | None = declare(
+        None, "Channels by name, of which force, response, base and elements are made."
+    )
+    across: str | None = declare(
+        None, "Sum of channels that is the motion across the elements which say so.", outside=True
+    )
 
     def __post_init__(self) -> None:
         files = self.files if isinstance(self.files, tuple) else (self.files,)
         object.__setattr__(self, "files", tuple(map(Path, files)))
         check(self, MeasurementError)
+        if self.quantity is None:
+            object.__setattr__(self, "quantity", self.terms("response")[0][1].quantity)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
         files = len(self.files)
+        found = list(channel_faults(self))
+        if found:
+            yield from found
+            return
         for name, count in (("sha256", len(self.sha256)), ("response_files", len(self.response_files))):
             if count not in (0, files):
                 yield name, f"{count} for {files} files; one for each is needed"
@@ -324,26 +274,57 @@ class MeasuredTest:
         if self.history is None:
             if self.frequency is None:
                 yield "frequency", "is missing; its column is needed"
-            if self.force is None and not self.level.known:
+            driven = self.force is not None or self.base is not None
+            if not driven and not self.level.known:
                 yield "level", "is missing; without a force value, values, column or name is needed"
-            if self.force is None and (self.level.labels or self.control == "response"):
+            if not driven and (self.level.labels or self.control == "response"):
                 yield "level", "stands for the force, which was not recorded; it must be a force"
-            needed = f"give {_AMPLITUDES}; 'samples' is for time histories"
+            needed = f"give {AMPLITUDES}; 'samples' is for time histories"
         else:
             if self.frequency is not None:
                 yield "frequency", "is found from the time histories; leave it out"
             if self.per_force:
                 yield "per_force", "is for frequency responses, not for time histories"
             needed = "a time history needs 'samples', its column, and nothing else"
-        for name in ("force", "response", "level"):
-            signal = getattr(self, name)
-            places = signal.columns if isinstance(signal, Signal) else ()
-            if places and (signal.samples is None) != (self.history is None):
-                yield name, needed
+        for name in ("force", "base", "response", "across", "level"):
+            for _, channel in self.terms(name) if name != "level" else ():
+                signal = channel.signal
+                if signal.columns and (signal.samples is None) != (self.history is None):
+                    yield name, needed
             try:
                 self.factor(name)
             except RsgenError as fault:
                 yield name, " ".join(str(fault).split())
+
+    def terms(self, what: str) -> tuple[tuple[float, NamedChannel], ...]:
+        """Give factors and channels of "force", "response", "base" or "across"; none where it is not."""
+        files = self.response_files if what == "response" else ()
+        signal, quantity = {
+            "force": (self.force, "force"),
+            "response": (self.response, self.quantity),
+            "base": (None, None) if self.base is None else (self.base.signal, self.base.quantity),
+            "across": (None, None) if self.across is None else (Signal(channels=self.across), None),
+        }[what]
+        if signal is None:
+            return ()
+        if signal.channels is None:
+            return ((1.0, NamedChannel(signal, cast("Any", quantity), files=files)),)
+        named = self.channels or {}
+        return tuple((factor, named[name]) for name, factor in combination(signal.channels).items())
+
+    @property
+    def sources(self) -> tuple[NamedChannel, ...]:
+        """Every channel that is needed, once."""
+        found: list[NamedChannel] = []
+        for what in ("force", "base", "response", "across"):
+            found += [channel for _, channel in self.terms(what) if channel not in found]
+        return tuple(found)
+
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """The files of the test and of its channels, each once."""
+        named = [path for channel in (self.channels or {}).values() for path in channel.files]
+        return tuple(dict.fromkeys((*self.files, *self.response_files, *named)))
 
     @property
     def file(self) -> Path:
@@ -357,13 +338,22 @@ class MeasuredTest:
 
     @property
     def signals(self) -> tuple[tuple[Signal | None, str], ...]:
-        """Force and response, each with its SI unit: per newton where it is response over force."""
-        response = QUANTITIES[self.quantity] + ("/N" if self.per_force else "")
-        return (self.force, "N"), (self.response, response)
+        """All signals, each with its SI unit: of a response over force per newton."""
+        return tuple((channel.signal, self._unit_of(channel)) for channel in self.sources)
+
+    def _unit_of(self, channel: NamedChannel) -> str:
+        per_force = self.per_force and channel.signal is self.response
+        return channel.unit + ("/N" if per_force else "")
+
+    def scale_of(self, channel: NamedChannel) -> float:
+        """The numbers of a channel times this are SI peak values."""
+        return self._size(channel.signal, self._unit_of(channel))
 
     @property
     def level_unit(self) -> str:
-        """SI unit of the levels: "N", or "m" where the response was held."""
+        """SI unit of the levels: "N", "m" where the response was held, that of the motion of a base."""
+        if self.base is not None:
+            return self.terms("base")[0][1].unit
         return "m" if self.control in ("response", "continuation") else "N"
 
     def factor(self, name: str) -> float:
@@ -371,12 +361,12 @@ class MeasuredTest:
 
         Where the test is not calibrated, any unit stands for the SI unit: 1 V of a drive for 1 N.
         """
-        force, response = self.signals
-        parts = {"force": force, "response": response, "level": (self.level, self.level_unit)}
-        said, target = parts[name]
-        if said is None or (name == "level" and self.level.labels):
-            return 1.0
-        unit = said.unit or (name == "level" and self._unit_in_name) or target
+        if name == "level":
+            return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
+        return [1.0, *(self.scale_of(channel) for _, channel in self.terms(name))][-1]
+
+    def _size(self, said: Signal | LevelRule, target: str, in_name: str = "") -> float:
+        unit = said.unit or in_name or target
         peak = sqrt(2) if said.scale == "rms" else 1.0
         if isinstance(said.factor, str):
             return sensor_factor(said.factor, unit, target) * peak

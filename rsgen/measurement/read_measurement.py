@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.finding import Finding, quantities
-from rsgen.measurement.address import show
 from rsgen.measurement.column_titles import is_angular, unit_in
 from rsgen.measurement.consistency import repeated_rows, run_findings, tell_branches_apart
 from rsgen.measurement.controls import amplitude_steps, hold
 from rsgen.measurement.data_files import file_label
-from rsgen.measurement.file_table import Table, read_table
+from rsgen.measurement.file_table import Table
 from rsgen.measurement.nominal_levels import (
     level_of_file,
     settle_levels,
 )
 from rsgen.measurement.passivity import passivity_findings
-from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, Signal, SweepRule
-from rsgen.measurement.title_units import contradiction, unit_doubts
+from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
+from rsgen.measurement.sources import Sources, derivatives, read_sources, with_across
+from rsgen.measurement.title_units import contradiction
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
 from rsgen.surface.phase_lag import lag_findings
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["read_measurement"]
 
-_DERIVATIVES = ("displacement", "velocity", "acceleration")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
@@ -44,52 +42,12 @@ class _Part:
     frequency: NDArray[np.float64]
     force: NDArray[np.complex128]
     displacement: NDArray[np.complex128]
+    across: NDArray[np.complex128] | None
     level: NDArray[np.float64] | None
     mark: NDArray[np.float64] | None
     block: NDArray[np.int64]
     findings: tuple[Finding, ...]
     unit_said: bool
-
-
-def _signal(table: Table, signal: Signal, factor: float, what: str) -> NDArray[np.complex128]:
-    """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
-    first, *second = signal.columns
-    value: NDArray[Any]
-    if signal.complex is not None:
-        value = np.asarray(table.columns[first], dtype=np.complex128)
-    elif signal.real is not None:
-        value = table.real(first) + 1j * table.real(second[0])
-    else:
-        magnitude = table.real(first)
-        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
-        radian = np.pi / 180 if signal.phase_unit == "deg" else 1.0
-        value = magnitude * np.exp(1j * radian * (table.real(second[0]) if second else 0.0))
-    value = np.conj(value) if signal.lags else value
-    value = np.asarray(value * factor, dtype=np.complex128)
-    table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
-    table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
-    return value
-
-
-def _distinct(*places: int | str | None) -> list[int | str]:
-    return list(dict.fromkeys(place for place in places if place is not None))
-
-
-def _tables(test: MeasuredTest, number: int) -> tuple[Table, Table]:
-    """Read the table of a file, and that of the response where it lies in another file."""
-    places = [test.frequency, test.sweep.column, test.level.column]
-    places += test.force.columns if test.force is not None else ()
-    sha256 = test.sha256[number] if test.sha256 else None
-    if not test.response_files:
-        table = read_table(test, test.files[number], _distinct(*places, *test.response.columns), sha256)
-        return table, table
-    table = read_table(test, test.files[number], _distinct(*places), sha256)
-    other = read_table(test, test.response_files[number], _distinct(*test.response.columns))
-    if len(other.number) != len(table.number):
-        raise MeasurementError(
-            f"{other.label}: {len(other.number)} rows; {table.label} has {len(table.number)}: one each needed"
-        )
-    return table, other
 
 
 def _level(test: MeasuredTest, number: int, table: Table) -> NDArray[np.float64] | None:
@@ -124,30 +82,6 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
     return test.factor("level")
 
 
-def _whole_rows(table: Table, other: Table) -> tuple[Table, Table]:
-    """Leave out rows in which a number is missing, and say how many they are."""
-    keep = table.complete & other.complete
-    if keep.all():
-        return table, other
-    lost = np.flatnonzero(~keep)
-    place = f"{table.unit_of_place} {int(table.number[lost[0]])}"
-    if not keep.any():
-        gaps = [
-            show(name)
-            for part in (table, other)
-            for name, values in part.columns.items()
-            if not np.isfinite(values).any()
-        ]
-        where = f"{' and '.join(dict.fromkeys(gaps))} has none" if gaps else f"the first gap is in {place}"
-        raise MeasurementError(f"{table.label}: no row with a number in every column asked for; {where}")
-    numbers = quantities(rows=len(lost), all=len(keep))
-    finding = Finding(
-        "rows-without-number", "warning", numbers=numbers, names={"file": table.label, "first": place}
-    )
-    kept = replace(table.keep(keep), findings=(*table.findings, finding))
-    return kept, kept if other is table else other.keep(keep)
-
-
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
     column = cast("int | str", test.frequency)
@@ -170,33 +104,20 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
 
 
 def _part(test: MeasuredTest, number: int) -> _Part:
-    table, other = _whole_rows(*_tables(test, number))
-    raw = table.real(cast("int | str", test.frequency))
-    table.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
+    sources = read_sources(test, number)
+    raw = sources.main.real(cast("int | str", test.frequency))
+    sources.main.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
     # exported receptances often begin at 0 Hz, where there is no harmonic test
     keep = raw > 0
     if not keep.any():
-        raise MeasurementError(f"{table.label}: no row with a frequency above 0")
-    same = other is table
-    table = table.keep(keep)
-    other = table if same else other.keep(keep)
+        raise MeasurementError(f"{sources.main.label}: no row with a frequency above 0")
+    sources = sources.keep(keep)
+    table = sources.main
     factor, doubts = _hertz(test, table)
     frequency = raw[keep] * factor
     level = _level(test, number, table)
-    if test.force is not None:
-        force = _signal(table, test.force, test.factor("force"), "force")
-    else:
-        # without a force the plan asks for a level
-        force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
-    response = _signal(other, test.response, test.factor("response"), "response")
-    doubts = [
-        *doubts,
-        *unit_doubts(test, table.label, table.names, *test.signals[0]),
-        *unit_doubts(test, other.label, other.names, *test.signals[1]),
-    ]
-    if test.per_force:
-        response = response * force
-    displacement = response / (2j * np.pi * frequency) ** _DERIVATIVES.index(test.quantity)
+    force, displacement, across = _driven(sources, frequency, level)
+    doubts = [*doubts, *sources.doubts()]
     twice = repeated_rows(frequency, force, displacement)
     if twice.any():
         numbers = quantities(rows=int(twice.sum()), all=len(twice))
@@ -208,12 +129,33 @@ def _part(test: MeasuredTest, number: int) -> _Part:
             displacement[~twice],
         )
         level = None if level is None else level[~twice]
+        across = None if across is None else across[~twice]
     if not test.phase_known:
         force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
-    findings = (*table.findings, *(() if same else other.findings), *doubts)
+    findings = (*sources.findings, *doubts)
     said = test.unit_said or (test.level.column is not None and bool(table.units.get(test.level.column)))
-    return _Part(frequency, force, displacement, level, mark, table.block, findings, said)
+    return _Part(frequency, force, displacement, across, level, mark, table.block, findings, said)
+
+
+def _driven(
+    sources: Sources, frequency: NDArray[np.float64], level: NDArray[np.float64] | None
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128] | None]:
+    """(n,) force [N], [N/kg] of a driven base; displacement [m], relative to the base; motion across [m]."""
+    test = sources.test
+    displacement = sources.sum("response", frequency)
+    across = None if test.across is None else sources.sum("across", frequency)
+    if test.base is not None:
+        base = sources.sum("base", frequency)
+        if test.base.response == "absolute":
+            displacement = displacement - base
+        return (2 * np.pi * frequency) ** 2 * base, displacement, across
+    if test.force is not None:
+        force = sources.sum("force", frequency)
+    else:
+        # without a force the plan asks for a level
+        force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
+    return force, displacement * force if test.per_force else displacement, across
 
 
 def _as_number(value: int | str | None) -> float:
@@ -243,7 +185,7 @@ def _directions(
 
 def _has_entries(test: MeasuredTest) -> bool:
     """Whether a * of the plan means the entries of a file, each of which is a run."""
-    places = (test.frequency, *test.response.columns, *(test.force.columns if test.force else ()))
+    places = (test.frequency, *(column for source in test.sources for column in source.signal.columns))
     return any("*" in place for place in places if isinstance(place, str))
 
 
@@ -255,6 +197,24 @@ def _called(test: MeasuredTest, number: int, entry: int) -> str:
     """Call a block of a file."""
     name = file_label((test.response_files or test.files)[number])
     return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
+
+
+def _drive(
+    test: MeasuredTest, force: NDArray[np.complex128], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
+    if test.base is None:
+        return force
+    left = derivatives("acceleration") - derivatives(test.terms("base")[0][1].quantity)
+    return np.asarray(force / (2 * np.pi * frequency) ** left)
+
+
+def _joined(parts: list[NDArray[np.complex128]]) -> NDArray[np.complex128] | None:
+    """(n, 2) mean, which no such test measures, and fundamental of all files; None without any."""
+    if not parts:
+        return None
+    fundamental = np.concatenate(parts)
+    return np.stack([np.zeros_like(fundamental), fundamental], axis=1)
 
 
 def _amplitudes(test: MeasuredTest) -> ResponseSurface:
@@ -269,16 +229,19 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     known, entries = bool(levels), _has_entries(test)
     run = np.concatenate(levels) if known else block if entries else None
     files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
-    held = hold(test, frequency, force, displacement, run, block, files)
+    held = hold(test, frequency, _drive(test, force, frequency), displacement, run, block, files)
     followed = held.control == "continuation"
     findings = [*(finding for part in parts for finding in part.findings), *held.findings]
-    if test.force is None:
+    if test.force is None and test.base is None:
         findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
     surface = ResponseSurface(
         level=held.level,
         frequency=frequency,
         force=force,
         response=held.displacement.astype(np.complex128),
+        across=_joined([part.across for part in parts if part.across is not None]),
+        per_mass=test.base is not None,
+        base="" if test.base is None else test.terms("base")[0][1].quantity,
         sweep="rest" if followed else _directions(test.sweep, frequency, held.level, marks, block),
         phase_known=test.phase_known or held.control == "phase",
         control=held.control,
@@ -325,23 +288,36 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     # imported here, for the process that opens binary files imports this module and must start quickly
-    from rsgen.history import from_free_decay, from_stepped_sine, from_swept_sine, record_findings
-    from rsgen.measurement.histories import read_histories
+    from rsgen.history import record_findings
+    from rsgen.measurement.histories import read_both
 
-    histories = read_histories(test)
-    given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
-    if rule.excitation == "swept-sine":
-        surface = from_swept_sine(
-            histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=rule.mass, **given
-        )
-    elif rule.excitation == "stepped-sine":
-        surface = from_stepped_sine(histories, band=rule.band, **given)
-    else:
-        surface = from_free_decay(histories, mass=rule.mass, band=rule.band, start=rule.start, **given)
+    both = read_both(test)
+    histories = [history for history, _ in both]
+    across = [history for _, history in both if history is not None]
+    surface = _demodulated(histories, test, rule)
+    if across:
+        surface = with_across(surface, _demodulated(across, test, rule))
+    if test.base is not None:
+        surface = replace(surface, per_mass=True, base="acceleration")
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]
     return replace(surface, findings=(*records, *surface.findings))
+
+
+def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    from rsgen.history import from_free_decay, from_stepped_sine, from_swept_sine
+
+    # the force on a driven base is one on a kilogram
+    mass = rule.mass if test.base is None else 1.0
+    given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
+    if rule.excitation == "swept-sine":
+        return from_swept_sine(
+            histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=mass, **given
+        )
+    if rule.excitation == "stepped-sine":
+        return from_stepped_sine(histories, band=rule.band, **given)
+    return from_free_decay(histories, mass=mass, band=rule.band, start=rule.start, **given)
 
 
 def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
@@ -372,8 +348,10 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     if test.history is not None and test.history.excitation == "ring-down":
         return _from_histories(test, test.history)
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
-    sense = None if test.history is not None else "lag" if test.response.lags else "lead"
-    passive = passivity_findings(surface, sense, test.quantity)
-    other = quantity_findings(surface, test.quantity)
+    sense = None if test.history is not None else "lag" if test.sources[-1].signal.lags else "lead"
+    quantity = cast("str", test.quantity)
+    passive = passivity_findings(surface, sense, quantity)
+    # a force per mass and a motion relative to the base are made of several measured quantities
+    other = quantity_findings(surface, quantity) if test.base is None else []
     lag = lag_findings(surface)
     return replace(surface, findings=(*surface.findings, *passive, *other, *lag))

@@ -38,6 +38,7 @@ from rsgen.identification.data import held_out_mask
 from rsgen.multisine import MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
+from rsgen.prediction.measured_across import acts_across
 from rsgen.ranking import Ranking
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.modal_section import NO_MODAL, Modal, tabulate_mode
@@ -61,10 +62,11 @@ def draw_all(
     modal: Modal = NO_MODAL,
 ) -> list[Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
-    drawings = [
-        draw_surface(surface),
-        draw_map(surface),
-        draw_resonance(identification),
+    drawings = [draw_surface(surface), draw_map(surface), draw_resonance(identification)]
+    if acts_across(identification):
+        # no one amplitude is that of the law: nothing can be drawn over it
+        return [*drawings, draw_held_out(prediction)] if prediction.held_out else drawings
+    drawings += [
         draw_collapse(identification),
         draw_stiffness(identification, subject.truth),
         draw_damping(identification, subject.truth),
@@ -219,8 +221,8 @@ def _write_files(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
-    levels = _levels(surface, identification)
-    prediction = predict(identification, levels, surface)
+    levels = [] if acts_across(identification) else _levels(surface, identification)
+    prediction = predict(identification, levels or None, surface)
     printed = check_printed(subject, identification)
     modal = tabulate_mode(surface, identification)
     if modal.table is not None:

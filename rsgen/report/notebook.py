@@ -135,6 +135,7 @@ def build_notebook(
         .get_template("notebook/lesson.txt")
         .render(
             title=case.title or case.name,
+            across=any(element.across for element in case.model.elements),
             source=case.source,
             name=case.name,
             case_text=case.text,

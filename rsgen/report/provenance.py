@@ -36,7 +36,7 @@ def _origin(case: Case | None) -> dict[str, str]:
     named = {"Case file": case.path.name, "SHA-256 of the case": case.sha256}
     if isinstance(case.test, MeasuredTest):
         return named | {
-            "Measured file": ", ".join(path.name for path in (*case.test.files, *case.test.response_files)),
+            "Measured file": ", ".join(path.name for path in case.test.all_files),
             "SHA-256 of the measured file": ", ".join(case.test.sha256) or "not fixed by the case",
         }
     noise = f"{case.test.noise_relative:g} relative, seed {case.test.seed}"

@@ -70,7 +70,7 @@ def _inputs(case: Case) -> dict[str, str | None]:
     if not isinstance(case.test, MeasuredTest):
         return {"case": case.sha256}
     try:
-        hashes = [file_hash(path) for path in (*case.test.files, *case.test.response_files)]
+        hashes = [file_hash(path) for path in case.test.all_files]
     except OSError:
         # reading it will say what is wrong, in a sentence
         return {"case": case.sha256, "data": None}

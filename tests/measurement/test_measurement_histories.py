@@ -126,7 +126,7 @@ def test_integers_of_a_recorder_are_scaled(tmp_path: Path) -> None:
     [
         ({}, "name one channel, as in 'a[1]'"),
         ({"response": Signal(samples="F")}, "is force and response"),
-        ({"response": Signal(samples="fs")}, "64 samples of force, 1 of response"),
+        ({"response": Signal(samples="fs")}, "samples differ in number: 64 of 'F', 1 of 'fs'"),
         (
             {"response": Signal(samples="a[1]"), "history": HistoryRule("swept-sine", rate_column="t")},
             "no sampling",

@@ -1,0 +1,218 @@
+"""Channels with names: sums of them, delays, a driven base, an element across two of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.errors import CaseError, MeasurementError
+from rsgen.measurement.histories import shifted
+from rsgen.measurement.signals import combination
+
+F = np.linspace(6.0, 9.0, 25)
+OMEGA = 2 * np.pi * F
+WING = 1e-3 / (1 - (F / 7.4) ** 2 + 0.05j)
+PAYLOAD = (1.3 - 0.1j) * WING
+FORCE = 3.0 * np.exp(0.2j * F)
+
+
+@pytest.mark.parametrize(
+    ("text", "terms"),
+    [
+        ("payload - wing", {"payload": 1.0, "wing": -1.0}),
+        ("-base", {"base": -1.0}),
+        (" 0.5*left + .5 * right-2.*up", {"left": 0.5, "right": 0.5, "up": -2.0}),
+    ],
+)
+def test_a_sum_of_channels_is_read(text, terms):
+    assert combination(text) == terms
+
+
+@pytest.mark.parametrize("text", ["", "a b", "a*2", "a - a", "__import__('os')", "2", "a +", "a.b", "a/b"])
+def test_what_is_no_sum_is_refused(text):
+    with pytest.raises(MeasurementError):
+        combination(text)
+
+
+@pytest.mark.parametrize("delay", [3, 0.5, -2.3])
+def test_samples_are_shifted_by_parts_of_a_sample(delay):
+    t = np.arange(3000.0)
+    for f in (0.01, 0.2, 0.4):
+        moved = shifted(np.cos(2 * np.pi * f * t + 0.3), delay)[200:-200]
+        expected = np.cos(2 * np.pi * f * (t + delay) + 0.3)[200:-200]
+        np.testing.assert_allclose(moved, expected, atol=1e-4)
+
+
+CASE = """
+schema = 1
+name   = "two"
+title  = "Two sensors"
+{elements}
+[test]
+kind = "measured"
+file = "a.csv"
+[test.frequency]
+column = 1
+[test.level]
+value = "{level}"
+{test}
+"""
+SPRING = """
+[[element]]
+name  = "all"
+force = "k*x + c*v"
+"""
+
+
+def write(folder: Path, test: str, elements: str = SPRING, level: str = "3 N", **columns) -> Path:
+    """Files a.csv (frequency first) and b.csv of complex columns, and the case that reads them."""
+    for name in ("a", "b"):
+        parts = [F] if name == "a" else []
+        for values in columns.get(name, ()):
+            parts += [values.real, values.imag]
+        if parts:
+            np.savetxt(folder / f"{name}.csv", np.column_stack(parts), delimiter=",", fmt="%.17g")
+    path = folder / "case.toml"
+    path.write_text(CASE.format(elements=elements, level=level, test=test))
+    return path
+
+
+def channel(name: str, quantity: str, first: int, more: str = "") -> str:
+    return (
+        f'[test.channels.{name}]\nquantity = "{quantity}"\nreal = {first}\nimaginary = {first + 1}\n'
+        f'phase_sense = "lead"\n{more}\n'
+    )
+
+
+def test_each_channel_has_its_file_quantity_unit_factor_and_delay(tmp_path):
+    delay = 2e-3
+    late = 1j * OMEGA * WING * np.exp(-1j * OMEGA * delay)
+    path = write(
+        tmp_path,
+        channel("load", "force", 2, 'unit = "mN"')
+        + channel("payload", "acceleration", 4, 'unit = "m/s^2"\nfactor = -2')
+        + channel("wing", "velocity", 1, 'file = "b.csv"\nunit = "mm/s"\ndelay = "2 ms"')
+        + '[test.force]\nchannels = "2*load"\n[test.response]\nchannels = "payload - 0.5*wing"\n',
+        a=(1e3 * FORCE / 2, -(OMEGA**2) * PAYLOAD / -2),
+        b=(1e3 * late,),
+    )
+    surface = rs.read(rs.load_case(path))
+    np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
+    np.testing.assert_allclose(surface.harmonics[:, 1], PAYLOAD - 0.5 * WING, rtol=1e-12)
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+@pytest.mark.parametrize("response", ["relative", "absolute"])
+def test_a_base_drives_by_its_acceleration(tmp_path, quantity, response):
+    power = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
+    base = 1e-4 * np.exp(0.3j) * np.ones(len(F))
+    seen = WING + (base if response == "absolute" else 0)
+    unit = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}[quantity]
+    path = write(
+        tmp_path,
+        f'[test.base]\nquantity = "{quantity}"\nresponse = "{response}"\nreal = 2\nimaginary = 3\n'
+        'phase_sense = "lead"\n[test.response]\nquantity = "displacement"\nreal = 4\nimaginary = 5\n'
+        'phase_sense = "lead"\n',
+        level=f"{np.median(np.abs(base * OMEGA**power)):.9g} {unit}",
+        a=((1j * OMEGA) ** power * base, seen),
+    )
+    surface = rs.read(rs.load_case(path))
+    np.testing.assert_allclose(surface.force, OMEGA**2 * base, rtol=1e-12)
+    np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-9)
+    assert (surface.per_mass, surface.base, surface.level_unit) == (True, quantity, unit)
+
+
+ACROSS = """
+[[element]]
+name  = "wing"
+force = "k*x + c*v"
+[[element]]
+name   = "mount"
+force  = "k3*x**3"
+across = "payload - wing"
+"""
+CHANNELS = channel("wing", "displacement", 4) + channel("payload", "displacement", 6)
+FORCE_AND_WING = (
+    '[test.force]\nreal = 2\nimaginary = 3\nphase_sense = "lead"\n[test.response]\nchannels = "wing"\n'
+)
+
+
+def test_an_element_acts_across_two_channels(tmp_path):
+    z = PAYLOAD - WING
+    force = (5e3 + 3j * OMEGA - 2.0 * OMEGA**2) * WING + 0.75 * 4e9 * np.abs(z) ** 2 * z
+    path = write(tmp_path, CHANNELS + FORCE_AND_WING, ACROSS, a=(force, WING, PAYLOAD))
+    case = rs.load_case(path)
+    surface = rs.read(case)
+    np.testing.assert_allclose(surface.across[:, 1], z, rtol=1e-9)
+    found = rs.identify(surface, case.model)
+    for name, true in {"k": 5e3, "c": 3.0, "k3": 4e9, "m": 2.0}.items():
+        assert found[name].value == pytest.approx(true, rel=1e-8)
+
+
+def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
+    rate, seconds = 400.0, 60
+    t = np.arange(0, seconds, 1 / rate)
+    drive = 3 * np.cos(2 * np.pi * (5 + 0.05 * t) * t)
+    late = shifted(drive, -0.7)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([drive, 2e-6 * drive, 5e-7 * late]), delimiter=",")
+    text = CASE.replace("[test.frequency]\ncolumn = 1\n", "").format(
+        elements=SPRING + ACROSS.split("[[element]]")[2].join(["[[element]]", ""]),
+        level="3 N",
+        test="""
+[test.time]
+rate = 400
+[test.force]
+samples = 1
+[test.channels.payload]
+quantity = "displacement"
+samples  = 2
+[test.channels.wing]
+quantity = "displacement"
+samples  = 3
+delay    = 0.00175
+[test.response]
+channels = "payload"
+""",
+    )
+    path = tmp_path / "case.toml"
+    path.write_text(text.replace('kind = "measured"', 'kind = "measured"\nexcitation = "swept-sine"'))
+    surface = rs.read(rs.load_case(path))
+    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, 2e-6, rtol=1e-3)
+    np.testing.assert_allclose(surface.across[:, 1] / surface.harmonics[:, 1], 0.75, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("test", "elements", "said"),
+    [
+        (
+            CHANNELS + FORCE_AND_WING.replace('"wing"', '"tail"'),
+            SPRING,
+            "tail: no such channel; known: wing, pay",
+        ),
+        (CHANNELS + FORCE_AND_WING.replace('"wing"', '"wing wing"'), SPRING, "a sum of channels is needed"),
+        (CHANNELS + FORCE_AND_WING + "real = 4\nimaginary = 5\n", SPRING, "leave one of them out"),
+        (
+            CHANNELS + '[test.force]\nchannels = "wing"\n[test.response]\nchannels = "wing"',
+            SPRING,
+            "made of forces",
+        ),
+        (CHANNELS + FORCE_AND_WING, ACROSS.replace("- wing", "- tail"), "tail: no such channel"),
+        (
+            CHANNELS + FORCE_AND_WING + '[test.base]\nresponse = "relative"\nchannels = "wing"\n',
+            SPRING,
+            "leave one",
+        ),
+        (CHANNELS + '[test.response]\nchannels = "wing"\n', SPRING, "force: is missing"),
+        (
+            FORCE_AND_WING.replace('channels = "wing"', "real = 4\nimaginary = 5"),
+            SPRING,
+            "quantity: is missing",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_said(tmp_path, test, elements, said):
+    with pytest.raises(CaseError, match=said):
+        rs.load_case(write(tmp_path, test, elements, a=(FORCE, WING, PAYLOAD)))
