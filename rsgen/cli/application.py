@@ -351,6 +351,7 @@ def init(
             show_default="k1*x + kn1*x**3 + c1*v",
         ),
     ] = None,
+    memory: Memory = None,
     measured: Annotated[
         str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
     ] = None,
@@ -367,15 +368,14 @@ def init(
 
     \b
     Examples:
-      rsgen init
       rsgen init gearbox
-      rsgen init joint --law "k*x + c*v + mu*sign(v)"
+      rsgen init joint --law "k*x + c*v + z" --memory "z = sigma*v*(1 - z*sign(v)/Fc)"
       rsgen init wire --measured wire.csv
       rsgen init --from sweep.mat wing.toml
     """
     from rsgen.cli.init_command import init_command
 
-    raise typer.Exit(init_command(name, force, measured, data, out, json))
+    raise typer.Exit(init_command(name, force, memory or [], measured, data, out, json))
 
 
 @application.command(short_help="The library of force laws.")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rsgen.cli.law_notes import law_sentences
+from rsgen.cli.law_notes import law_sentences, read_memory
 from rsgen.cli.terminal import print_block, print_json, print_line
 from rsgen.errors import ExpressionError, RsgenError
 
@@ -39,7 +39,7 @@ def derive_command(
 
     if plot is None and (settings or largest):
         raise RsgenError(PICTURE_ONLY)
-    element = make_element("law", expression, _read_memory(memory))
+    element = make_element("law", expression, read_memory(memory))
     started = time.perf_counter()
     function = derive(element, assume)
     seconds = time.perf_counter() - started
@@ -52,23 +52,6 @@ def derive_command(
     else:
         describe(function, latex, plot, notes)
     return 0
-
-
-def _read_memory(options: Sequence[str]) -> dict[str, str]:
-    """Read ``z = g(x, v, z)`` of every state."""
-    found: dict[str, str] = {}
-    for option in options:
-        name, sign, rate = (part.strip() for part in option.partition("="))
-        # z' = ... is what books write
-        name = name.removesuffix("'").rstrip()
-        if not sign or not name or not rate:
-            raise RsgenError(
-                f"--memory {option!r}: must be 'z = ...', the rate of change of the state z in x, v and z"
-            )
-        if name in found:
-            raise RsgenError(f"--memory {option!r}: the state {name} has an equation already")
-        found[name] = rate
-    return found
 
 
 def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:

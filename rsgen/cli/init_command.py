@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import jinja2
@@ -12,11 +13,13 @@ import rsgen
 from rsgen.case import DATA_VARIABLE
 from rsgen.case.data_paths import path_fault
 from rsgen.case.naming import name_fault
+from rsgen.cli.law_notes import read_memory
 from rsgen.cli.terminal import print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol, write
 from rsgen.expression.memory import remembers
 from rsgen.law.element import make_element
+from rsgen.law.memory import equations_of
 from rsgen.output import write_atomic
 from rsgen.units import parameter_units
 
@@ -42,8 +45,8 @@ def _value(unit: str) -> str:
     return f'"{_VALUES.get(unit, f"1 {unit}")}"'
 
 
-def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
-    force = make_element("law", law).force
+def _elements(law: str, memory: Mapping[str, str]) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
+    force = make_element("law", law, memory).force
     terms = sympy.Add.make_args(force)
     damper = [term for term in terms if term.has(symbol("v")) or remembers(term)]
     spring = [term for term in terms if term not in damper]
@@ -52,7 +55,13 @@ def _elements(law: str) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
     return [(name, sympy.Add(*part)) for name, part in parts if part], units
 
 
-def case_text(name: str, law: str, measured: str | None = None, test: str | None = None) -> str:
+def case_text(
+    name: str,
+    law: str,
+    measured: str | None = None,
+    test: str | None = None,
+    memory: Mapping[str, str] | None = None,
+) -> str:
     """Give the text of a case to begin with.
 
     Parameters
@@ -65,6 +74,8 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
         The data file of a measured case; None for a simulated one.
     test
         The [test] tables as TOML, if they are known.
+    memory
+        g(x, v, z) of z' = g for every state z of the law.
 
     Raises
     ------
@@ -77,7 +88,7 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     fault = measured and path_fault(measured)
     if fault:
         raise RsgenError(f"--measured: {fault}")
-    elements, units = _elements(law)
+    elements, units = _elements(law, memory or {})
     if measured is None and all(element != "damper" for element, _ in elements):
         raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
     names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
@@ -92,7 +103,7 @@ def case_text(name: str, law: str, measured: str | None = None, test: str | None
     )
     return environment.get_template("init/case.toml").render(
         name=name,
-        elements=[(element, write(part)) for element, part in elements],
+        elements=[(element, write(part), equations_of(part)) for element, part in elements],
         truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
         measured=measured,
         tables=test,
@@ -140,7 +151,13 @@ def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
 
 
 def init_command(
-    name: str | None, law: str | None, measured: str | None, data: Path | None, out: Path | None, json: bool
+    name: str | None,
+    law: str | None,
+    memory: Sequence[str],
+    measured: str | None,
+    data: Path | None,
+    out: Path | None,
+    json: bool,
 ) -> int:
     """Write the case; a file that is there is left alone."""
     if data is not None and measured is not None:
@@ -158,7 +175,7 @@ def init_command(
     said: list[str] = []
     if data is not None:
         measured, test, said = _guessed(data, target)
-    text = case_text(name, law or _LAW, measured, test)
+    text = case_text(name, law or _LAW, measured, test, read_memory(memory))
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)

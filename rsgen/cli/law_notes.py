@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rsgen.errors import RsgenError
+
 if TYPE_CHECKING:
     import sympy
 
     from rsgen.law import Element
 
-__all__ = ["law_sentences", "sentences_of_elements"]
+__all__ = ["law_sentences", "read_memory", "sentences_of_elements"]
 
 
 def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
@@ -34,3 +36,20 @@ def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
     from rsgen.report.wording import full_sentence, sentence
 
     return [(full_sentence if full else sentence)(finding) for finding in found]
+
+
+def read_memory(options: Sequence[str]) -> dict[str, str]:
+    """Read ``z = g(x, v, z)`` of every state."""
+    found: dict[str, str] = {}
+    for option in options:
+        name, sign, rate = (part.strip() for part in option.partition("="))
+        # z' = ... is what books write
+        name = name.removesuffix("'").rstrip()
+        if not sign or not name or not rate:
+            raise RsgenError(
+                f"--memory {option!r}: must be 'z = ...', the rate of change of the state z in x, v and z"
+            )
+        if name in found:
+            raise RsgenError(f"--memory {option!r}: the state {name} has an equation already")
+        found[name] = rate
+    return found

@@ -9,8 +9,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import sympy
+
 from rsgen.case import Case
+from rsgen.expression.memory import remembers
 from rsgen.kernel import generate, is_stored
+from rsgen.law.memory import rates_of
+from rsgen.law.numeric import compile_law
 from rsgen.law.pieces import normal_form
 from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import MultisineTest, SimulatedTest
@@ -30,6 +35,12 @@ _COMPILE_SECONDS = {False: 2.2, True: 5.0}
 _SURFACE_POINTS_A_SECOND = 20_000
 _IDENTIFY_SECONDS = {False: 0.5, True: 1.2}
 _POINTS_A_SECOND = {False: 5_000, True: 2_000}
+_SEARCH_SECONDS = {False: 2.2, True: 5.0}
+"""Of a law with memory, for each searched parameter after the first: without and with states."""
+_SECONDS_A_LOOP = 0.002
+"""A point whose loop is closed, for each searched parameter of a law with memory."""
+_STATES_REPORT_SECONDS = 12.0
+"""More for figures of laws with states, whose loops have no closed form."""
 _RANK_SECONDS_A_POINT = {False: 0.03, True: 0.1}
 """All laws together, without and with a background, which is fitted with each."""
 _RANKED_REPORT_SECONDS = 15.0
@@ -155,8 +166,7 @@ def expect(
         points = len(surface) * surface.periods * len(surface.lines) // _LINES_A_POINT
     elif surface is not None:
         points, harmonics = len(surface), surface.harmonics.shape[1] - 1
-    identification = _IDENTIFY_SECONDS[switched] + points / _POINTS_A_SECOND[switched]
-    report = _REPORT_SECONDS
+    identification, report = _of_law(law, switched, points)
     if case.ranked:
         behind = case.observation.background != "none"
         identification += _RANK_SECONDS_A_POINT[behind] * min(points, _RANK_POINTS)
@@ -165,6 +175,17 @@ def expect(
     megabytes = _PROGRAM_MEGABYTES + round(points * (harmonics + 2) * _BYTES_A_HARMONIC / 1e6)
     here = {stage: second * _slowness() for stage, second in zip(STAGES, seconds, strict=True)}
     return Expectation(here, megabytes, _crowding())
+
+
+def _of_law(force: sympy.Expr, switched: bool, points: int) -> tuple[float, float]:
+    """Processor seconds of identification and report, by what the law is."""
+    identification = _IDENTIFY_SECONDS[switched] + points / _POINTS_A_SECOND[switched]
+    if not remembers(force):
+        return identification, _REPORT_SECONDS
+    law, states = compile_law(force), bool(rates_of(force))
+    searched = max(len(law.nonlinear) - len(law.scaled), 1)
+    identification += _SEARCH_SECONDS[states] * (searched - 1) + _SECONDS_A_LOOP * searched * points
+    return identification, _REPORT_SECONDS + _STATES_REPORT_SECONDS * states
 
 
 def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, float], None]:

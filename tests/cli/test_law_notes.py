@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from rsgen.case import load_case
 from rsgen.cli import main
 
 CASE = """\
@@ -96,3 +97,16 @@ def test_a_state_without_its_equation_is_said(tmp_path: Path, capsys: pytest.Cap
     assert "note: z stands alone in the law" in capsys.readouterr().out
     assert call("derive", "k*x + z") == 0
     assert "its equation is missing" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_case_begins_with_a_law_with_memory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "joint.toml"
+    equations = ("y = q*v - r*y*abs(v)", "z = a*v - b*abs(v)*z")
+    options = [word for equation in equations for word in ("--memory", equation)]
+    assert call("init", path, "--law", "k*x + c*v + y + z", *options) == 0
+    case = load_case(path)
+    assert case.model.elements[-1].memory == {"y": "q*v - r*y*abs(v)", "z": "a*v - b*z*abs(v)"}
+    assert call("check", path) == 0
+    assert "identifies m, a, b, c, k, q, r" in capsys.readouterr().out
+    assert call("init", tmp_path / "no.toml", "--law", "k*x + c*v", "--memory", "z = a*v") == 2
+    assert "z stands neither in the force" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,26 @@ def test_a_law_that_was_compiled_before_is_simulated_sooner(monkeypatch: pytest.
         case.oscillator.force, values=case.oscillator.values, locate_all=case.test.accuracy < LOCATED
     )
     assert expect(case).seconds["surface"] < first - 1
+
+
+def test_laws_with_memory_take_longer_with_what_is_searched(tmp_path: Path) -> None:
+    """As measured: 3, 7 and 11 s where cubic takes half a second; four sliders 13 s at 328 points."""
+    times = [
+        expect(load_case(ROOT / "cases" / f"{name}.toml"))
+        for name in ("cubic", "jenkins", "iwan4", "bouc-wen")
+    ]
+    seconds = [time.seconds["identification"] for time in times]
+    assert seconds == sorted(seconds)
+    for found, measured in zip(seconds, (0.7, 3.0, 7.0, 11.0), strict=True):
+        assert 0.5 < found / measured < 2
+    text = (ROOT / "cases" / "formats" / "csv-table.toml").read_text(encoding="utf-8")
+    sliders = " + ".join(f"masing(Min(kt*x, F{i}))" for i in range(4))
+    (tmp_path / "case.toml").write_text(
+        re.sub(r'force = ".*"', f'force = "{sliders}"', text, count=1), encoding="utf-8"
+    )
+    surface = ResponseSurface(1.0, [9.0] * 328, 1.0, [1e-3j] * 328)
+    found = expect(load_case(tmp_path / "case.toml"), surface).seconds["identification"]
+    assert 0.5 < found / 13 < 2
 
 
 def test_ranking_takes_longer_and_longer_with_a_background(tmp_path: Path) -> None:
