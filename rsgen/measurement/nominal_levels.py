@@ -200,11 +200,11 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
         Whether case or files say in which unit the levels are.
     """
     levels, none = surface.levels, (np.nan, np.nan)
-    typical = typical_amounts(surface)
+    typical = typical_amounts(surface, surface.drive)
     if test.control == "response":
         surface = replace(surface, findings=(*surface.findings, *_held_findings(surface)))
     if known and not test.level.labels:
-        amount = surface.amplitude if surface.response_held else np.abs(surface.force)
+        amount = surface.amplitude if surface.response_held else surface.drive
         good = surface.settled & np.isfinite(amount) & (amount > 0)
         median, largest = np.array(
             [

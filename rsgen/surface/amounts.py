@@ -21,13 +21,13 @@ _PRINTED = 3
 """Digits that identify a level at least: pages and messages print no fewer."""
 
 
-def typical_amounts(surface: ResponseSurface) -> Array:
+def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
     """Typical measured amount of each of ``surface.levels``: a force [N], or an amplitude [m] that was held.
 
     The force is its median near the resonance, where it decides the response: shakers drop there. NaN where
-    no point of the level settled.
+    no point of the level settled. ``amount`` (n,) stands for the size of the force.
     """
-    size, force = surface.amplitude, np.abs(surface.force)
+    size, force = surface.amplitude, np.abs(surface.force) if amount is None else amount
     good = surface.settled & np.isfinite(size) & np.isfinite(force) & (force > 0)
     found = np.full(len(surface.levels), np.nan)
     for number, level in enumerate(surface.levels):

@@ -17,6 +17,7 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
 from rsgen.surface.columns import (
     BASE_UNITS,
+    BASES,
     COLUMN_UNITS,
     CONTROLS,
     SWEEPS,
@@ -268,6 +269,17 @@ class ResponseSurface:
     def force_unit(self) -> str:
         """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
         return "m/s^2" if self.per_mass else "N"
+
+    @property
+    def drive(self) -> Array:
+        """(n,) amount that the test drove with, in ``level_unit``: |F|, or that of the motion of the base.
+
+        That of a base follows from a force per mass only.
+        """
+        size = np.abs(self.force)
+        if not (self.base and self.per_mass):
+            return size
+        return size / self.omega ** (len(BASES) - 1 - BASES.index(self.base))
 
     @property
     def answer(self) -> Array:

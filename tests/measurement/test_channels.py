@@ -111,18 +111,22 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, response):
     base = 1e-4 * np.exp(0.3j) * np.ones(len(F))
     seen = WING + (base if response == "absolute" else 0)
     unit = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}[quantity]
+    amount = float(np.median(np.abs(base * OMEGA**power)))
     path = write(
         tmp_path,
         f'[test.base]\nquantity = "{quantity}"\nresponse = "{response}"\nreal = 2\nimaginary = 3\n'
         'phase_sense = "lead"\n[test.response]\nquantity = "displacement"\nreal = 4\nimaginary = 5\n'
         'phase_sense = "lead"\n',
-        level=f"{np.median(np.abs(base * OMEGA**power)):.9g} {unit}",
+        level=f"{amount:.9g} {unit}",
         a=((1j * OMEGA) ** power * base, seen),
     )
     surface = rs.read(rs.load_case(path))
     np.testing.assert_allclose(surface.force, OMEGA**2 * base, rtol=1e-12)
     np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-9)
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, quantity, unit)
+    np.testing.assert_allclose(surface.level, amount, rtol=1e-8)
+    assert "levels-disagree" not in {finding.code for finding in surface.findings}
+    np.testing.assert_allclose(surface.drive, np.abs(base) * OMEGA**power, rtol=1e-12)
 
 
 ACROSS = """
