@@ -52,6 +52,8 @@ class Points:
         (n, 2) largest and smallest displacement [m], NaN where unknown.
     across
         (n, H+1) complex displacement [m] across the elements, None where the law acts on the response.
+    load
+        (n, K+1) complex harmonics of the force [N], None where only the fundamental was recorded.
     """
 
     index: NDArray[np.intp]
@@ -63,6 +65,7 @@ class Points:
     measured: tuple[int, ...]
     peak: NDArray[np.float64]
     across: NDArray[np.complex128] | None = None
+    load: NDArray[np.complex128] | None = None
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -110,6 +113,7 @@ class Points:
             self.measured,
             self.peak[chosen],
             None if self.across is None else self.across[chosen],
+            None if self.load is None else self.load[chosen],
         )
 
     def spread(self, count: int) -> NDArray[np.intp]:
@@ -150,6 +154,13 @@ def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurfa
     if model.mass is None:
         return surface, replace(model, mass=1.0)
     return surface.on_mass(model.mass), model
+
+
+def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:
+    """(n, K+1) harmonics of the force that were recorded, those that are not numbers zero."""
+    load = np.nan_to_num(surface.force_harmonics[index])
+    higher = load[:, [h for h in range(load.shape[1]) if h != 1]]
+    return load if higher.any() else None
 
 
 def select_points(surface: ResponseSurface, model: Model) -> Points:
@@ -208,4 +219,5 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         measured,
         surface.peak[index],
         None if surface.across is None else np.nan_to_num(surface.across[index]),
+        _load_of(surface, index),
     )

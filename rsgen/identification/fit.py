@@ -221,7 +221,7 @@ def fit_balance(
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    forward = _forward(problem, mode, order)
+    forward = _forward(problem, mode, order, observed.background.turn(problem.split(parameters)[2]))
     descent = Descent(problem, forward)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
     if not law.odd:
@@ -247,13 +247,16 @@ def fit_balance(
     return _finish(problem, descent, found)
 
 
-def _forward(problem: Problem, mode: Points, order: int) -> HarmonicBalance | MeasuredAcross:
+def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
     free = problem.given is None
     if isinstance(problem.law, LawAtTwoPlaces) and mode.across is not None:
         return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across), mass_free=free)
-    about_rest = 0 not in mode.measured
-    return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest)
+    about_rest, load = 0 not in mode.measured, mode.load
+    if load is not None:
+        # the phase error between force and response turns every harmonic
+        load = load * (turn ** np.arange(load.shape[1]))
+    return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest, load=load)
 
 
 def fit_simulator(

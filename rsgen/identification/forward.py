@@ -80,9 +80,12 @@ class Forward(Protocol):
         ...
 
 
-def following_harmonics(law: ForceLaw, order: int) -> tuple[int, ...]:
-    """Harmonics up to ``order`` that follow from the fundamental: no even ones for an odd law."""
-    if law.odd:
+def following_harmonics(law: ForceLaw, order: int, *, even: bool = False) -> tuple[int, ...]:
+    """Harmonics up to ``order`` that follow from the fundamental: no even ones for an odd law.
+
+    ``even`` says that the force has even harmonics of its own.
+    """
+    if law.odd and not even:
         return tuple(range(3, order + 1, 2))
     mean = (0,) if law.springs else ()
     return (*mean, *range(2, order + 1))
@@ -97,6 +100,7 @@ def hold_amplitude(
     start: ComplexArray,
     follow: tuple[int, ...],
     samples: int,
+    load: ComplexArray | None = None,
 ) -> Response:
     """Solve the balance at given amplitudes of the fundamental, whose phase is zero.
 
@@ -112,12 +116,16 @@ def hold_amplitude(
         Harmonics that follow from the balance: a subset of 0, 2, ..., H.
     samples
         Samples a period, more than four times H.
+    load
+        (n, H+1) harmonics of the force [N] in the phase of the fundamental of the response; the fundamental,
+        which is sought, is not looked at. None: there are no others.
     """
     # odd harmonics under an odd law repeat with the other sign after half a period; loops need the whole
     half = law.odd and not law.remembers and all(h % 2 for h in follow)
     series = fourier_series((1, *follow), samples, half)
+    others = np.zeros((len(omega), 0)) if load is None else series.real(load[:, list(series.orders)])[:, 2:]
     parts = [
-        _block(law, values, mass, omega[part], amplitude[part], start[part], series)
+        _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part])
         for part in (slice(i, i + BLOCK) for i in range(0, len(omega), BLOCK))
     ]
     names = Response.__dataclass_fields__
@@ -132,6 +140,7 @@ def _block(
     amplitude: Array,
     start: ComplexArray,
     series: FourierSeries,
+    load: Array,
     steps: int = 12,
 ) -> Response:
     orders = list(series.orders)
@@ -146,6 +155,8 @@ def _block(
         a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v
         sample = law.sample(x, v, a, (series.step / omega)[:, None], values)
         residual = mass * accelerated * at + sample.force @ series.project
+        if load.shape[1]:
+            residual[:, 2:] -= load
         tangent = sample.tangent(series, omega)
         tangent[:, diagonal, diagonal] += mass * accelerated
         if at.shape[1] == 2:
@@ -223,6 +234,9 @@ class HarmonicBalance:
         Whether the mass is a parameter.
     about_rest
         Whether motions begin about the place of rest of the law, because the mean of ``start`` is not known.
+    load
+        (n, K+1) harmonics of the force [N] in the phase of the measured response, of which the fundamental is
+        not looked at; None: the force is a sine.
     """
 
     exact_slopes = True
@@ -230,13 +244,27 @@ class HarmonicBalance:
     """Leaves the second derivatives eight digits: error of central differences h^2, round-off eps/h."""
 
     def __init__(
-        self, law: ForceLaw, start: Motion, order: int, *, mass_free: bool, about_rest: bool = False
+        self,
+        law: ForceLaw,
+        start: Motion,
+        order: int,
+        *,
+        mass_free: bool,
+        about_rest: bool = False,
+        load: ComplexArray | None = None,
     ) -> None:
-        self.harmonics = following_harmonics(law, order)
+        even = load is not None and bool(np.any(load[:, ::2]))
+        self.harmonics = following_harmonics(law, order, even=even)
         self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
         self._start = np.zeros((len(start), max(order, 1) + 1), dtype=complex)
         known = [h for h in self.harmonics if h < len(start.orders)]
         self._start[:, known] = start.turned(-np.angle(start.harmonics[:, 1])).harmonics[:, known]
+        self._load = None
+        if load is not None:
+            self._load = np.zeros_like(self._start)
+            count = min(load.shape[1], self._start.shape[1])
+            turned = Motion(start.omega, load).turned(-np.angle(start.harmonics[:, 1])).harmonics
+            self._load[:, :count] = turned[:, :count]
         self._law, self._omega, self._mass_free = law, start.omega, mass_free
         self._about_rest = about_rest and 0 in self.harmonics
         self._last: tuple[Array, Array, int, Response] | None = None
@@ -254,7 +282,7 @@ class HarmonicBalance:
                 return self._of(response)
             guess = self._next(response, parameters - before, np.log(size / last))
         response = hold_amplitude(
-            self._law, values, mass, self._omega, size, guess, self.harmonics, self.samples
+            self._law, values, mass, self._omega, size, guess, self.harmonics, self.samples, self._load
         )
         self._last = (parameters, np.array(size), self.samples, response)
         return self._of(response)

@@ -220,3 +220,17 @@ channels = "payload"
 def test_what_does_not_fit_is_said(tmp_path, test, elements, said):
     with pytest.raises(CaseError, match=said):
         rs.load_case(write(tmp_path, test, elements, a=(FORCE, WING, PAYLOAD)))
+
+
+@pytest.mark.slow
+def test_a_run_says_what_a_law_across_two_sensors_leaves_out(tmp_path, run_cli):
+    z = PAYLOAD - WING
+    force = (5e3 + 3j * OMEGA - 2.0 * OMEGA**2) * WING + 0.75 * 4e9 * np.abs(z) ** 2 * z
+    path = write(tmp_path, CHANNELS + FORCE_AND_WING, ACROSS, a=(force, WING, PAYLOAD))
+    run_cli("run", path, "--out", tmp_path / "out")
+    page = (tmp_path / "out" / "two" / "report.html").read_text(encoding="utf-8")
+    assert "no one amplitude is that of the law" in page
+    assert "The law acts across payload - wing" in page
+    notebook = (tmp_path / "out" / "two" / "notebook.ipynb").read_text(encoding="utf-8")
+    assert "draw_collapse" not in notebook
+    assert '"output_type": "error"' not in notebook

@@ -1,0 +1,58 @@
+"""A shaker that distorts: harmonics of the force in the balance, on exact motions that no solver made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.motion import Motion, project
+
+MASS, TRUE = 2.0, {"k": 2e4, "k3": 5e9, "c": 4.0}
+LAW = "k*x + k3*x**3 + c*v"
+
+
+def distorted(even: float = 0.0, turn: float = 0.0, cut: int = 8) -> rs.ResponseSurface:
+    """The force is what motions with free third and fifth (and even) harmonics ask for; law of odd order."""
+    frequency = np.tile(np.linspace(12, 22, 40), 3)
+    omega = 2 * np.pi * frequency
+    size = np.repeat([2e-4, 6e-4, 1.2e-3], 40) / (1 + ((frequency - 17) / 4) ** 2)
+    phase = np.exp(1j * np.linspace(0, 5, len(size)))
+    x = np.zeros((len(size), cut), dtype=complex)
+    for order, share in ((1, 1.0), (3, 0.04j), (5, 0.02), (0, even), (2, 0.5j * even)):
+        x[:, order] = share * size * phase**order
+    x[:, 0] = x[:, 0].real
+    wave, speed, acceleration = Motion(omega, x).waveforms(128)
+    force = MASS * acceleration + TRUE["k"] * wave + TRUE["k3"] * wave**3 + TRUE["c"] * speed
+    harmonics = np.stack([project(force, order) for order in range(16)], axis=1)
+    harmonics *= np.exp(-1j * turn * np.arange(16))
+    return rs.ResponseSurface(np.repeat([1.0, 2.0, 3.0], 40), frequency, harmonics, x, sweep="rest")
+
+
+@pytest.mark.parametrize("even", [0.0, 0.03])
+def test_recorded_harmonics_of_the_force_make_the_balance_exact(even):
+    surface = distorted(even)
+    found = rs.identify(surface, LAW)
+    for name, true in (TRUE | {"m": MASS}).items():
+        assert found[name].value == pytest.approx(true, rel=1e-8)
+    # as a sine, the same force leaves what it does not say to the law
+    sine = rs.identify(replace(surface, force_harmonics=np.zeros((len(surface), 2))), LAW)
+    assert sine.residual > 1e-3 > 1e-7 > found.residual
+
+
+def test_a_phase_error_turns_every_harmonic():
+    found = rs.identify(distorted(turn=0.1), LAW, rs.Observation(background="phase"))
+    for name, true in (TRUE | {"m": MASS}).items():
+        assert found[name].value == pytest.approx(true, rel=1e-6)
+    assert found.background.estimates[0].value == pytest.approx(0.1, abs=1e-6)
+
+
+def test_harmonics_that_are_not_numbers_were_not_recorded():
+    surface = distorted()
+    forces = np.array(surface.force_harmonics)
+    forces[:, 0], forces[:, 2:] = 0, np.nan
+    same = rs.identify(replace(surface, force=forces), LAW)
+    sine = rs.identify(replace(surface, force_harmonics=np.zeros((len(surface), 2))), LAW)
+    assert [e.value for e in same.refined] == [e.value for e in sine.refined]
