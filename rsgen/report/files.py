@@ -145,7 +145,7 @@ def write_report(
 ) -> None:
     """Write surface.h5, kernel.py, modal.csv, result.json and report.html; with a case also a notebook.
 
-    Of a multisine ``surface`` are its spectra, which go into spectra.npz; there is no notebook.
+    Of a multisine ``surface`` are its spectra, which go into spectra.npz; it has no modal.csv.
 
     ``write_report(folder, surface, identification)`` is enough, by position or by name;
     ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.

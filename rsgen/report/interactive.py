@@ -114,6 +114,10 @@ def render_interactive(folder: str | Path) -> str:
     entry = read_result(place / "result.json")
     if entry is None:
         raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case>")
+    if "multisine" in entry.result:
+        raise RsgenError(
+            f"{place}: a multisine has no response surface to turn; its report.html has all figures"
+        )
     source = _plotly()
     traces, axes = _traces(load_surface(place / "surface.h5"))
     data = json.dumps({"traces": traces, "axes": axes}, allow_nan=False)

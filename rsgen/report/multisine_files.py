@@ -25,6 +25,7 @@ from rsgen.prediction.multisine import MultisinePrediction, predict_multisine
 from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements
+from rsgen.report.multisine_notebook import write_multisine_notebook
 from rsgen.report.page_tables import Cell, Table, TableRow, verdict_table
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import (
@@ -58,7 +59,7 @@ def write_multisine_files(
     figures: str | None,
     started: float,
 ) -> None:
-    """Write spectra.npz, kernel.py, result.json and report.html.
+    """Write spectra.npz, kernel.py, result.json and report.html; with a case also a notebook.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def write_multisine_files(
         When the report began [s].
     """
     found = cast("MultisineIdentification", subject.with_units(identification))
-    comparison = subject.with_units(comparison)
+    judged, comparison = comparison, subject.with_units(comparison)
     write_atomic(place / "spectra.npz", _saved(spectra))
     if not found.model.force.has(Structural):
         write_atomic(place / "kernel.py", kernel.generate(found.model.force))
@@ -91,6 +92,16 @@ def write_multisine_files(
     provenance = collect_provenance(case, spectra, spent, command)
     page = _page(subject, spectra, found, comparison, prediction, drawings, provenance)
     write_atomic(place / "report.html", page)
+    if case is not None:
+        write_multisine_notebook(
+            place / "notebook.ipynb",
+            case,
+            spectra,
+            cast("MultisineIdentification", identification),
+            judged,
+            prediction,
+            drawings,
+        )
 
 
 def _saved(spectra: MultisineSpectra) -> bytes:

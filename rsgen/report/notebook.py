@@ -25,7 +25,15 @@ from rsgen.report.notebook_cells import KnownResults, execute_cells
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 
-__all__ = ["build_notebook", "known_results", "literal", "prose", "write_notebook"]
+__all__ = [
+    "build_notebook",
+    "known_results",
+    "literal",
+    "prose",
+    "render_lesson",
+    "save_lesson",
+    "write_notebook",
+]
 
 _SURFACE_FILE = "surface.h5"
 _METADATA = {
@@ -130,24 +138,26 @@ def build_notebook(
     surface_file
         Where a measured case finds its surface: a file beside the notebook.
     """
-    text = (
-        _environment()
-        .get_template("notebook/lesson.txt")
-        .render(
-            title=case.title or case.name,
-            across=any(element.across for element in case.model.elements),
-            source=case.source,
-            name=case.name,
-            case_text=case.text,
-            simulated=isinstance(case.test, SimulatedTest),
-            known=case.truth is not None,
-            mean=mean,
-            held_out=held_out,
-            loops=loops,
-            ranked=case.ranked,
-            surface_file=surface_file,
-        )
+    return render_lesson(
+        "notebook/lesson.txt",
+        title=case.title or case.name,
+        across=any(element.across for element in case.model.elements),
+        source=case.source,
+        name=case.name,
+        case_text=case.text,
+        simulated=isinstance(case.test, SimulatedTest),
+        known=case.truth is not None,
+        mean=mean,
+        held_out=held_out,
+        loops=loops,
+        ranked=case.ranked,
+        surface_file=surface_file,
     )
+
+
+def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
+    """Write the cells of a template, not yet executed; every value is written as literal or as prose."""
+    text = _environment().get_template(template).render(**values)
     pieces = _CELL.split(text)[1:]
     write: Any = nbformat.v4  # its functions have no types
     make = {"code": write.new_code_cell, "markdown": write.new_markdown_cell}
@@ -236,6 +246,11 @@ def write_notebook(
         A cell failed; the notebook with its traceback is on disk.
     """
     notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops, surface_file=surface_file)
+    save_lesson(path, notebook, results)
+
+
+def save_lesson(path: Path, notebook: nbformat.NotebookNode, results: KnownResults | None) -> None:
+    """Execute a lesson and save it, even where a cell fails; an RsgenError says which."""
     fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.writes  # has no types

@@ -104,6 +104,10 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Cal
     assert '<math display="block">' in page
     stored = np.load(out / "lines" / "spectra.npz")
     np.testing.assert_array_equal(stored["response"], rsgen.read(folder / "lines.toml").response)
+    notebook = json.loads((out / "lines" / "notebook.ipynb").read_text(encoding="utf-8"))
+    shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
+    assert "3 records of 6 periods" in shown["spectra"]
+    assert "image/png" in shown["figure-predicted-record"]
     again = run_cli("report", folder / "lines.toml", "--out", out)
     assert again.code == 0, again
 
