@@ -31,7 +31,13 @@ from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 
-__all__ = ["MultisineIdentification", "check_records", "held_out_records", "identify_multisine"]
+__all__ = [
+    "MultisineIdentification",
+    "check_records",
+    "held_out_records",
+    "identify_multisine",
+    "refuse_across",
+]
 
 _POOR, _MEANINGLESS = 0.05, 0.2
 """Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
@@ -80,6 +86,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     RsgenError
         A held-out level is not in the records, nothing is left, or the observation asks for a background.
     """
+    refuse_across(model)
     observation = model.observation
     held = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held))
@@ -92,6 +99,22 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         values, mass = start_values(lines, law, model.mass)
         fit = fit_lines(lines, law, model.mass, values, mass)
         return _judge(spectra, lines, law, model, fit)
+
+
+def refuse_across(model: Model) -> None:
+    """Refuse a law that acts across two sensors: the spectra have the motion of one.
+
+    Raises
+    ------
+    RsgenError
+        An element says so.
+    """
+    names = ", ".join(element.name for element in model.elements if element.across)
+    if names:
+        raise RsgenError(
+            f"element: {names}: acts across two sensors, but a multisine is identified with the motion of "
+            "one; make the response that difference, or measure stepped or swept sines"
+        )
 
 
 def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rsgen.case import Case
 from rsgen.errors import RsgenError
 from rsgen.identification.data import select_points
-from rsgen.identification.multisine import check_records
+from rsgen.identification.multisine import check_records, refuse_across
 from rsgen.identification.repeats import gather_repeats
 from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import MultisineTest, SimulatedTest
@@ -60,6 +60,7 @@ def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:
     place, observation = case.path.name, case.observation
     faults = _unranked(case)
     try:
+        refuse_across(case.model)
         check_records(spectra, observation)
     except RsgenError as fault:
         faults.append(f"{place}: {fault}")

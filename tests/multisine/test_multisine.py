@@ -122,6 +122,12 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
     assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]
 
 
+def test_a_law_across_two_sensors_is_refused() -> None:
+    law = rsgen.make_element("joint", "k*x + c*v", across="payload - wing")
+    with pytest.raises(RsgenError, match="joint: acts across two sensors"):
+        rsgen.identify(spectra(duffing, SIZES), law)
+
+
 def test_what_a_test_does_not_tell_is_not_a_number() -> None:
     found = rsgen.identify(spectra(duffing, SIZES), "ka*x + kb*x + k2*x**2 + k3*x**3 + c*v")
     assert not found["ka"].identifiable

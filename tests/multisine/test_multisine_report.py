@@ -151,6 +151,12 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
     assert "5 N is not tested; tested are 1, 4, 8 N" in " ".join((checked.out + checked.err).split())
+    text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]', '"4 m/s^2"]', 1)
+    text = text.replace("[test.force]\n", '[test.base]\nquantity = "acceleration"\n')
+    text = text.replace('["1 N", "4 N", "8 N"]', '["1 m/s^2", "4 m/s^2", "8 m/s^2"]')
+    (folder / "odd.toml").write_text(text, encoding="utf-8")
+    checked = run_cli("check", folder / "odd.toml")
+    assert "a multisine is read with a force on the mass" in " ".join((checked.out + checked.err).split())
     noted = run_cli("notebook", folder / "lines.toml")
     assert "a multisine has no response surface" in " ".join((noted.out + noted.err).split())
     with pytest.raises(RsgenError, match="they go with what was identified from a multisine"):
