@@ -30,6 +30,7 @@ from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import is_systematic
 from rsgen.identification.multisine import identify_multisine
 from rsgen.identification.observed import Observed, shape_of
+from rsgen.identification.phase_resonance import resonance_findings
 from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
@@ -265,6 +266,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("nothing-identifiable", "doubt"))
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
+    about = (*about, *resonance_findings(kept, model.mass))
     general = Findings(surface, points, refined, resonances, agreement)
     return Identification(
         model=model,

@@ -27,6 +27,7 @@ from rsgen.identification.modal_fit import ModeProblem, SeenMode, choose_splines
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
 from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.observed import Observed
+from rsgen.identification.phase_resonance import at_resonance_alone, in_quadrature
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
 from rsgen.identification.tolerances import ANY_LAW, EXCESS
@@ -54,9 +55,6 @@ _FEWEST = 4
 _KNOWN = 0.2
 """Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
 
-_QUADRATURE = 0.2
-"""Points at phase resonance: cotangent of a lag 11 degrees from a quarter period, farther than loops hold."""
-
 _SCATTERED = 0.05
 """Misfit from which on a reader is told: more than most noise, and than one harmonic leaves of most laws."""
 
@@ -65,9 +63,6 @@ _NORMAL = 1.96
 
 _ASSUMED = 0.01
 """Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
-
-_OFF = 2
-"""At least as many points off resonance determine a mass, one on either side or two slices."""
 
 _DAMPED = 0.05
 """Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
@@ -166,19 +161,13 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
     return SeenMode(observed, mode, background, tested).select(rows)
 
 
-def _in_quadrature(mode: Points) -> NDArray[np.bool_]:
-    """(n,) True where the response lags the force by nearly a quarter period."""
-    stiffness = mode.force / mode.harmonics[:, 1]
-    return np.asarray(np.abs(stiffness.real) < _QUADRATURE * np.abs(stiffness.imag))
-
-
 def _mass_known(modal: ModeProblem, found: Regression) -> bool:
     """Whether the mass was given, or is positive and sure enough."""
     if modal.given is not None:
         return True
     _, mass, _ = modal.split(found.parameters)
     place = modal.coefficients
-    if np.count_nonzero(~_in_quadrature(modal.seen.mode)) < _OFF:
+    if at_resonance_alone(modal.seen.mode):
         # only that the splines are simple would determine it
         return False
     return bool(mass > 0 and found.covariance[place, place] < (_KNOWN * mass) ** 2)
@@ -187,7 +176,7 @@ def _mass_known(modal: ModeProblem, found: Regression) -> bool:
 def _at_phase_resonance(seen: SeenMode) -> tuple[ModeProblem, Regression]:
     """Fit k/m and c with any mass to the points at phase resonance."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
-    rows = np.flatnonzero(_in_quadrature(seen.mode))
+    rows = np.flatnonzero(in_quadrature(seen.mode))
     if len(rows) < _FEWEST:
         raise RsgenError(
             f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "

@@ -118,8 +118,9 @@ def test_without_a_mass_the_damper_alone_is_identified():
         noisy(locked(oscillator(), level=np.linspace(1, 12, 12)), 0.01, 1), "k*x + k3*x**3 + c*v"
     )
     assert found["c"].value == pytest.approx(C, rel=0.02)
-    assert not found["k"].identifiable
-    assert not found["m"].identifiable
+    assert found["m"].standard_error > 0.2 * abs(found["m"].value) or not found["m"].identifiable
+    assert found.verdict.state == "doubtful"
+    assert "mass-at-resonance" in [finding.code for finding in found.verdict.decided_by]
 
 
 @pytest.mark.parametrize(

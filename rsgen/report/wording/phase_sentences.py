@@ -27,6 +27,10 @@ say_plainly(
             "at some frequency the force falls while the amplitude grows, so the test is read as a "
             'control-based continuation; if it was none, write control = "force" under [test]'
         ),
+        "mass-at-resonance": (
+            "all {points:.0f} points lie at phase resonance, where k - m omega^2 vanishes whatever the mass "
+            "is; the damping and the ratio of stiffness to mass are identified, no more"
+        ),
         "phase-resonance": (
             "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked; if it "
             'was not, write control = "force" under [test]'
@@ -35,6 +39,10 @@ say_plainly(
 )
 
 NEXT_STEPS |= {
+    "mass-at-resonance": (
+        "Give the mass under [system], or measure one slice off resonance: some frequencies on both sides at "
+        "one level."
+    ),
     "phase-lag-off": (
         "Look at the phase of the loop's filters and at the sense and quantity of the response; the loop is "
         "to hold 90 degrees between force and displacement."
