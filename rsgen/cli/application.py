@@ -61,9 +61,7 @@ Settings = Annotated[
         "--set", help="A parameter (or omega) of the picture: name=value; others are 1.", show_default=False
     ),
 ]
-Amplitude = Annotated[
-    str | None, typer.Option(help="Largest amplitude of the picture, m or with unit.", show_default=False)
-]
+Amplitude = Annotated[str | None, typer.Option(help="Largest amplitude, as '2 mm'.", show_default=False)]
 Surface = Annotated[
     Path | None,
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
@@ -392,9 +390,11 @@ def laws(
 
     \b
     Examples:
-      rsgen laws
       rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
     """
     from rsgen.cli.laws_command import laws_command
 
     raise typer.Exit(laws_command(name, plot, settings or [], amplitude, json))
+
+
+from rsgen.cli import modal_application  # noqa: E402, F401 - one more command

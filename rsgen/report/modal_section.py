@@ -14,7 +14,7 @@ from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.surface import ResponseSurface
 from rsgen.units.scale import choose_scale, number_text
 
-__all__ = ["NO_MODAL", "Modal", "modal_entry", "modal_page_table", "tabulate_mode"]
+__all__ = ["NO_MODAL", "Modal", "modal_entry", "modal_page_table", "score_held_out", "tabulate_mode"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +59,14 @@ def tabulate_mode(surface: ResponseSurface, identification: Identification) -> M
         table = modal_table(surface, identification.model)
     except RsgenError as fault:
         return Modal(reason=str(fault))
-    if not (identification.model.observation.hold_out and "damping_ratio" in table.known):
-        return Modal(table)
-    return Modal(table, held_out=predict(table, None, surface).held_out)
+    return Modal(table, held_out=score_held_out(table, surface))
+
+
+def score_held_out(table: ModalTable, surface: ResponseSurface) -> tuple[HeldOutLevel, ...]:
+    """Predict the levels held out from a table, where its mass is known; none where none was held out."""
+    if not (table.test.observation.hold_out and "damping_ratio" in table.known):
+        return ()
+    return predict(table, None, surface).held_out
 
 
 def _finite(value: float) -> float | None:
