@@ -34,8 +34,12 @@ but noise and a shaker that drops do a part of it."""
 _TWO = 2
 """At least as many points of a run lie behind its fold: one is an error of reading."""
 
-_SAID = {"response": "response-held", "phase": "phase-resonance", "continuation": "continuation-recognised"}
-"""The finding that says what was recognised."""
+_RECOGNISED = {
+    "response": [Finding("response-held", "info")],
+    "phase": [Finding("phase-resonance", "info")],
+    "continuation": [Finding("continuation-recognised", "info")],
+}
+"""What says that it was recognised."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +73,8 @@ def hold(
     block, files
         (n,) numbers of blocks, and of files.
     """
-    findings, stable = [], None
+    findings: list[Finding] = []
+    stable = None
     spread = test.level.spread
     control: str = test.control or "force"
     if test.control is None and test.force is not None and run is not None and spread is None:
@@ -78,8 +83,8 @@ def hold(
         control = "phase"
     if test.control is None and run is None and spread is None and _folded(frequency, force, displacement):
         control = "continuation"
-    if control != "force" and test.control is None:
-        findings.append(Finding(_SAID[control], "info"))
+    if test.control is None:
+        findings += _RECOGNISED.get(control, [])
     if control == "phase" and not test.phase_known:
         # what the loop is for
         displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))

@@ -55,6 +55,7 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
         "scatter": Quantity(float(np.degrees(np.std(off)))),
         "shift": Quantity(float(2 * abs(np.tan(missed)))),
     }
-    severity: Severity = "info" if abs(missed) < _HELD else "warning" if abs(missed) < _LOST else "doubt"
-    code = "phase-lag-held" if severity == "info" else "phase-lag-off"
-    return (Finding(code, severity, numbers=numbers),)
+    if abs(missed) < _HELD:
+        return (Finding("phase-lag-held", "info", numbers=numbers),)
+    severity: Severity = "warning" if abs(missed) < _LOST else "doubt"
+    return (Finding("phase-lag-off", severity, numbers=numbers),)
