@@ -90,7 +90,7 @@ def _plan(case: Case) -> dict[str, Any]:
         "case": case.name,
         "title": case.title,
         "parameters": list(case.model.parameters),
-        "identifies": [*(["m"] if case.model.mass is None else []), *case.model.parameters],
+        "identifies": [*(["m"] if _finds_mass(case, surface) else []), *case.model.parameters],
         "warnings": warnings,
         **kind,
         "seconds": {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()},
@@ -117,6 +117,12 @@ def _measured(table: ResponseSurface | MultisineSpectra, test: MeasuredTest) -> 
     if isinstance(table, MultisineSpectra):
         kind |= {"records": len(table), "periods": table.periods}
     return kind
+
+
+def _finds_mass(case: Case, surface: object) -> bool:
+    """Whether the mass is identified: where it is not given, and no driven base hides it."""
+    per_mass = isinstance(surface, ResponseSurface) and surface.per_mass
+    return case.model.mass is None and not per_mass
 
 
 def _takes(plan: dict[str, Any]) -> str:

@@ -124,8 +124,8 @@ def _panel(
     axes.set_ylabel(y.label(what.capitalize()))
     axes.legend(loc="upper left")
     text = (
-        f"The {what} is {quantity_text(force[-1], 'N', 3)} at {quantity_text(place[-1], unit, 3)} and "
-        f"{quantity_text(force[0], 'N', 3)} at {quantity_text(place[0], unit, 3)}"
+        f"The {what} is {quantity_text(force[-1], force_unit, 3)} at {quantity_text(place[-1], unit, 3)} and "
+        f"{quantity_text(force[0], force_unit, 3)} at {quantity_text(place[0], unit, 3)}"
     )
     if true is not None and np.isfinite(force).all():
         largest = float(np.max(np.abs(true)))

@@ -33,6 +33,7 @@ from rsgen.figures.responses import choose_levels
 from rsgen.identification import Identification
 from rsgen.motion import cycle_work
 from rsgen.surface import ResponseSurface
+from rsgen.units import per_mass_unit
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["draw_energy", "draw_loops"]
@@ -120,8 +121,9 @@ def draw_loops(
             if values is not None:
                 lines.append((name, style, loop_force(identification.model, values, loops.motion)))
     figure, panels = take_axes(ax, 2, (4.4, 5.2), sharex=True)
-    x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, "N")
-    open_y = choose_scale(loops.force[-1] - _chord(loops.displacement[-1], loops.force[-1]), "N")
+    unit = per_mass_unit("N") if surface.per_mass else "N"
+    x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, unit)
+    open_y = choose_scale(loops.force[-1] - _chord(loops.displacement[-1], loops.force[-1]), unit)
     for axes, scale, chord in zip(panels, (y, open_y), (False, True), strict=False):
         for i, (place, force) in enumerate(zip(loops.displacement, loops.force, strict=True)):
             shown = [("measured", POINT, place, force)]

@@ -153,7 +153,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         return Drawing("responses", figure, caption, text, ax is None)
     peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
     largest = "; ".join(
-        f"{quantity_text(forces[float(p.level[0])], 'N', 3)}: {quantity_text(p.amplitude[0], 'm', 3)} at "
+        f"{quantity_text(forces[float(p.level[0])], surface.force_unit, 3)}: "
+        f"{quantity_text(p.amplitude[0], 'm', 3)} at "
         f"{quantity_text(p.frequency[0], 'Hz', 5)}"
         for p in peaks
     )
@@ -209,7 +210,9 @@ def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
 
 def _level_text(item: HeldOutLevel) -> str:
     """Name the level: a force, or the amplitude where that was held."""
-    symbol = {"N": "F", "m": "X"}.get(item.level_unit, "base")
+    # a force that was held has no number, and a length beside a force is that of a base
+    held = {"N": "F", "m": "X"} if np.isnan(item.force) else {"N": "F"}
+    symbol = held.get(item.level_unit, "base")
     name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
     if abs(item.force - item.level) > _OTHER * item.level:
         name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"

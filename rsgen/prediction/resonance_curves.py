@@ -122,6 +122,8 @@ def predict(
     if surface is not None:
         held_out = _score(found, balance, surface)
         findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
+        if surface.base in ("displacement", "velocity"):
+            findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     return Prediction(curves, held_out, tested, (*_findings(tested, curves, held_out), *findings))
 
 

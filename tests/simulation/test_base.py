@@ -9,6 +9,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.errors import CaseError, RsgenError
+from rsgen.figures import draw_held_out
 from rsgen.study.run_case import obtain_surface
 
 LAW = "k*x + k3*x**3 + c*v"
@@ -64,6 +65,20 @@ def test_a_held_out_level_is_predicted_with_and_without_the_mass():
         assert (item.level, item.level_unit, item.force_unit) == (0.5, "m/s^2", unit)
         assert item.force == pytest.approx(force)
         assert prediction[force].level_unit == unit
+
+
+@pytest.mark.parametrize("base", LEVELS)
+def test_curves_of_a_base_say_what_they_hold(base):
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
+    held = rs.Observation(hold_out=(LEVELS[base][0],))
+    prediction = rs.predict(rs.identify(surface, LAW, held), surface=surface)
+    said = "curves-of-constant-acceleration" in {finding.code for finding in prediction.findings}
+    assert said == (base != "acceleration")
+    (item,) = prediction.held_out
+    assert item.error < 1e-6
+    words = draw_held_out(prediction).alternative
+    assert words.startswith("base = ")
+    assert "m/s²" in words
 
 
 def test_a_ranking_finds_the_law_and_no_mass():

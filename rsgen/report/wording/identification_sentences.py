@@ -14,6 +14,11 @@ say_plainly(
             "the base was driven and no mass is given: parameters are per unit mass, N/m/kg in place of N/m; "
             "give the mass to have them whole"
         ),
+        "curves-of-constant-acceleration": (
+            "the test held the {base} of the base; predicted curves are those of a constant acceleration, "
+            "the one measured near the resonance of each level, and differ off resonance; held-out levels "
+            "are predicted with the measured motion of the base"
+        ),
         "predicted-along-measured": (
             "the law acts across {sensors}: held-out levels are predicted with the motion across in "
             "proportion to the response as it was measured there, and there are no curves, which would need "
