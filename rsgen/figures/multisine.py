@@ -74,11 +74,15 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
 def _said(one: BestLinear) -> str:
     """The best linear approximation of one level in numbers."""
     noise = f"{number_text(100 * one.noise_share, 2)} %" if np.isfinite(one.noise_share) else "not known"
+    apart = ""
+    if np.isfinite(one.even_share) and np.isfinite(one.odd_share):
+        even, odd = (number_text(100 * share, 2) for share in (one.even_share, one.odd_share))
+        apart = f", at even lines {even} %, at odd lines that are not excited {odd} %"
     return (
         f"At {quantity_text(one.level, 'N', 3)}: natural frequency "
         f"{quantity_text(one.natural_frequency, 'Hz', 5)}, damping ratio "
         f"{number_text(100 * one.damping_ratio, 3)} %, distortion "
-        f"{number_text(100 * one.distortion_share, 2)} % of the response, noise {noise}."
+        f"{number_text(100 * one.distortion_share, 2)} % of the response{apart}, noise {noise}."
     )
 
 

@@ -101,6 +101,16 @@ class BestLinear:
         return _share(self.distortion, self.response)
 
     @property
+    def even_share(self) -> float:
+        """Response at the even lines over that at the excited ones [1]; NaN where even lines are excited."""
+        return float("nan") if self.even is None else _share(self.even.response, self.response)
+
+    @property
+    def odd_share(self) -> float:
+        """Response at odd lines that are not excited over that at the excited ones [1]; NaN as above."""
+        return float("nan") if self.odd is None else _share(self.odd.response, self.response)
+
+    @property
     def noise_share(self) -> float:
         """Noise of the mean over the response at the excited lines [1]; NaN of one period."""
         return _share(self.noise, self.response)

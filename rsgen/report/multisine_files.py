@@ -130,6 +130,8 @@ def _best_linear_entry(one: BestLinear) -> dict[str, Any]:
         "mass": finite_or_none(one.mass),
         "distortion": finite_or_none(one.distortion_share),
         "noise": finite_or_none(one.noise_share),
+        "even_lines": finite_or_none(one.even_share),
+        "odd_lines": finite_or_none(one.odd_share),
         "frequency": numbers_or_none(one.frequency),
         "receptance_real": numbers_or_none(one.receptance.real),
         "receptance_imaginary": numbers_or_none(one.receptance.imag),
@@ -220,6 +222,8 @@ def _levels_table(found: MultisineIdentification) -> Table:
                 cell(100 * one.damping_ratio),
                 cell(one.stiffness / stiffness.factor, 5),
                 Cell(error_text(one.distortion_share)),
+                Cell(error_text(one.even_share)),
+                Cell(error_text(one.odd_share)),
                 Cell(error_text(one.noise_share)),
             )
         )
@@ -232,7 +236,9 @@ def _levels_table(found: MultisineIdentification) -> Table:
         "Natural frequency [Hz]",
         "Damping ratio [%]",
         stiffness.label("k"),
-        "Distortion",
+        "Distortion at excited lines",
+        "at even lines",
+        "at other odd lines",
         "Noise",
     )
     return Table("Best linear approximation of each level", columns, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -199,26 +199,20 @@ def test_random_and_unsteady_records_are_refused_with_what_to_record() -> None:
         from_multisine(steady, period=500)
 
 
-SILVERBOX = Path(os.environ.get("RSGEN_DATA", "/nonexistent")) / "silverbox"
-
-
-@pytest.mark.skipif(not SILVERBOX.exists(), reason="measured data are not here")
-def test_silverbox_as_published() -> None:
+@pytest.mark.slow
+def test_silverbox_as_published(measured_data: Callable[[str], Path]) -> None:
     """Noel and Schoukens, Int. J. Control 2017: quadratic -0.256, cubic 3.98 with k = 1; 68.58 Hz, 4.68 %."""
-    from scipy.io import loadmat
-
-    records = []
-    for level in (5, 50, 100):
-        force, response = (
-            loadmat(SILVERBOX / f"SNJP_{name}m_{level}.mat")[f"{name}m"].ravel() for name in "uy"
-        )
-        records.append(TimeHistory(2441.40625, force, response, level=level / 1000))
-    read = from_multisine(records)
+    folder = measured_data("silverbox").parent
+    case = rsgen.load_case(Path(__file__).parents[1] / "cases" / "silverbox.toml", folder)
+    read = rsgen.read(case)
     assert read.omega0 / 2 / np.pi == pytest.approx(2441.40625 / 8192)
     low = rsgen.best_linear(read)[0]
     assert low.natural_frequency == pytest.approx(68.58, rel=3e-3)
     assert low.damping_ratio == pytest.approx(0.0468, rel=0.03)
-    found = rsgen.identify(read, LAW, rsgen.Observation(calibrated=False, band=(5, 150)))
-    stiffness = found["k"].value
-    assert found["k2"].value / stiffness == pytest.approx(-0.256, rel=0.02)
-    assert found["k3"].value / stiffness == pytest.approx(3.98, rel=0.02)
+    for observation in (case.observation, rsgen.Observation(calibrated=False)):
+        found = rsgen.identify(read, case.model, observation)
+        stiffness = found["k"].value
+        assert found["k2"].value / stiffness == pytest.approx(-0.256, rel=0.02)
+        assert found["k3"].value / stiffness == pytest.approx(3.98, rel=0.02)
+    (middle,) = rsgen.predict(rsgen.identify(read, case.model)).records
+    assert middle.error < 0.01

@@ -84,6 +84,8 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
     # an odd law answers odd lines at odd ones
     assert high.even.response.max() < 1e-9 * high.response.max()
     assert high.odd.response.max() > 1e-3 * high.response.max()
+    assert high.even_share < 1e-9 < 1e-3 < high.odd_share
+    assert np.isnan(rsgen.best_linear(simulated("cubic", lines="all"))[0].even_share)
 
 
 CASE = """
