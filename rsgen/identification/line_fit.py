@@ -14,7 +14,15 @@ from rsgen.identification.tolerances import CHANCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
 from rsgen.multisine.spectra import smooth
 
-__all__ = ["LineFit", "errors_of", "fit_lines", "parts_of_band", "relative_to_force", "times_noise"]
+__all__ = [
+    "LineFit",
+    "delay_between",
+    "errors_of",
+    "fit_lines",
+    "parts_of_band",
+    "relative_to_force",
+    "times_noise",
+]
 
 _ROUNDS = 3
 """Fits, each with the weights of the one before: two settle them, the others see to it."""
@@ -200,6 +208,21 @@ def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covaria
     known = np.diag(covariance)
     ratio = np.sqrt(np.maximum(moved / np.where(known > 0, known, np.inf), 1.0))
     return np.outer(ratio, ratio)
+
+
+def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[float, float, float]:
+    """Time by which the response comes later than the force [s], its error, and the share of misfit left.
+
+    Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds i omega F
+    to it. It is fitted beside all parameters.
+    """
+    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    column = (lines.rate * lines.spectra.mean_force)[lines.used] * np.sqrt(2 / fit.variance)[lines.used]
+    more = np.column_stack([matrix, np.stack([column.real, column.imag], axis=1).reshape(-1)])
+    change, inverse, _ = solve_scaled(more, right)
+    alone = right - matrix @ solve_scaled(matrix, right)[0]
+    left = float(np.linalg.norm(right - more @ change)) / max(float(np.linalg.norm(alone)), 1e-300)
+    return float(change[-1]), float(np.linalg.norm(inverse[-1])), left
 
 
 def parts_of_band(lines: Lines) -> NDArray[np.intp]:

@@ -16,6 +16,7 @@ from rsgen.identification.fit import Solution
 from rsgen.identification.line_balance import Lines, lines_of
 from rsgen.identification.line_fit import (
     LineFit,
+    delay_between,
     errors_of,
     fit_lines,
     parts_of_band,
@@ -25,7 +26,7 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.identification.tolerances import CHANCE, EXCESS, NULL_PART
+from rsgen.identification.tolerances import CHANCE, EXCESS, NOTICEABLE, NULL_PART, SIGMAS
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
 from rsgen.observation import Observation
@@ -39,6 +40,8 @@ __all__ = [
     "refuse_across",
 ]
 
+_TAKEN = 0.5
+"""A delay that takes up more than this share of a misfit is there."""
 _POOR, _MEANINGLESS = 0.05, 0.2
 """Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
 
@@ -168,6 +171,7 @@ def _judge(
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
+    findings += _delay_findings(lines, fit, misfit, model.mass)
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if not model.observation.calibrated:
         findings.append(Finding("not-calibrated", "info"))
@@ -273,6 +277,15 @@ def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list
     if covariance is not None and fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found
+
+
+def _delay_findings(lines: Lines, fit: LineFit, misfit: float, given: float | None) -> list[Finding]:
+    """Find a delay between force and response that takes up most of the misfit; none or one."""
+    delay, error, left = delay_between(lines, fit, given)
+    if misfit < NOTICEABLE or left > 1 - _TAKEN or abs(delay) < SIGMAS * error:
+        return []
+    numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
+    return [Finding("channels-delayed", "doubt", numbers=numbers)]
 
 
 def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:

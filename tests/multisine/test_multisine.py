@@ -122,6 +122,18 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
     assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]
 
 
+def test_a_delay_between_the_channels_is_named_with_its_size() -> None:
+    good = spectra(duffing, SIZES, noise=1e-3, periods=8)
+    delay = 1e-3
+    late = good.response * np.exp(-1j * good.lines * OMEGA0 * delay)
+    found = rsgen.identify(rsgen.MultisineSpectra(good.level, OMEGA0, good.force, late), LAW)
+    (said,) = [finding for finding in found.findings if finding.code == "channels-delayed"]
+    assert said["delay"] == pytest.approx(delay, rel=0.02)
+    assert not found.verdict.usable
+    codes = [finding.code for finding in rsgen.identify(good, LAW).findings]
+    assert "channels-delayed" not in codes
+
+
 def test_a_law_across_two_sensors_is_refused() -> None:
     law = rsgen.make_element("joint", "k*x + c*v", across="payload - wing")
     with pytest.raises(RsgenError, match="joint: acts across two sensors"):

@@ -16,6 +16,10 @@ say_plainly(
             "{record}: the level is {level:.3q}, but the force has {rms:.3q} rms; in other records the ratio "
             "of both is another one"
         ),
+        "channels-delayed": (
+            "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
+            "off the misfit is {left:.2p} in place of {misfit:.2p}"
+        ),
         "one-period": (
             "one period of each record: noise and misfit cannot be told apart, and the intervals take the "
             "misfit for noise; record several periods"
@@ -53,6 +57,10 @@ NEXT_STEPS.update(
     {
         "multisine-level-differs": (
             "Check that test.level.values stand in the order of test.file, and are root mean squares."
+        ),
+        "channels-delayed": (
+            "Check filters and sampling of both channels; name them under [test.channels] and give one this "
+            "delay, or shift its samples."
         ),
         "record-not-predicted": _WITH_IT,
         "record-missed": _WITH_IT,
