@@ -213,8 +213,8 @@ def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covaria
 def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[float, float, float]:
     """Time by which the response comes later than the force [s], its error, and the share of misfit left.
 
-    Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds i omega F
-    to it. It is fitted beside all parameters.
+    Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds
+    i omega F to it. It is fitted beside all parameters.
     """
     matrix, right = _rows(lines, fit.balance, fit.variance, given)
     column = (lines.rate * lines.spectra.mean_force)[lines.used] * np.sqrt(2 / fit.variance)[lines.used]
