@@ -40,6 +40,7 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
         wrong = True
         yield "quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"
     if not wrong:
+        yield from _excitation_faults(test)
         yield from _base_faults(test)
 
 
@@ -68,13 +69,26 @@ def _sum_faults(test: MeasuredTest, what: str, signal: Signal | None) -> Iterato
         )
 
 
+def _excitation_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
+    """Find excitations whose evaluation knows one force and one response only."""
+    kind = "" if test.history is None else test.history.excitation
+    if kind not in ("ring-down", "multisine"):
+        return
+    for what, there in (("base", test.base), ("across", test.across)):
+        if there is not None:
+            yield (
+                what,
+                f"does not go with {kind!r}; swept sine, stepped sine or a table of amplitudes is needed",
+            )
+
+
 def _base_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     """Find what a driven base cannot have."""
     if test.base is None:
         return
     if test.force is not None:
         yield "base", "is driven, but there is a force; leave one of them out"
-    if test.per_force or test.control == "response":
+    if test.per_force or test.control in ("response", "continuation"):
         yield "base", "is driven by its motion; per_force and a held response need a force"
     if test.base.signal.channels is None and test.base.quantity is None:
         yield "base.quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"

@@ -9,8 +9,9 @@ import pytest
 
 import rsgen as rs
 from rsgen.errors import CaseError, MeasurementError
+from rsgen.measurement import HistoryRule
 from rsgen.measurement.histories import shifted
-from rsgen.measurement.signals import combination
+from rsgen.measurement.signals import BaseRule, Signal, combination
 
 F = np.linspace(6.0, 9.0, 25)
 OMEGA = 2 * np.pi * F
@@ -220,6 +221,14 @@ channels = "payload"
 def test_what_does_not_fit_is_said(tmp_path, test, elements, said):
     with pytest.raises(CaseError, match=said):
         rs.load_case(write(tmp_path, test, elements, a=(FORCE, WING, PAYLOAD)))
+
+
+@pytest.mark.parametrize("excitation", ["ring-down", "multisine"])
+def test_a_base_does_not_lose_its_unit_in_other_excitations(excitation):
+    history = HistoryRule(excitation, rate=400.0)
+    base = BaseRule(Signal(samples="b"), "relative", "acceleration")
+    with pytest.raises(MeasurementError, match=f"base: does not go with '{excitation}'"):
+        rs.MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
 
 
 @pytest.mark.slow
