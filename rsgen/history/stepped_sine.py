@@ -45,6 +45,8 @@ _PARTS = (0.9, 0.75, 0.6, 0.45, 0.3)
 """Last parts of a step; the longest that is settled is used."""
 _ON_FORCE = 2
 """Harmonics of the force that are fitted with its fundamental."""
+_HEARD = 4.0
+"""Standard deviations of its noise by which a harmonic of the force stands out: chance does one in 3000."""
 _TINY = np.finfo(float).tiny
 """Stands for an amplitude of zero in a quotient."""
 
@@ -53,7 +55,7 @@ _TINY = np.finfo(float).tiny
 class _Step:
     level: float | None
     frequency: float
-    force: complex
+    force: ComplexArray
     harmonics: ComplexArray
     change: float
     error: float
@@ -119,9 +121,9 @@ def from_stepped_sine(
         sweeps.append(_directions(np.array([s.frequency for s in fitted])))
     change = np.array([s.change for s in steps])
     return ResponseSurface(
-        level=name_levels([(s.level, abs(s.force)) for s in steps]),
+        level=name_levels([(s.level, abs(s.force[1])) for s in steps]),
         frequency=np.array([s.frequency for s in steps]),
-        force=np.array([s.force for s in steps]),
+        force=_same_width([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
         sweep=np.concatenate(sweeps),
         outcome=np.where(change <= _SETTLED, 0, 1),
@@ -231,6 +233,22 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
     return change, start
 
 
+def _heard(force: NDArray[Any], omega: float, orders: int, fundamental: complex) -> ComplexArray:
+    """(orders + 1,) harmonics of a force [N], those within its noise zero; no mean: no sensor holds one."""
+    found, left = fit_sine(force, omega, orders)
+    heard = np.where(np.abs(found) > _HEARD * left * np.sqrt(2 / len(force)), found, 0)
+    heard[0], heard[1] = 0, fundamental
+    return np.asarray(heard, dtype=np.complex128)
+
+
+def _same_width(rows: Sequence[ComplexArray]) -> ComplexArray:
+    """(n, K+1) rows of harmonics, those that a row does not have zero."""
+    table = np.zeros((len(rows), max(2, *map(len, rows)) if rows else 2), dtype=np.complex128)
+    for row, values in zip(table, rows, strict=True):
+        row[: len(values)] = values
+    return table
+
+
 def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: int) -> _Step | None:
     """Fit one step; None where it is too short."""
     orders = highest_order(harmonics, history.rate, omega * history.rate / (2 * pi))
@@ -249,7 +267,7 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
     return _Step(
         level=history.level,
         frequency=rate / (2 * pi),
-        force=complex(pushed[1]),
+        force=_heard(force, omega, orders, complex(pushed[1])),
         harmonics=table[0],
         change=change,
         error=float(error),

@@ -56,3 +56,22 @@ def test_harmonics_that_are_not_numbers_were_not_recorded():
     same = rs.identify(replace(surface, force=forces), LAW)
     sine = rs.identify(replace(surface, force_harmonics=np.zeros((len(surface), 2))), LAW)
     assert [e.value for e in same.refined] == [e.value for e in sine.refined]
+
+
+def test_a_stepped_sine_brings_the_harmonics_that_stand_out_of_the_noise():
+    rate, random = 1000.0, np.random.default_rng(2)
+    steps, records = [8.0, 9.0, 10.0], []
+    for f in steps:
+        t = np.arange(0, 12, 1 / rate)
+        turn = 2 * np.pi * f * t
+        force = 5 * np.cos(turn) + 0.3 * np.cos(2 * turn + 1.0) + 0.2 * np.cos(3 * turn - 0.5)
+        records.append((force + 0.05 * random.standard_normal(len(t)), 1e-3 * np.cos(turn - 1.0)))
+    force, response = (np.concatenate(parts) for parts in zip(*records, strict=True))
+    surface = rs.history.from_stepped_sine(rs.history.TimeHistory(rate, force, response))
+    clock = surface.force_harmonics * np.exp(-1j * np.angle(surface.force))[:, None] ** np.arange(
+        surface.force_harmonics.shape[1]
+    )
+    np.testing.assert_allclose(
+        clock[:, 1:4], np.tile([5, 0.3 * np.exp(1j), 0.2 * np.exp(-0.5j)], (3, 1)), atol=5e-3
+    )
+    assert not clock[:, [0, *range(4, clock.shape[1])]].any()
