@@ -158,9 +158,9 @@ def _fit(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
     found, sharp = _refine(problem, start)
     observed = problem.observed
-    if observed.points.load is not None:
-        # the simulator drives with a sine; a phase error turns all harmonics, and is known by now
-        return _refine(problem, found.regression.parameters)[0] if len(found.background) else found
+    if observed.points.load is not None and len(found.background):
+        # a phase error turns all harmonics of the force, and is known by now
+        found, sharp = _refine(problem, found.regression.parameters)
     if isinstance(problem.law, LawAtTwoPlaces):
         # only the measured motion across is known, and no steady state is asked for
         return found
@@ -200,7 +200,10 @@ def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
 
 
 def _refit_with_simulator(balanced: Fit) -> Fit:
-    """Replace the balance by the simulator where the law has jumps or corners."""
+    """Replace the balance by the simulator where the law has jumps or corners.
+
+    It drives with a sine: where harmonics of the force matter more than corners, the balance leaves less.
+    """
     problem = balanced.problem
     start, accuracy = balanced, _ACCURACIES[0]
     few = problem.observed.mode(balanced.background).spread(QUICK)

@@ -75,3 +75,10 @@ def test_a_stepped_sine_brings_the_harmonics_that_stand_out_of_the_noise():
         clock[:, 1:4], np.tile([5, 0.3 * np.exp(1j), 0.2 * np.exp(-0.5j)], (3, 1)), atol=5e-3
     )
     assert not clock[:, [0, *range(4, clock.shape[1])]].any()
+
+
+def test_a_law_with_jumps_takes_whichever_leaves_less():
+    surface = distorted()
+    found = rs.identify(surface, "k*x + k3*x**3 + c*v + Ff*sign(v)")
+    for name, true in (TRUE | {"m": MASS}).items():
+        assert found[name].value == pytest.approx(true, rel=1e-3)
