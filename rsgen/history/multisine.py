@@ -23,7 +23,7 @@ _SHORTEST = 16
 """Samples of the shortest period that is looked for: fewer have no room for many lines."""
 _STEADY = 1.5
 """A period this many times farther from the mean of the last ones than these typically are is transient."""
-_DRIFTS = 0.2
+_DRIFTS = 0.5
 """A scatter of the settled periods beyond this share of the response is no noise: nothing repeats there."""
 _FEWEST = 2
 """Periods of which each shows what the other has in noise."""
@@ -31,6 +31,8 @@ ROUND_OFF = 1e-12
 """Of a period's samples through a transform, relative to the response."""
 _APART = 1.5
 """Ratios of measured to nominal level that differ by more are no calibration: something is mixed up."""
+_COPY = 1e-4
+"""Lines of force and response that are parallel to this are one signal: a resonance turns the phase."""
 _STRETCH = 1 << 19
 """Samples in which the period is looked for: the transform stays small."""
 
@@ -111,19 +113,21 @@ def from_multisine(
     ]
     settled = min(len(force) - out for (force, _), out in zip(cut, left, strict=True))
     omega0 = 2 * np.pi * first.rate / length
-    rate = 1j * omega0 * np.arange(length // 2 + 1)
+    rate: ComplexArray = np.asarray(1j * omega0 * np.arange(length // 2 + 1), dtype=np.complex128)
     rate[0] = 1.0
     force = np.stack([f[len(f) - settled :] for f, _ in cut])
     response = np.stack([x[len(x) - settled :] for _, x in cut]) / rate ** DERIVATIVES[first.quantity]
     mean_known = first.quantity == "displacement"
     if not mean_known:
         response[:, :, 0] = 0.0
+    copies = _copies(records, force.mean(axis=1), response.mean(axis=1), rate)
     typical = rms(force.mean(axis=1))
     levels = name_levels([(record.level, float(one)) for record, one in zip(records, typical, strict=True)])
     step = Quantity(omega0 / 2 / np.pi, "Hz")
     numbers = quantities(samples=length, periods=settled, left_out=max(left), step=step)
     found = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
+    findings += copies
     ratio = typical / levels
     if ratio.max() > _APART * ratio.min():
         for end in (int(np.argmin(ratio)), int(np.argmax(ratio))):
@@ -140,6 +144,21 @@ def from_multisine(
         left_out=np.array(left, dtype=np.int64),
         findings=tuple(findings),
     )
+
+
+def _copies(
+    records: Sequence[TimeHistory], force: ComplexArray, response: ComplexArray, rate: ComplexArray
+) -> list[Finding]:
+    """Find records whose response, or a derivative of it, is the force times a number."""
+    findings = []
+    for record, one, other in zip(records, force[:, 1:], response[:, 1:], strict=True):
+        for power in DERIVATIVES.values():
+            moved = other * rate[1:] ** power
+            size = float(np.linalg.norm(one) * np.linalg.norm(moved))
+            if size > 0 and abs(complex(np.vdot(one, moved))) > (1 - _COPY) * size:
+                findings.append(Finding("response-copies-force", "doubt", names={"record": record.label}))
+                break
+    return findings
 
 
 def _common_period(records: Sequence[TimeHistory], given: int | None) -> int:

@@ -302,12 +302,13 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
                 )
             )
         return found
-    if times < EXCESS:
+    # exact data have no noise to compare with
+    if times < EXCESS or misfit < NOTICEABLE:
         if misfit > 2 * _POOR:
             return [
                 Finding(
                     "misfit-large",
-                    "error" if misfit > _MEANINGLESS else "doubt",
+                    "doubt" if misfit > _MEANINGLESS else "warning",
                     numbers=quantities(misfit=misfit),
                 )
             ]

@@ -117,6 +117,9 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
         codes = {finding.code for finding in found.findings}
         assert codes & {"structure-feeds-exciter", "mass-negative"}
     record = histories(6, np.zeros(0))
+    copied = from_multisine(TimeHistory(record.rate, record.force, 2 * np.asarray(record.force)))
+    assert [f.code for f in copied.findings if f.severity == "doubt"] == ["response-copies-force"]
+    assert not [f for f in from_multisine(record).findings if f.severity == "doubt"]
     weak = TimeHistory(record.rate, record.force, record.response, level=1.0, label="one")
     strong = TimeHistory(record.rate, record.force, record.response, level=2.0, label="two")
     assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]

@@ -20,6 +20,10 @@ say_plainly(
             "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
             "off the misfit is {left:.2p} in place of {misfit:.2p}"
         ),
+        "response-copies-force": (
+            "{record}: the response is the force times a number at every line: one channel stands for both, "
+            "or no resonance is near the lines"
+        ),
         "one-period": (
             "one period of each record: noise and misfit cannot be told apart, and the intervals take the "
             "misfit for noise; record several periods"
@@ -61,6 +65,9 @@ NEXT_STEPS.update(
         "channels-delayed": (
             "Check filters and sampling of both channels; name them under [test.channels] and give one this "
             "delay, or shift its samples."
+        ),
+        "response-copies-force": (
+            "Check which channel is the response, and that the lines reach the resonance."
         ),
         "record-not-predicted": _WITH_IT,
         "record-missed": _WITH_IT,
