@@ -278,11 +278,6 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     from rsgen.history import from_multisine, record_findings
     from rsgen.measurement.histories import read_histories
 
-    if test.base is not None:
-        raise MeasurementError(
-            "test.base: a multisine is read with a force on the mass; of a driven base give -m times its "
-            "acceleration as the force (channels with a factor)"
-        )
     histories = read_histories(test)
     if test.level.labels:
         histories = [replace(history, level=None) for history in histories]

@@ -156,7 +156,7 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     text = text.replace('["1 N", "4 N", "8 N"]', '["1 m/s^2", "4 m/s^2", "8 m/s^2"]')
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
-    assert "a multisine is read with a force on the mass" in " ".join((checked.out + checked.err).split())
+    assert "test.base: does not go with 'multisine'" in " ".join((checked.out + checked.err).split())
     noted = run_cli("notebook", folder / "lines.toml")
     assert "a multisine has no response surface" in " ".join((noted.out + noted.err).split())
     with pytest.raises(RsgenError, match="they go with what was identified from a multisine"):
