@@ -253,6 +253,8 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     misfit = float(found.noise * np.sqrt(2))
     if misfit > _SCATTERED:
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+    if surface.across is not None:
+        findings += (Finding("modal-across", "info"),)
     sure = not (modal.assumed or surface.per_mass)
     return ModalTable(
         amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),

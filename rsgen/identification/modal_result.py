@@ -183,7 +183,7 @@ class ModalTable(Printed):
                 cells.append(f"{short(row[name], 6)} ± {short(half, 2)}" if isfinite(half) else "")
             rows.append(tuple(cells))
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
-        mass = "mass not known"
+        mass = "per unit mass" if self.test.per_mass else "mass not known"
         if isfinite(self.mass):
             error = f" ± {short(_NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"

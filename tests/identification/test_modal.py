@@ -235,3 +235,23 @@ def test_a_response_of_the_wrong_sign_is_refused():
     turned = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, -SURFACE.harmonics[:, 1])
     with pytest.raises(RsgenError, match="feed the exciter"):
         rsgen.modal_table(turned)
+
+
+def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
+    test = rsgen.SimulatedTest(level=[1.0, 3.0], frequency=np.linspace(9.4, 10.8, 15), base="acceleration")
+    surface = rsgen.simulate(rsgen.Oscillator(MASS, "k*x + c*v", {"k": K1, "c": C1}), test)
+    per_mass, whole = rsgen.modal_table(surface), rsgen.modal_table(surface, mass=MASS)
+    assert "stiffness" not in per_mass.known
+    assert "per unit mass" in repr(per_mass)
+    np.testing.assert_allclose(per_mass.stiffness_per_mass, K1 / MASS, rtol=1e-5)
+    np.testing.assert_allclose(per_mass.damping_per_mass, C1 / MASS, rtol=1e-4)
+    np.testing.assert_allclose(whole.stiffness, K1, rtol=1e-5)
+    np.testing.assert_allclose(whole.damping, C1, rtol=1e-4)
+
+
+def test_a_motion_across_two_sensors_is_remarked():
+    across = ResponseSurface(
+        SURFACE.level, SURFACE.frequency, SURFACE.force, SURFACE.harmonics, across=0.5 * SURFACE.harmonics
+    )
+    assert "modal-across" in [finding.code for finding in rsgen.modal_table(across).findings]
+    assert rsgen.modal_table(SURFACE).findings == ()
