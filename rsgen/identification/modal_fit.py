@@ -40,11 +40,17 @@ force of points off resonance, where damping is small, by a few per cent of that
 _ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
 """Orders of the damping that are tried: those of dampers, joints and drag, and their sums."""
 
+_CURVED = 2
+"""Degree from which on a spline approximates; constants and straight lines are right, or are not chosen."""
+
 _ROUNDS = 3
 """Shape and orders hardly depend on each other."""
 
 _POINTS_A_COEFFICIENT = 2
 """At least as many points for each coefficient of k and of c: half of what they say is left to disagree."""
+
+_APART = 0.05
+"""Amplitudes within five per cent count as one, noise included: a coefficient needs one of its own."""
 
 _FLOOR = 1e-12
 """Misfits below are round-off, and one is as good as the other."""
@@ -106,7 +112,7 @@ class ModeProblem:
         return SplineMode(omega, self.basis, self.orders, mass_free=self.given is None)
 
     def solve(self) -> tuple[Array, float]:
-        """Parameters of the linear balance beside the background, and their BIC."""
+        """Parameters of the linear balance beside the background, and their corrected AIC, or BIC."""
         mode = self.seen.mode
         by = self.forward(mode.omega)(np.zeros(self.coefficients), 0.0, mode.amplitude).force_by
         size = np.abs(mode.force)
@@ -118,16 +124,24 @@ class ModeProblem:
         found, _, null = solve_scaled(np.asarray(matrix), np.asarray(right))
         misfit = float(np.mean((right - matrix @ found) ** 2))
         used = len(found) - null.shape[1]
-        # few points for many coefficients: as of the corrected AIC (Hurvich and Tsai, Biometrika 76, 1989)
-        price = np.log(len(right)) * len(right) / max(len(right) - used - 1, 1)
+        # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
+        each = np.log(len(right)) if len(self.seen.background) else 2.0
+        price = each * len(right) / max(len(right) - used - 1, 1)
         return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * price
 
 
 def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
-    """Choose the shape of the splines and the orders of the damping, each by BIC given the other."""
+    """Choose the shape of the splines and the orders of the damping, each by AIC given the other.
+
+    What is left out may then be as large as the noise, so that the next richer ones are fitted: intervals
+    are those of noise alone, and would not contain it. Beside a background, whose own error splines would
+    take up, the simplest ones by BIC are fitted.
+    """
     mode = seen.mode
-    count = np.count_nonzero(mode.amplitude >= seen.tested[0])
-    room = [s for s in _SHAPES if not s[0] or sum(s) * _POINTS_A_COEFFICIENT <= count]
+    size = mode.amplitude[mode.amplitude >= seen.tested[0]]
+    # one amplitude more than coefficients, so that each is seen; two are a line
+    most = min(len(size) // _POINTS_A_COEFFICIENT, max(_different(size) - 1, 2))
+    room = [s for s in _SHAPES if not s[0] or sum(s) <= most]
     shapes = [(*shape, power) for shape in room for power in _POWERS]
     wide = float(mode.omega.max() / mode.omega.min()) > _WIDE
     trials = _ORDERS if wide else _ORDERS[:1]
@@ -143,7 +157,26 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
         shape = min(shapes, key=lambda each: trial(some, each, orders).solve()[1])
         if before == (shape, orders):
             break
-    return trial(seen, shape, orders)
+    if len(seen.background):
+        return trial(seen, shape, orders)
+    # a sum of two may stand for one of three, as a curved spline for a more curved one
+    return trial(seen, _richer(shape, room), orders if len(orders) == 1 else trials[-1])
+
+
+def _different(amplitude: Array) -> int:
+    """Count amplitudes [m] that differ: few where they were held."""
+    place = np.sort(np.log(amplitude))
+    edges = np.flatnonzero(np.diff(place) > _APART) + 1
+    return sum(max(1, round((part[-1] - part[0]) / _APART)) for part in np.split(place, edges))
+
+
+def _richer(shape: tuple[int, int, int], room: list[tuple[int, int]]) -> tuple[int, int, int]:
+    """Take the next shape after a curved one: what the chosen one cannot follow is as large as its noise."""
+    degree, intervals, power = shape
+    place = room.index((degree, intervals))
+    if degree < _CURVED:
+        return shape
+    return (*room[min(place + 1, len(room) - 1)], power)
 
 
 def fit_splines(modal: ModeProblem) -> Regression:

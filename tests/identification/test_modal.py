@@ -255,3 +255,34 @@ def test_a_motion_across_two_sensors_is_remarked():
     )
     assert "modal-across" in [finding.code for finding in rsgen.modal_table(across).findings]
     assert rsgen.modal_table(SURFACE).findings == ()
+
+
+def test_intervals_contain_curves_that_no_spline_follows_exactly():
+    """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
+    X, f = np.meshgrid(np.geomspace(1e-3, 3e-2, 15), np.linspace(8.6, 10.6, 13), indexing="ij")
+    X, omega = X.ravel(), 2 * np.pi * f.ravel()
+
+    def curves(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ratio = size / 6e-3
+        return K1 * (1 - 0.12 * ratio / (1 + ratio)), K1 * 0.09 * ratio**0.7 / (1 + ratio) ** 1.6
+
+    def force(size: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        k, loss = curves(size)
+        return size * (k - MASS * rate**2 + 1j * (loss + rate * C1))
+
+    F = force(X, omega)
+    exact = ResponseSurface(X, f.ravel(), np.abs(F), X * np.exp(-1j * np.angle(F)), control="response")
+    at = np.geomspace(1.5e-3, 2.5e-2, 7)
+    k, loss = curves(at)
+    true = {"stiffness": k, "damping": C1 + loss / np.sqrt(k / MASS)}
+    hits = dict.fromkeys(true, 0)
+    runs = 16
+    for seed in range(runs):
+        table = rsgen.modal_table(noisy(exact, 0.01, seed)).at(at)
+        for name, wanted in true.items():
+            low, high = getattr(table, f"{name}_lower"), getattr(table, f"{name}_upper")
+            hits[name] += int(np.count_nonzero((low <= wanted) & (wanted <= high)))
+    count = runs * len(at)
+    # as above; the seven of a run depend on each other, so that they count as three
+    least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
+    assert all(hit >= least for hit in hits.values()), (hits, count)
