@@ -293,6 +293,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
             refined.background,
             np.diag(whole.covariance)[test.problem.count :],
             whole.freedom,
+            per_mass=surface.per_mass,
         ),
         findings=(
             *about,

@@ -223,7 +223,11 @@ def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model
         level_unit=surface.level_unit,
         per_mass=surface.per_mass,
         background=state_background(
-            modal.observed, modal.split(found.parameters)[2], variance, found.freedom
+            modal.observed,
+            modal.split(found.parameters)[2],
+            variance,
+            found.freedom,
+            per_mass=surface.per_mass,
         ),
     )
 

@@ -81,6 +81,18 @@ def test_curves_of_a_base_say_what_they_hold(base):
     assert "m/s²" in words
 
 
+def test_a_background_beside_a_driven_base_has_units_per_mass():
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", noise_relative=1e-3))
+    found = rs.identify(surface, LAW, rs.Observation(background="constant"))
+    assert [e.unit for e in found.background.estimates] == ["rad", "m/N*kg", "m/N*kg"]
+    whole = rs.identify(surface, LAW, rs.Observation(background="constant"), mass=MASS)
+    assert [e.unit for e in whole.background.estimates] == ["rad", "m/N", "m/N"]
+    # one receptance, in two units
+    assert found.background.estimates[1].value == pytest.approx(
+        whole.background.estimates[1].value * MASS, rel=1e-3
+    )
+
+
 def test_a_ranking_finds_the_law_and_no_mass():
     surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", accuracy=1e-6))
     ranking = rs.rank(surface, [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])
