@@ -41,7 +41,7 @@ from rsgen.identification.result import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.soundness import feeds_exciter
+from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.tolerances import NOISY, QUICK
 from rsgen.law import LawLike
@@ -169,6 +169,8 @@ def _fit(problem: Problem, start: Array) -> Fit:
     if problem.law.mean_free:
         # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
         return _add_harmonics(found)
+    if problem.law.remembers and runs_away(found):
+        return found
     if sharp and not feeds and found.regression.noise * np.sqrt(2) < _HOPELESS:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)

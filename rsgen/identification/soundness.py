@@ -21,6 +21,7 @@ __all__ = [
     "feeds_exciter",
     "limit_findings",
     "phase_findings",
+    "runs_away",
     "sign_findings",
 ]
 
@@ -46,6 +47,9 @@ _WHOLE = 0.25
 
 _SIGNS = 60
 """Points, evenly over the amplitude, at which the signs of k(X) and c(X) are looked at."""
+
+_BEYOND = 1.5
+"""Times the largest amplitude that transients reach on their way to a steady motion."""
 
 _PLACES = 0.05
 """Share of the points with a wrong sign below which it is an end of the range."""
@@ -188,6 +192,21 @@ def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Findin
     if damping:
         found.append(Finding("damping-negative", _sign_severity(damping), numbers=damping))
     return found
+
+
+def runs_away(fit: Fit) -> bool:
+    """Decide whether a law pushes the mass away just beyond the tested amplitudes, or has no force there.
+
+    A simulation would carry such motions for thousands of periods and settle none of them.
+    """
+    size = np.abs(fit.harmonics[fit.regression.used, 1])
+    if not size.size or not np.isfinite(size).all():
+        return True
+    omega = np.median(fit.problem.observed.points.omega)
+    sine = np.array([[0.0, _BEYOND * float(size.max())]], dtype=complex)
+    motion = Motion(np.array([omega]), sine)
+    force = fit.problem.law.along(motion, fit.values, SAMPLES_SWITCHED).force
+    return not bool(project(force, 1)[0].real > 0)
 
 
 def phase_findings(fit: Fit) -> list[Finding]:

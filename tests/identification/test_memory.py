@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
 from rsgen.identification import Identification, identify
 from rsgen.law.element import make_element
+from rsgen.law.library import laws
 from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface
 from tests.stepping import DAMPING, MASS, SPRING, stepped
 
 
@@ -39,3 +43,25 @@ def test_a_jenkins_element_is_identified() -> None:
     truth = {"Fs": Fs, "c": DAMPING, "k": SPRING, "kt": kt, "m": MASS}
     assert max(_errors(found, truth)) < 5e-3
     assert found.residual < 1e-3
+
+
+def test_a_law_that_runs_away_beyond_the_test_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dahl's friction far below its limit has no softening in X, as every Iwan joint has."""
+    size, omega = (p.ravel() for p in np.meshgrid(np.geomspace(1e-4, 3e-3, 6), np.linspace(63, 94, 7)))
+    energy = 4 / 3 * 3000.0**2 / 60.0 * size**3
+    ratio = 8920.0 - 1.5 * omega**2 + 1j * (3.8 * omega + energy / (np.pi * size**2))
+    surface = ResponseSurface(
+        level=size,
+        frequency=omega / (2 * np.pi),
+        force=ratio * size,
+        response=np.stack([np.zeros(len(size)), size], axis=1).astype(complex),
+    )
+
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("its motions would be followed for thousands of periods")
+
+    monkeypatch.setattr(import_module("rsgen.identification.identify"), "fit_simulator", fail)
+    law = (make_element("base", "k*x + c*v"), laws["iwan4"].element())
+    found = identify(surface, Model(law))
+    assert found.verdict.state in ("doubtful", "rejected")
+    assert "law-does-not-fit" in {finding.code for finding in found.findings}
