@@ -35,6 +35,15 @@ def test_parameters_come_back(name: str, within: float) -> None:
         assert found[each].value == pytest.approx(true, rel=within), each
 
 
+@pytest.mark.slow
+def test_a_law_with_memory_comes_back() -> None:
+    law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 5000.0, "c": 4.0, "kt": 2000.0, "Fs": 3.0}
+    test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 2.0, periods=1)
+    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(MASS, law, values), test), law)
+    for each, true in {**values, "m": MASS}.items():
+        assert found[each].value == pytest.approx(true, rel=1e-4), each
+
+
 def test_friction_moves_as_its_exact_pieces_do() -> None:
     """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
     from scipy.linalg import expm
