@@ -36,7 +36,7 @@ class Integrated:
         (R, k) y = (x, v/omega) [m], so that both parts weigh the same; then what a law remembers, as in
         ``MemoryRows``.
     history
-        (2, R, k) the states, of Masing laws their loop only, two periods and one period before.
+        (2, D, k) the rows on which the motion depends smoothly, two periods and one period before.
     harmonics
         (k, H+1) complex displacement of the last period [m]; (k, 0) where none was recorded.
     peak
@@ -105,7 +105,8 @@ class Kernel:
         points
             (k,) rows of ``force`` and ``omega``; a row may occur more than once.
         state
-            (R, k) y = (x, v/omega) [m], then what the law remembers, at the start; left as it is.
+            (R, k) y = (x, v/omega) [m], then what the law remembers, at the start; left as it is. Without the
+            stack of reversals (``MemoryRows.stack`` rows) the memory of Masing laws is a closed loop alone.
         force, omega
             (n, 2) real and imaginary part of F [N], and (n,) angular frequency [rad/s].
         mass
@@ -126,9 +127,10 @@ class Kernel:
         RsgenError
             Shapes or types of the arrays do not belong together.
         """
-        k, size, columns = len(points), self.rows.count, 0 if harmonics is None else harmonics + 1
+        k, columns = len(points), 0 if harmonics is None else harmonics + 1
+        size = self.rows.stack if len(state) == self.rows.stack else self.rows.count
         after = np.array(state, dtype=np.float64, order="C")
-        history = np.empty((2, size, k))
+        history = np.empty((2, self.rows.smooth, k))
         waves = np.empty((k, columns), dtype=np.complex128)
         peak = np.empty((k if peaks and columns else 0, 2))
         rows = np.ascontiguousarray(points, dtype=np.int64)
@@ -146,7 +148,7 @@ class Kernel:
                 "float64 are needed"
             )
         self._enter(
-            _address(rows), k, _address(after), _address(history), _address(F), _address(w), len(w),
+            _address(rows), k, _address(after), size, _address(history), _address(F), _address(w), len(w),
             mass, _address(p), len(p), _address(_phases(steps)), steps, periods,
             _address(waves), 2 * columns, _address(peak), len(peak), _address(_work()),
         )  # fmt: skip

@@ -313,6 +313,7 @@ def _source(
         kept=rows.names[: rows.stack - rows.first] if curves else [],
         first_kept=rows.first,
         size=rows.count,
+        smooth=rows.smooth,
         first=first,
         first_curve=first_curve,
         gate=first_curve + (_CURVE_ROWS + 3 * len(curves) if curves else 0),

@@ -31,9 +31,9 @@ _FOREIGN = {
 _OWNER = re.compile(r"^declare void( @NRT_MemInfo_call_dtor)(\([^)]*\)).*$", re.MULTILINE)
 """Numba frees arrays through this; those of a kernel belong to its caller, and nothing is ever freed."""
 
-# as ``enter`` in the template: points, k; y, history, F, omega, n, m, values, P, phases, steps, periods, ...
+# as ``enter`` in the template: points, k; y, its rows, history, F, omega, n, m, values, P, phases, ...
 _P, _I, _D = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-_ARGUMENTS = (_P, _I, _P, _P, _P, _P, _I, _D, _P, _I, _P, _I, _I, _P, _I, _P, _I, _P)
+_ARGUMENTS = (_P, _I, _P, _I, _P, _P, _P, _I, _D, _P, _I, _P, _I, _I, _P, _I, _P, _I, _P)
 
 _lock = Lock()
 

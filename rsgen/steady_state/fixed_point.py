@@ -15,6 +15,7 @@ __all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jaco
 _OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
 _ITERATIONS = 6  # Newton steps; a start that needs more is not near a fixed point
 _SINGULAR = 1e-12  # determinant of I - J that is rounding
+_PIVOT = 1e-4  # of an elimination without exchange of rows: below, it loses more digits than J has right
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +104,27 @@ def _characteristic(matrix: Array) -> tuple[list[Array], Array]:
 
 
 def _correction(jacobian: Array, residual: Array) -> Array:
-    """As ``correction``, for laws with states of their own."""
+    """As ``correction``, for laws with states of their own: Gauss's elimination, k points at once."""
+    size = len(residual)
+    matrix = np.eye(size)[:, :, None] - jacobian
+    move, sound = residual.copy(), np.ones(residual.shape[1], dtype=bool)
+    for row in range(size):
+        sound &= np.abs(matrix[row, row]) > _PIVOT
+        for lower in range(row + 1, size):
+            factor = matrix[lower, row] / np.where(sound, matrix[row, row], 1.0)
+            matrix[lower, row + 1 :] -= factor * matrix[row, row + 1 :]
+            move[lower] -= factor * move[row]
+    for row in reversed(range(size)):
+        for right in range(row + 1, size):
+            move[row] -= matrix[row, right] * move[right]
+        move[row] /= np.where(sound, matrix[row, row], 1.0)
+    if not sound.all():
+        move[:, ~sound] = _correction_of_few(jacobian[:, :, ~sound], residual[:, ~sound])
+    return move
+
+
+def _correction_of_few(jacobian: Array, residual: Array) -> Array:
+    """As ``_correction``, where a pivot is small: exact, and slower."""
     coefficients, adjugate = _characteristic(np.eye(len(residual))[:, :, None] - jacobian)
     last = coefficients[-1]
     regular = np.abs(last) > _SINGULAR

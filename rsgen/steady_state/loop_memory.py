@@ -52,11 +52,13 @@ class LoopMemory:
 
     def joined(self, points: Indices, y: Array, *, transient: bool) -> Array:
         """All rows of states y (D, k): with the whole memory, or with the closed loop alone."""
-        rows = self.rows[:, points] if transient else np.zeros((len(self.rows), len(points)))
-        if not transient:
-            rows[0] = ALONE
-            rows[self._offset] = self.offsets(points)
-        return np.concatenate([y, rows])
+        if transient:
+            return np.concatenate([y, self.rows[:, points]])
+        alone = np.zeros((self.layout.stack, len(points)))
+        alone[: len(y)] = y
+        alone[self.layout.smooth] = ALONE
+        alone[self.layout.smooth :][self._offset] = self.offsets(points)
+        return alone
 
     def keep(self, points: Indices, state: Array) -> None:
         """Remember what a transient left in all rows (R, k)."""

@@ -114,7 +114,7 @@ class PeriodMap:
         if self.memory is not None:
             if transient:
                 self.memory.keep(points, moved.state)
-            moved = replace(moved, state=moved.state[:size], history=moved.history[:, :size])
+            moved = replace(moved, state=moved.state[:size])
         if self.units is not None:
             moved.state[:] /= self.units[:, None]
             moved.history[:] /= self.units[:, None]

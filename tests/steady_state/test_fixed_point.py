@@ -1,0 +1,27 @@
+"""Newton's corrections of many points at once against a solver of linear equations."""
+
+import numpy as np
+import pytest
+
+from rsgen.steady_state.fixed_point import correction
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 5])
+def test_corrections_solve_their_equations_also_where_a_pivot_vanishes(size: int) -> None:
+    random = np.random.default_rng(size)
+    jacobian = random.normal(size=(size, size, 50))
+    jacobian[0, 0, :10] = 1.0  # I - J begins with a zero
+    jacobian[:, :, 20:30] *= 0.3
+    residual = random.normal(size=(size, 50))
+    matrix = np.moveaxis(np.eye(size)[:, :, None] - jacobian, 2, 0)
+    exact = np.linalg.solve(matrix, residual.T[:, :, None])[..., 0].T
+    loss = np.linalg.cond(matrix)
+    # without exchange of rows a pivot of 1e-4 may cost four digits more than the condition does
+    assert np.all(np.abs(correction(jacobian, residual) - exact) < 1e-11 * loss * np.abs(exact).max(axis=0))
+
+
+def test_a_singular_point_moves_by_its_residual_and_spoils_no_other() -> None:
+    jacobian = np.zeros((3, 3, 3))
+    jacobian[:, :, 1] = np.eye(3)
+    residual = np.arange(9.0).reshape(3, 3)
+    assert np.array_equal(correction(jacobian, residual), residual)
