@@ -138,7 +138,7 @@ class NoiseOfBalance:
         together = np.zeros((shape[0], parameters + 1, shape[1]))
         return cls(
             np.full(shape, np.nan),
-            lines.scale(1.0),
+            np.ones(shape),
             none,
             slopes,
             together,
@@ -194,7 +194,8 @@ class Balance:
             parts = [along.one(response) for response in spectra.response[i]]
             forces = np.stack([part[0] for part in parts])
             balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
-            found.shape[i] = along.noise_shape(spectra.force[i], spectra.response[i])
+            if not spectra.exact[i]:
+                found.shape[i] = along.noise_shape(spectra.force[i], spectra.response[i])
             found.variance[i] = scatter(balance / np.sqrt(found.shape[i])) * found.shape[i]
             found.bias[i] = (forces.mean(axis=0) - whole[0]) / (count - 1)
             slopes = np.stack([part[1] for part in parts])

@@ -36,6 +36,8 @@ _SMALL = 1e-11
 """Relative step of every parameter at which the fit has converged."""
 _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
+_DIGITS = 1e-26
+"""Power relative to that of the balance, below which it is that of its last digits."""
 _BLOCKS = 8
 """Parts of the band that the jackknife leaves out in turn, of each record."""
 
@@ -65,7 +67,7 @@ def _weights(lines: Lines, balance: Balance, noise: NoiseOfBalance, mass: float)
     chance = 1 + CHANCE / np.sqrt(2 * _BESIDE + 1)
     clear = ~known | (left > chance * noise.variance)
     variance = np.where(clear, left, noise.variance)
-    return np.maximum(variance, 1e-26 * lines.scale(mass))
+    return np.maximum(variance, _DIGITS * lines.scale(mass))
 
 
 def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
@@ -79,7 +81,8 @@ def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
 def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, mass: float) -> LineFit:
     """Gauss-Newton with fixed weights, then weights of its result, some times over."""
     noise = NoiseOfBalance.unknown(lines, len(values))
-    variance = lines.scale(mass)
+    # what a law leaves is spread over lines that are excited and others alike
+    variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
     balance = Balance.of(lines, law, values, mass, noise)
     converged = False
     for turn in range(_ROUNDS):
@@ -236,9 +239,13 @@ def parts_of_band(lines: Lines) -> NDArray[np.intp]:
 
 
 def times_noise(lines: Lines, fit: LineFit) -> float:
-    """Misfit over its noise, root mean square over all lines; 1 where the noise is not known."""
-    ratio = (np.abs(fit.balance.residual) ** 2 / fit.noise.variance)[lines.used]
-    ratio = ratio[np.isfinite(ratio)]
+    """Misfit over its noise, root mean square over all lines; 1 where the noise is not known.
+
+    Periods that are equal show no noise but that of the last digits.
+    """
+    noise = np.maximum(fit.noise.variance, _DIGITS * lines.scale(fit.mass))
+    ratio = (np.abs(fit.balance.residual) ** 2 / noise)[lines.used]
+    ratio = ratio[~np.isnan(ratio)]
     return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0
 
 

@@ -18,6 +18,8 @@ __all__ = ["MultisineSpectra", "rms", "scatter", "smooth"]
 
 _FLOOR = 1e-9
 """Lines this far below the largest are round-off: ratios of such lines mean nothing."""
+_ROUND_OFF = 1e-14
+"""Scatter of periods below this share of the signal is that of their mean's last digits."""
 _ABOVE = 3.0
 """A line below this many times the noise of its mean may be noise."""
 _GAP = 3.0
@@ -118,6 +120,16 @@ class MultisineSpectra(Printed):
     def mean_response(self) -> ComplexArray:
         """(r, H+1) mean over the periods [m]."""
         return np.asarray(self.response.mean(axis=1))
+
+    @property
+    def exact(self) -> NDArray[np.bool_]:
+        """(r,) whether the periods of a record are equal but for round-off: they say nothing of noise."""
+        pairs = zip(self.noise(), (self.mean_force, self.mean_response), strict=True)
+        small = [
+            np.linalg.norm(own[:, 1:], axis=1) < _ROUND_OFF * np.linalg.norm(whole[:, 1:], axis=1)
+            for own, whole in pairs
+        ]
+        return np.asarray(np.logical_and(*small))
 
     @property
     def levels(self) -> Array:

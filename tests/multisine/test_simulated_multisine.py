@@ -35,6 +35,18 @@ def test_parameters_come_back(name: str, within: float) -> None:
         assert found[each].value == pytest.approx(true, rel=within), each
 
 
+@pytest.mark.parametrize("periods", [1, 2, 3])
+def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
+    """A law that leaves a little is near the truth, and is not said to leave nothing."""
+    test = rsgen.MultisineTest((0.3, 0.6), (5, 15), 2.0, periods=periods, realisations=2)
+    oscillator = rsgen.Oscillator(1.0, "k*x + k3*x**3 + c*v", {"k": 4000.0, "k3": 1e7, "c": 2.0})
+    found = rsgen.identify(rsgen.simulate(oscillator, test), "k*x + c*v")
+    for each, true in {"k": 4000.0, "c": 2.0, "m": 1.0}.items():
+        assert found[each].value == pytest.approx(true, rel=0.01), each
+    codes = {finding.code for finding in found.findings}
+    assert ("one-period" if periods == 1 else "law-leaves-distortion") in codes
+
+
 @pytest.mark.slow
 def test_a_law_with_memory_comes_back() -> None:
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 5000.0, "c": 4.0, "kt": 2000.0, "Fs": 3.0}
