@@ -257,7 +257,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         if turned["points"].value:
             finding = Finding("direction-from-branch", "info", numbers=turned)
             surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
-    if followed or test.level.spread is not None or (run is None and not known):
+    if followed or test.level.spread is not None or (run is None and held.control != "response"):
         return surface
     return settle_levels(surface, test, known, any(part.unit_said for part in parts))
 

@@ -89,6 +89,17 @@ def test_a_force_that_was_held_is_no_held_response(tmp_path: Path) -> None:
     assert codes(surface)["response-not-held"] == "doubt"
 
 
+def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path: Path) -> None:
+    """Without levels in the plan, files were levels of 0 m and 1 m by their number."""
+    for name, size in (("a", 1e-3), ("b", 2e-3)):
+        rows = np.column_stack([FREQUENCY, 3 + np.sin(FREQUENCY), np.full(len(FREQUENCY), size)])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="f,F,X", comments="")
+    signals = Signal(amplitude="F"), Signal(amplitude="X")
+    files = tmp_path / "a.csv", tmp_path / "b.csv"
+    test = MeasuredTest(files, "f", *signals, "displacement", phase_known=False, control="response")
+    np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
+
+
 def test_labels_are_called_by_what_was_measured(tmp_path: Path) -> None:
     """ "Level4" in a file's name stood for 4 N beside a measured force of 58 N."""
     forces = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
