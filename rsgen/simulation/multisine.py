@@ -72,13 +72,14 @@ class MultisineTest:
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
         low, high = self.band
+        # a float, which may be larger than any number of lines
+        size = len(self.level) * self.realisations * self.periods * (self.recorded * high * self.period + 1)
         if not 0 <= low < high:
             yield "band", f"{low:g} to {high:g} Hz; must be ascending"
+        elif size > _MOST_SAMPLES:
+            yield "periods", f"{size:.3g} lines of all periods; at most {_MOST_SAMPLES}"
         elif not self.excited.size:
             yield "band", f"no line of a period of {self.period:g} s is in it; a longer one is needed"
-        size = len(self.level) * self.realisations * self.periods * (self.highest + 1)
-        if size > _MOST_SAMPLES:
-            yield "periods", f"{size} lines of all periods; at most {_MOST_SAMPLES}"
 
     @property
     def determines_mass(self) -> bool:

@@ -172,5 +172,10 @@ def test_impossible_tests_are_refused_with_the_reason() -> None:
         rsgen.MultisineTest((1.0,), (20.0, 2.0), 2.0)
     with pytest.raises(RsgenError, match="lines of all periods; at most"):
         rsgen.MultisineTest((1.0,), (2.0, 2000.0), 200.0, periods=1000)
+    for period in (1e10, 1e300):
+        with pytest.raises(RsgenError, match="lines of all periods; at most"):
+            rsgen.MultisineTest((1.0,), (2.0, 20.0), period)
+    with pytest.raises(RsgenError, match="lines of all periods; at most"):
+        rsgen.MultisineTest((1.0,), (2.0, 1e308), 100.0)
     with pytest.raises(RsgenError, match=r"0\.2 N: no periodic response.*dry friction holds the mass"):
         simulated("friction", (0.2,))
