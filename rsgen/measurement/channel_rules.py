@@ -40,8 +40,20 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
         wrong = True
         yield "quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"
     if not wrong:
+        yield from _quantity_faults(test)
         yield from _excitation_faults(test)
         yield from _base_faults(test)
+
+
+def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
+    """Find a quantity that is not that of the channels."""
+    signals = {"response": (test.response, test.quantity)}
+    if test.base is not None:
+        signals["base"] = (test.base.signal, test.base.quantity)
+    for what, (signal, said) in signals.items():
+        known = test.terms(what)[0][1].quantity
+        if signal.channels is not None and said not in (None, known):
+            yield f"{what}.quantity", f"is {said!r}, but its channels are {known}; leave it out"
 
 
 def _sum_faults(test: MeasuredTest, what: str, signal: Signal | None) -> Iterator[str]:

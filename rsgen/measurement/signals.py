@@ -90,6 +90,8 @@ class Signal(Checked):
         if self.channels is not None:
             if main or self.phase is not None:
                 yield "channels", "are given, and columns too; leave one of them out"
+            for name in given(self, "factor", "unit", "scale", "phase_unit", "phase_sense"):
+                yield name, "is of a column, but channels are given; say it of each channel"
             try:
                 combination(self.channels)
             except MeasurementError as fault:

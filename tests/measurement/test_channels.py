@@ -199,6 +199,9 @@ channels = "payload"
         ),
         (CHANNELS + FORCE_AND_WING.replace('"wing"', '"wing wing"'), SPRING, "a sum of channels is needed"),
         (CHANNELS + FORCE_AND_WING + "real = 4\nimaginary = 5\n", SPRING, "leave one of them out"),
+        (CHANNELS + FORCE_AND_WING + "factor = -1\n", SPRING, "factor: is of a column"),
+        (CHANNELS + FORCE_AND_WING + 'unit = "mm"\n', SPRING, "unit: is of a column"),
+        (CHANNELS + FORCE_AND_WING + 'quantity = "velocity"\n', SPRING, "quantity: is 'velocity', but"),
         (
             CHANNELS + '[test.force]\nchannels = "wing"\n[test.response]\nchannels = "wing"',
             SPRING,
