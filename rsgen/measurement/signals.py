@@ -157,7 +157,11 @@ class NamedChannel(Checked):
     quantity: Annotated[
         Literal["force", "displacement", "velocity", "acceleration"], Rule("What was measured.")
     ]
-    delay: Seconds = declare(0.0, "How much later than the others it was sampled; taken off.")
+    delay: Seconds = declare(
+        0.0,
+        "How much later than the others its signal arrives, as behind a filter; taken off. Negative for a "
+        "channel that is sampled later than the others, as by a multiplexer.",
+    )
     files: tuple[Path, ...] = declare(
         (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200
     )

@@ -66,7 +66,7 @@ class Sources:
             part = factor * self.amplitude(channel, what)
             if channel.quantity != "force":
                 part = part / (1j * omega) ** derivatives(channel.quantity)
-            # what was sampled later lags by more than it did
+            # what arrives later lags by more than it did
             total += part * np.exp(1j * omega * channel.delay) if channel.delay else part
         self.main.refuse(~np.isfinite(total), f"{what} is too large after conversion to SI units")
         return total
