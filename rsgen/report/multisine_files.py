@@ -79,7 +79,8 @@ def write_multisine_files(
     write_atomic(place / "spectra.npz", _saved(spectra))
     if not found.model.force.has(Structural):
         write_atomic(place / "kernel.py", kernel.generate(found.model.force))
-    prediction = predict_multisine(found, spectra)
+    # of what identification has not seen; other spectra would count what it has seen as held out
+    prediction = predict_multisine(found)
     result = _result(subject, spectra, found, comparison, prediction, spent)
     write_atomic(place / "result.json", result_text(result))
     drawings = [draw_best_linear(found), draw_line_misfit(found)]

@@ -126,6 +126,15 @@ def test_python_has_the_same_with_text_and_frame(folder: Path) -> None:
     assert [one.error < 2e-3 for one in others.records] == [True, True]
 
 
+def test_records_that_were_fitted_are_not_reported_as_held_out(folder: Path, tmp_path: Path) -> None:
+    """Spectra read anew are other objects than those that were identified, but the same test."""
+    case = rsgen.load_case(folder / "lines.toml")
+    found = rsgen.identify(rsgen.read(case), case.model)
+    rsgen.write_report(tmp_path / "out", rsgen.read(case), found)
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert [one["level"] for one in result["held_out"]] == [4.0]
+
+
 def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
     spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
     found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(4.0,)))
