@@ -102,6 +102,12 @@ def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
                 "across: a law that is not odd moves the mean, which is not known across two sensors; an odd "
                 "law is needed"
             )
+        lost = ", ".join(name for name in law.parameters if name not in whole.parameters)
+        if lost:
+            raise RsgenError(
+                f"across: {lost}: cancels in the sum of the elements; give it another name in the elements "
+                "that act across"
+            )
         places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
         parts.append(_Part(law, places))
     facts: dict[str, Any] = {one.name: getattr(whole, one.name) for one in fields(ForceLaw)}

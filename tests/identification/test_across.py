@@ -95,6 +95,12 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
         (ELEMENTS, {"across": None}, {}, "no motion across"),
         ("k*x + c*v", {}, {}, "no element follows it"),
         ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "not odd"),
+        (
+            (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")),
+            {},
+            {},
+            "k: cancels in the sum",
+        ),
         ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
         (
             ELEMENTS,
