@@ -10,7 +10,9 @@ from typing import Any
 from rsgen.case.grid import MAX_POINTS
 from rsgen.case.tables import Maker
 from rsgen.declaration import given
+from rsgen.errors import MeasurementError
 from rsgen.measurement import HistoryRule, MeasuredTest, Signal
+from rsgen.measurement.signals import combination
 from rsgen.observation import Observation
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import match_level
@@ -84,10 +86,14 @@ def _base_quantity(table: Any) -> str:
     """What of the base was measured, "" where the case does not say."""
     if table.base.quantity is not None:
         return str(table.base.quantity)
-    for name, channel in (table.channels or {}).items():
-        if name in (table.base.channels or "") and channel.quantity in BASE_UNITS:
-            return str(channel.quantity)
-    return ""
+    try:
+        names = combination(table.base.channels or "")
+    except MeasurementError:
+        # said where the test is made
+        return ""
+    known = table.channels or {}
+    quantities = [str(known[name].quantity) for name in names if name in known]
+    return next((quantity for quantity in quantities if quantity in BASE_UNITS), "")
 
 
 def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:

@@ -141,6 +141,14 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, response):
     np.testing.assert_allclose(surface.drive, np.abs(base) * OMEGA**power, rtol=1e-12)
 
 
+def test_levels_have_the_unit_of_the_channels_of_the_base_whatever_others_are_called(tmp_path):
+    test = channel("a", "displacement", 4) + channel("table", "acceleration", 2)
+    test += '[test.base]\nresponse = "relative"\nchannels = "table"\n[test.response]\nchannels = "a"\n'
+    path = write(tmp_path, test, level="2 m/s^2", a=(2.0 * np.exp(0.2j * F), WING))
+    surface = rs.read(rs.load_case(path))
+    assert (surface.level_unit, surface.levels.tolist()) == ("m/s^2", [2.0])
+
+
 ACROSS = """
 [[element]]
 name  = "wing"
