@@ -150,6 +150,12 @@ def test_what_a_test_does_not_tell_is_not_a_number() -> None:
     assert found["k3"].value == pytest.approx(TRUE["k3"], rel=1e-8)
 
 
+def test_a_response_of_zeros_is_refused() -> None:
+    silent = rsgen.MultisineSpectra([1.0], OMEGA0, np.ones((1, 30)), np.zeros((1, 30)))
+    with pytest.raises(RsgenError, match="record 1 of 1: the response is zero"):
+        rsgen.identify(silent, "k*x + c*v")
+
+
 def test_held_out_levels_are_not_seen() -> None:
     whole = spectra(duffing, SIZES)
     wrong = np.array(whole.response)
