@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from rsgen.measurement.file_table import _stars
 from rsgen.measurement.sandbox import list_binary, read_binary
 from rsgen.measurement.text_cells import LONGEST_NUMBER
 from rsgen.measurement.text_columns import read_columns
+from rsgen.surface import load_surface
 from tests.attacks import readers
 from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable
 from tests.attacks.good_files import ENDINGS, good, table_plan
@@ -53,8 +55,17 @@ def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
 
 
 def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
-    """With HDF5 1.14 the library searches in this file without end, now in a process of its own."""
-    assert readers.attack(69, 1, ("surface",)).said.startswith("refused")
+    """HDF5 1.14 follows a list of free blocks that leads back to itself without end; its process is ended."""
+    content = bytearray(good("surface", tmp_path))
+    heap = content.index(b"HEAP")
+    # after signature and version: size of the block, offset of its first free part, address of the block
+    _, free, address = struct.unpack_from("<QQQ", content, heap + 8)
+    struct.pack_into("<Q", content, address + free, free)
+    path = tmp_path / "endless.h5"
+    path.write_bytes(content)
+    assert "takes more time" in refusal(lambda: list_binary(path, "hdf5"))
+    with pytest.raises(MeasurementError, match="cannot be read as a response surface"):
+        load_surface(path)
 
 
 @pytest.mark.parametrize(
