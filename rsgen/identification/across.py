@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError
+from rsgen.identification.data import Points
 from rsgen.identification.forward import Response
 from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
 from rsgen.motion import Motion, project
 
-__all__ = ["LawAtTwoPlaces", "MeasuredAcross", "law_of"]
+__all__ = ["LawAtTwoPlaces", "MeasuredAcross", "Place", "law_of", "places_of"]
 
 Waves = tuple[Array, Array, Array]
 """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s)."""
@@ -38,6 +39,28 @@ class _Part:
 
     law: ForceLaw
     places: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """The elements that follow one motion: each such group is a structure of its own, and as passive as one.
+
+    Parameters
+    ----------
+    law
+        Of these elements.
+    parameters
+        (p,) where its parameters stand among all.
+    motion
+        What they follow, n points.
+    across
+        Whether that is the motion across two sensors.
+    """
+
+    law: ForceLaw
+    parameters: NDArray[np.intp]
+    motion: Motion
+    across: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +135,16 @@ def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
         parts.append(_Part(law, places))
     facts: dict[str, Any] = {one.name: getattr(whole, one.name) for one in fields(ForceLaw)}
     return LawAtTwoPlaces(**facts, here=parts[0], across=parts[1])
+
+
+def places_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Place, ...]:
+    """Give the places of a law and their motions: of two the measured ones, else the one ``followed``."""
+    if not isinstance(law, LawAtTwoPlaces) or points.across is None:
+        return (Place(law, np.arange(len(law.parameters)), followed),)
+    return (
+        Place(law.here.law, law.here.places, points.motion),
+        Place(law.across.law, law.across.places, Motion(points.omega, points.across), across=True),
+    )
 
 
 class MeasuredAcross:

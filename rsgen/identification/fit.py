@@ -62,6 +62,11 @@ class Problem:
         """Parameters apart from the background."""
         return len(self.law.parameters) + (self.given is None)
 
+    @property
+    def sensors(self) -> str:
+        """Between which sensors elements act, "" where all follow the response."""
+        return next((element.across for element in self.elements if element.across), "")
+
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
         """Values of the law (p,), mass [kg] and background (b,)."""
         values = parameters[: len(self.law.parameters)]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.across import Place, places_of
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
@@ -164,7 +165,11 @@ def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Finding]:
-    """Find a negative mass, and k(X) or c(X) that are negative over the tested amplitudes."""
+    """Find a negative mass, and k(X) or c(X) of elements at one place that are negative where it was tested.
+
+    Elements across two sensors and those that follow the response are judged apart: neither can make up for
+    a spring or damper that the others have with the wrong sign.
+    """
     regression, problem = fit.regression, fit.problem
     basis = regression.basis * regression.noise * agreement.wider[:, None]
     found = []
@@ -177,21 +182,43 @@ def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Findin
     if not len(some):
         return found
     motion = Motion(points.omega[some], fit.harmonics[some])
-    size = motion.harmonics[:, 1]
-    sample = problem.law.along(motion, fit.values, SAMPLES_SWITCHED if problem.law.switched else SAMPLES)
-    ratio = project(sample.force, 1) / size
-    slopes = np.zeros((len(size), len(sample.by_parameter)), dtype=complex)
-    for column, by in enumerate(sample.by_parameter):
-        slopes[:, column] = project(by, 1) / size
-    rows = basis[: slopes.shape[1]]
-    stiffness = _negative(np.abs(size), ratio.real, slopes.real @ rows, "N/m")
-    if stiffness:
+    for place in places_of(problem.law, motion, points.select(some)):
+        found += _signs_at(place, fit.values[place.parameters], basis[place.parameters], problem.sensors)
+    return found
+
+
+def _signs_at(place: Place, values: Array, basis: Array, sensors: str) -> list[Finding]:
+    """Find a negative k(X) or c(X) of the elements at one place; (p, r) ``basis`` of errors of its values.
+
+    c is the work of a cycle over that of a damper of 1 N s/m: of a motion that is no sine the fundamental
+    alone may lose to the harmonics what the cycle as a whole does not.
+    """
+    moving = np.abs(place.motion.harmonics[:, 1]) > 0
+    motion = place.motion.select(moving)
+    if not len(motion):
+        return []
+    samples = max(SAMPLES_SWITCHED if place.law.switched else SAMPLES, 8 * len(motion.orders))
+    sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
+    size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
+    by_stiffness = _stacked([(project(by, 1) / size).real for by in sample.by_parameter], size)
+    by_damping = _stacked([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
+    stiffness = _negative(np.abs(size), (project(sample.force, 1) / size).real, by_stiffness @ basis, "N/m")
+    damping = _negative(np.abs(size), np.mean(sample.force * rate, axis=1), by_damping @ basis, "N*s/m")
+    found, names = list[Finding](), {"sensors": sensors}
+    if stiffness and place.across:
+        found.append(Finding("stiffness-negative-across", _sign_severity(stiffness), "", stiffness, names))
+    elif stiffness:
         found.append(Finding("stiffness-negative", _sign_severity(stiffness), numbers=stiffness))
-    rates = motion.omega
-    damping = _negative(np.abs(size), ratio.imag / rates, slopes.imag / rates[:, None] @ rows, "N*s/m")
-    if damping:
+    if damping and place.across:
+        found.append(Finding("damping-negative-across", _sign_severity(damping), "", damping, names))
+    elif damping:
         found.append(Finding("damping-negative", _sign_severity(damping), numbers=damping))
     return found
+
+
+def _stacked(columns: list[Array], like: NDArray[np.complex128]) -> Array:
+    """(n, columns), of none too."""
+    return np.stack(columns, axis=1) if columns else np.zeros((len(like), 0))
 
 
 def runs_away(fit: Fit) -> bool:

@@ -121,3 +121,15 @@ def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
         rs.predict(found, [2.0])
     with pytest.raises(RsgenError, match="ranking: the test has a motion across"):
         rs.rank(two_masses())
+
+
+def test_a_joint_that_gives_energy_is_rejected_although_the_sum_of_all_elements_takes_it():
+    surface = two_masses(noise=0.003)
+    assert not [f for f in rs.identify(surface, ELEMENTS).findings if "negative" in f.code]
+    # the sum of channels written the other way round fits as well, with the joint's signs turned
+    verdict = rs.identify(replace(surface, across=-surface.across), ELEMENTS).verdict
+    found = {f.code: f for f in verdict.decided_by if "negative" in f.code}
+    assert verdict.state == "rejected"
+    assert found.keys() == {"stiffness-negative-across", "damping-negative-across"}
+    assert found["damping-negative-across"]["least"] == pytest.approx(-TRUE["cj"], rel=0.1)
+    assert SENSORS in rs.explain(verdict)

@@ -114,6 +114,14 @@ say_plainly(
             "c(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
             "points): the structure would work on the exciter there"
         ),
+        "stiffness-negative-across": (
+            "k of the elements across {sensors} is negative, down to {least:.3q}, for amplitudes there of "
+            "{low:.3q} to {high:.3q} ({share:.0%} of the points)"
+        ),
+        "damping-negative-across": (
+            "c of the elements across {sensors} is negative, down to {least:.3q}, for amplitudes there of "
+            "{low:.3q} to {high:.3q} ({share:.0%} of the points): a joint takes energy, it gives none"
+        ),
         "nothing-identifiable": "the test determines none of the parameters of the law",
         "not-a-steady-sine": (
             "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
@@ -149,6 +157,10 @@ say_plainly(
 
 _OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
 _SIGN = "Check signs and units of force and response in the case; then take out terms that are not needed."
+_SENSE = (
+    "Write the sum {sensors} the other way round where the response counts negative in it; else look whether "
+    "one of its sensors is mounted upside down (factor = -1) or has another unit or factor."
+)
 
 NEXT_STEPS.update(
     {
@@ -198,6 +210,8 @@ NEXT_STEPS.update(
             "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
             "case again."
         ),
+        "stiffness-negative-across": _SENSE,
+        "damping-negative-across": _SENSE,
         "stiffness-negative": _SIGN,
         "damping-negative": _SIGN,
         "not-a-steady-sine": (
