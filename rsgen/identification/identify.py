@@ -27,10 +27,11 @@ from rsgen.identification.findings import (
 )
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.misfit import is_systematic
 from rsgen.identification.multisine import identify_multisine
 from rsgen.identification.observed import Observed, shape_of
-from rsgen.identification.phase_resonance import resonance_findings
+from rsgen.identification.phase_resonance import resonance_findings, with_loop_error
 from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
@@ -119,6 +120,10 @@ def identify(
         return identify_multisine(surface, model)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(surface, model)
+    return identify_ratios(surface, model, _identify) or _identify(surface, model)
+
+
+def _identify(surface: ResponseSurface, model: Model) -> Identification:
     test = _prepare(surface, model)
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
@@ -322,6 +327,7 @@ def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, f
     error = error[np.isfinite(error)]
     reported = float(np.sqrt(np.mean(error**2))) if len(error) else 0.0
     covariance = regression.covariance * (1 + (reported / noise) ** 2)
+    covariance = with_loop_error(covariance, regression, test.surface)
     return replace(regression, covariance=covariance), noise, about
 
 

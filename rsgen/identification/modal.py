@@ -27,7 +27,15 @@ from rsgen.identification.modal_fit import ModeProblem, SeenMode, choose_splines
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
 from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.observed import Observed
-from rsgen.identification.phase_resonance import at_resonance_alone, in_quadrature
+from rsgen.identification.phase_resonance import (
+    DAMPED,
+    LAG_ERROR,
+    LIGHT,
+    assumed_mass,
+    at_resonance_alone,
+    in_quadrature,
+    with_loop_error,
+)
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
 from rsgen.identification.tolerances import ANY_LAW, EXCESS
@@ -60,12 +68,6 @@ _SCATTERED = 0.05
 
 _NORMAL = 1.96
 """Standard errors of a 95 % interval."""
-
-_ASSUMED = 0.01
-"""Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
-
-_DAMPED = 0.05
-"""Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
 
 
 def modal_table(
@@ -112,7 +114,8 @@ def modal_table(
         modal = choose_splines(seen, model.mass)
         found = fit_splines(modal)
         if not _mass_known(modal, found):
-            modal, found = _at_phase_resonance(seen)
+            modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
+    found = replace(found, covariance=with_loop_error(found.covariance, found, means))
     return _table(modal, found, means, model)
 
 
@@ -173,8 +176,8 @@ def _mass_known(modal: ModeProblem, found: Regression) -> bool:
     return bool(mass > 0 and found.covariance[place, place] < (_KNOWN * mass) ** 2)
 
 
-def _at_phase_resonance(seen: SeenMode) -> tuple[ModeProblem, Regression]:
-    """Fit k/m and c with any mass to the points at phase resonance."""
+def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, Regression]:
+    """Fit k/m and c with any mass to the points at phase resonance, whose lags have an error [rad]."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
     rows = np.flatnonzero(in_quadrature(seen.mode))
     if len(rows) < _FEWEST:
@@ -185,12 +188,11 @@ def _at_phase_resonance(seen: SeenMode) -> tuple[ModeProblem, Regression]:
     seen = seen.select(rows)
     size = seen.mode.amplitude
     seen = replace(seen, tested=(float(size.min()), float(size.max())))
-    omega = seen.mode.omega
-    mass = float(np.median(np.abs(stiffness[rows].imag) / omega**2)) / (2 * _ASSUMED)
-    modal = choose_splines(seen, mass)
+    modal = choose_splines(seen, assumed_mass(seen.mode, LIGHT))
     found = fit_splines(modal)
     # the shift that a lag off a quarter period causes with damping that is not known
-    shift = 2 * _DAMPED * float(np.sqrt(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2)))
+    square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
+    shift = 2 * DAMPED * float(np.sqrt(square + (_NORMAL * lag_error) ** 2))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
     error = np.outer(stiff, stiff) * (shift / _NORMAL) ** 2
     modal = replace(modal, assumed=True)

@@ -193,5 +193,9 @@ def fit_splines(modal: ModeProblem) -> Regression:
         descent.scale = np.abs(observed.seen(response, modal.split(found.parameters)[2]))
         place = found.parameters, found.nuisance
         found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
+    if descent.scale is None:
+        values = modal.split(found.parameters)[2]
+        influence = observed.relative_influence(found.influence, values, found.nuisance)
+        found = replace(found, influence=influence)
     misfits = is_systematic(observed.points, found)
     return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)

@@ -5,22 +5,52 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
+from rsgen.identification.least_squares import Regression
+from rsgen.surface import ResponseSurface
 
-__all__ = ["at_resonance_alone", "in_quadrature", "resonance_findings"]
+__all__ = [
+    "DAMPED",
+    "LAG_ERROR",
+    "LIGHT",
+    "assumed_mass",
+    "at_resonance_alone",
+    "in_quadrature",
+    "resonance_findings",
+    "with_loop_error",
+]
 
 _QUADRATURE = 0.2
 """Points at phase resonance: cotangent of a lag 11 degrees from a quarter period, farther than loops hold."""
 
+_COMMON = 0.577
+"""Largest cotangent of a lag that all points of a loop may share, 30 degrees from a quarter period: a delay
+that nobody corrected says as little of the mass as a quarter period does."""
+
 _OFF = 2
 """At least as many points off resonance determine a mass, one on either side or two slices."""
 
+LIGHT = 0.01
+"""Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
+
+DAMPED = 0.05
+"""Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
+
+LAG_ERROR = 0.035
+"""Standard deviation of a lag that was not recorded [rad], two degrees: filters and amplifiers of a loop that
+works leave as much. One value for the whole test, for they are the same at every level."""
+
 
 def in_quadrature(points: Points) -> NDArray[np.bool_]:
-    """(n,) True where the response lags the force by nearly a quarter period."""
+    """(n,) True where the response lags the force by nearly a quarter period, or what all points share."""
     stiffness = points.force / points.harmonics[:, 1]
-    return np.asarray(np.abs(stiffness.real) < _QUADRATURE * np.abs(stiffness.imag))
+    cotangent = stiffness.real / np.abs(stiffness.imag)
+    common = float(np.median(cotangent))
+    if not abs(common) < _COMMON:
+        common = 0.0
+    return np.asarray(np.abs(cotangent - common) < _QUADRATURE)
 
 
 def at_resonance_alone(points: Points) -> bool:
@@ -28,8 +58,26 @@ def at_resonance_alone(points: Points) -> bool:
     return int(np.count_nonzero(~in_quadrature(points))) < _OFF
 
 
+def assumed_mass(points: Points, ratio: float) -> float:
+    """Mass [kg] that gives points at phase resonance a damping ratio [1]: omega c = 2 zeta m omega^2."""
+    stiffness = points.force / points.harmonics[:, 1]
+    return float(np.median(np.abs(stiffness.imag) / points.omega**2)) / (2 * ratio)
+
+
 def resonance_findings(points: Points, mass: float | None) -> tuple[Finding, ...]:
     """Doubt a mass [kg] that was not given where all points lie at phase resonance."""
     if mass is not None or not at_resonance_alone(points):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", quantities(points=len(points))),)
+
+
+def with_loop_error(covariance: Array, regression: Regression, surface: ResponseSurface) -> Array:
+    """Add to a covariance (q, q) what the error of a lag does that was taken for a quarter period.
+
+    It turns every force by one angle, so that the imaginary part of all relative forces changes by it.
+    """
+    if not surface.lag_assumed:
+        return covariance
+    half = (regression.influence.shape[1] + 1) // 2
+    moved = LAG_ERROR * np.sum(regression.influence[:, half], axis=0)
+    return np.asarray(covariance + np.outer(moved, moved))

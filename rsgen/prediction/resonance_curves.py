@@ -107,6 +107,9 @@ def predict(
     if isinstance(found, Identification) and (sensors := acts_across(found)):
         return _predict_across(found, sensors, levels, surface)
     chosen = _levels(found, levels, surface)
+    if isinstance(found, Identification) and not isfinite(found.mass):
+        about = Finding("curves-need-mass", "warning")
+        return Prediction((), (), found.amplitude_range, (about,))
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)

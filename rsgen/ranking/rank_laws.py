@@ -21,6 +21,7 @@ from rsgen.identification import Identification
 from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.fit import Problem, fit_balance
 from rsgen.identification.observed import Observed
+from rsgen.identification.phase_resonance import at_resonance_alone
 from rsgen.identification.start import start_fit
 from rsgen.identification.tolerances import ANY_LAW, QUICK
 from rsgen.law.element import Element, LawLike, as_elements
@@ -120,8 +121,8 @@ def rank(
     Raises
     ------
     RsgenError
-        No candidate, too few points, one frequency without a mass, no phase recorded, or no candidate
-        follows the test.
+        No candidate, too few points, one frequency or phase resonance without a mass, no phase recorded, or
+        no candidate follows the test.
     """
     require(surface, ResponseSurface, "surface")
     if surface.across is not None:
@@ -139,9 +140,11 @@ def rank(
     surface, base = per_unit_mass(surface, base)
     observed = _observed(surface, base)
     points = observed.points
-    if base.mass is None and np.ptp(points.omega) == 0:
+    one = np.ptp(points.omega) == 0
+    if base.mass is None and (one or (surface.phase_known and at_resonance_alone(points))):
         raise RsgenError(
-            "ranking: tests at one frequency do not determine the mass: give it, or test at more frequencies"
+            f"ranking: tests at {'one frequency' if one else 'phase resonance'} do not determine the mass: "
+            "give it, or test at more frequencies"
         )
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)

@@ -38,8 +38,11 @@ def at_phase_resonance(ratio: ComplexArray) -> bool:
 
 
 def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
-    """Say which lag a phase-locked test has, and whether it is that of resonance; nothing of others."""
-    if surface.control != "phase" or not surface.phase_known:
+    """Say which lag a phase-locked test has, and whether it is that of resonance.
+
+    Nothing of other tests, and nothing where no lag was recorded.
+    """
+    if surface.control != "phase" or not surface.phase_known or surface.lag_assumed:
         return ()
     good = surface.settled & np.isfinite(surface.amplitude) & (surface.amplitude > 0)
     lag = surface.select(good).phase

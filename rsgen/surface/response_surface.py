@@ -266,6 +266,11 @@ class ResponseSurface:
         return self.control in ("response", "continuation")
 
     @property
+    def lag_assumed(self) -> bool:
+        """Whether a phase-locked test recorded no phase, and every lag was taken for a quarter period."""
+        return any(finding.code == "phase-lag-assumed" for finding in self.findings)
+
+    @property
     def force_unit(self) -> str:
         """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
         return "m/s^2" if self.per_mass else "N"

@@ -113,16 +113,6 @@ def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
     assert not any(resonance.jump for resonance in found.resonances)
 
 
-def test_without_a_mass_the_damper_alone_is_identified():
-    found = rsgen.identify(
-        noisy(locked(oscillator(), level=np.linspace(1, 12, 12)), 0.01, 1), "k*x + k3*x**3 + c*v"
-    )
-    assert found["c"].value == pytest.approx(C, rel=0.02)
-    assert found["m"].standard_error > 0.2 * abs(found["m"].value) or not found["m"].identifiable
-    assert found.verdict.state == "doubtful"
-    assert "mass-at-resonance" in [finding.code for finding in found.verdict.decided_by]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -21,7 +21,9 @@ say_plainly(
             "degrees in place of 90"
         ),
         "phase-lag-assumed": (
-            "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees"
+            "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees, and "
+            "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
+            "that is off by two degrees (one standard deviation)"
         ),
         "continuation-recognised": (
             "at some frequency the force falls while the amplitude grows, so the test is read as a "
@@ -29,8 +31,14 @@ say_plainly(
         ),
         "mass-at-resonance": (
             "all {points:.0f} points lie at phase resonance, where k - m omega^2 vanishes whatever the mass "
-            "is; the damping and the ratio of stiffness to mass are identified, no more"
+            "is; the damping and the ratio of stiffness to mass are identified, no more. Give the mass under "
+            "[system], or measure one slice off resonance, to have the stiffness itself"
         ),
+        "ratio-to-mass": (
+            "{parameter}: only {parameter}/m is identifiable at phase resonance: {ratio:.6q}, 95 % interval "
+            "{low:.6q} to {high:.6q} for damping ratios up to {damping:.2p}"
+        ),
+        "needs-mass": "{parameter}: not identifiable at phase resonance without the mass, which scales it",
         "phase-resonance": (
             "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked; if it "
             'was not, write control = "force" under [test]'

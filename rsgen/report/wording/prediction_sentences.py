@@ -10,6 +10,10 @@ say_plainly(
             "the curve of {level:.3q} leaves the tested amplitudes ({low:.3q} to {high:.3q}): nothing is "
             "known of the law there"
         ),
+        "curves-need-mass": (
+            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
+            "resonance both depend on it"
+        ),
         "no-steady-state": "no steady state in the tested frequencies under {level:.3q}",
         "held-out-points-missing": (
             "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "

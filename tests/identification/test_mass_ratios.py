@@ -1,0 +1,120 @@
+"""Phase resonance without a mass: ratios to the mass that contain the truth, and nothing that needs one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.measurement import MeasuredTest, Signal
+
+MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
+LAW = "k*x + k3*x**3 + c*v"
+
+
+def locked(
+    law: str = LAW, lag: float = 90.0, noise: float = 0.01, seed: int = 1, **values: float
+) -> rsgen.ResponseSurface:
+    """24 levels held near a quarter period; a lag in degrees."""
+    test = rsgen.SimulatedTest(
+        level=np.linspace(1, 12, 24),
+        frequency=[6, 18],
+        control="phase",
+        phase_error=float(np.radians(lag - 90)),
+        noise_relative=noise,
+        seed=seed,
+        accuracy=1e-4 if "masing" in law else 1e-6,
+    )
+    return rsgen.simulate(rsgen.Oscillator(MASS, law, values or VALUES), test)
+
+
+@pytest.mark.parametrize("lag", [90.0, 92.0, 86.0, 103.0])
+def test_ratios_to_the_mass_contain_the_truth_whatever_lag_the_loop_held(lag: float):
+    for seed in range(4):
+        found = rsgen.identify(locked(lag=lag, seed=seed), LAW)
+        for name in ("k", "k3"):
+            why = found[name].finding
+            assert np.isnan(found[name].value)
+            assert why["low"] < VALUES[name] / MASS < why["high"], (name, seed)
+            assert why["high"] - why["low"] < (0.06 if lag < 100 else 0.2) * why["ratio"]
+            assert why.numbers["ratio"].unit.endswith("/kg")
+        assert np.isnan(found.mass)
+        assert found["c"].value == pytest.approx(VALUES["c"], rel=0.03)
+
+
+def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assumed_mass():
+    found = rsgen.identify(locked(noise=0.0), LAW)
+    assert found.verdict.state == "identified"
+    assert found["k"].finding["ratio"] == pytest.approx(VALUES["k"] / MASS, rel=1e-5)
+    assert found["k3"].finding["ratio"] == pytest.approx(VALUES["k3"] / MASS, rel=1e-4)
+    assert np.isnan(found.curve.stiffness).all()
+    assert np.isnan([r.damping_ratio for r in found.resonances]).all()
+    assert np.isnan(found.covariance[1:]).all()
+    assert found.restoring is None
+    curves = rsgen.predict(found)
+    assert (len(curves), curves.findings[0].code) == (0, "curves-need-mass")
+    with pytest.raises(rsgen.RsgenError, match="phase resonance do not determine the mass"):
+        rsgen.rank(locked(noise=0.0), [LAW, "k*x + c*v"])
+
+
+def test_one_frequency_at_resonance_is_no_negative_mass():
+    """A linear structure at its resonance: the real part of F/X is round-off, of either sign."""
+    omega, level = np.sqrt(VALUES["k"] / MASS), np.linspace(1, 12, 24)
+    force = level * np.exp(1e-14j * np.cos(np.arange(24)))
+    surface = rsgen.ResponseSurface(level, np.full(24, omega / 2 / np.pi), force, level / (1j * omega * 3.8))
+    found = rsgen.identify(surface, "k*x + c*v")
+    assert found.verdict.state == "identified"
+    assert found["k"].finding["ratio"] == pytest.approx(omega**2, rel=1e-9)
+    assert found["c"].value == pytest.approx(3.8, rel=1e-9)
+
+
+def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
+    truth = {"k": 5920.0, "c": 2.0, "kt": 800.0, "Fs": 5.0}
+    law = "k*x + c*v + masing(Min(kt*x, Fs))"
+    found = rsgen.identify(locked(law, noise=0.003, **truth), law)
+    for name, value in {**truth, "m": MASS}.items():
+        assert abs(found[name].value - value) < 4 * found[name].standard_error, name
+
+
+def test_a_friction_force_is_no_ratio_and_a_law_with_two_springs_has_a_ratio_for_each():
+    truth = {"k": 5920.0, "k2": 1e4, "k3": 3e5, "c": 2.0, "Ff": 0.5}
+    law = "k*x + k2*x**2 + k3*x**3 + c*v + Ff*sign(v)"
+    found = rsgen.identify(locked(law, noise=0.003, **truth), law)
+    assert found["Ff"].value == pytest.approx(0.5, rel=0.1)
+    for name in ("k", "k2", "k3"):
+        assert found[name].finding["low"] < truth[name] / MASS < found[name].finding["high"], name
+
+
+@pytest.mark.parametrize("lag", [88.0, 92.0])
+def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: float):
+    surface = locked(lag=lag, noise=1e-4)
+    path = tmp_path / "loop.csv"
+    table = np.stack([surface.frequency, np.abs(surface.force), surface.amplitude], axis=1)
+    np.savetxt(path, table, delimiter=",", header="f,force,response", comments="")
+    read = rsgen.read_measurement(
+        MeasuredTest(
+            files=path,
+            frequency="f",
+            force=Signal(amplitude="force"),
+            response=Signal(amplitude="response"),
+            quantity="displacement",
+            phase_known=False,
+            control="phase",
+        )
+    )
+    codes = [finding.code for finding in read.findings]
+    assert "phase-lag-assumed" in codes
+    assert "phase-lag-held" not in codes
+    found = rsgen.identify(read, LAW, mass=MASS)
+    low, high = found["k"].interval
+    assert low < VALUES["k"] < high
+    assert abs(found["k"].value - VALUES["k"]) > 0.2 * (high - low) / 4, "the error is one that counts"
+    ratio = rsgen.identify(read, LAW)["k"].finding
+    assert ratio["low"] < VALUES["k"] / MASS < ratio["high"]
+    for mass in (MASS, None):
+        modal = rsgen.modal_table(read, mass=mass)
+        exact = rsgen.modal_table(locked(noise=0.0), mass=MASS).at(modal.amplitude).stiffness_per_mass
+        assert np.all(modal.stiffness_per_mass_lower < exact)
+        assert np.all(exact < modal.stiffness_per_mass_upper)
