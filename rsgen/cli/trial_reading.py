@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
+from typing import cast
 
 from rsgen.case import load_case
 from rsgen.errors import CaseError, RsgenError
@@ -122,13 +122,17 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface | MultisineSpectra:
 
 
 def _turned(surface: ResponseSurface | MultisineSpectra, proposal: Proposal) -> Proposal | None:
-    """Turn the sense of the phase where only so the structure is passive; None where it is right."""
+    """Turn the sense of all phases where only so the structure is passive; None where it is right."""
     wrong = [f for f in surface.findings if f.code == "not-passive" and f.names["reversed"] == "phase"]
-    response = proposal.tables["test.response"]
-    if not wrong or "phase_sense" not in response:
+    turned = {name: table for name, table in proposal.tables.items() if "phase_sense" in table}
+    if not wrong or not turned:
         return None
-    sense = {"phase_sense": wrong[0].names["phase_sense"]}
-    key = "test.response.phase_sense"
-    why = {key: f"{proposal.doubts.get(key, '')}; the other sense would feed energy into the exciter"}
-    tables: dict[str, dict[str, Any]] = proposal.tables | {"test.response": response | sense}
-    return replace(proposal, tables=tables, doubts=proposal.doubts | why)
+    sense = wrong[0].names["phase_sense"]
+    # one device writes all phases in one sense
+    tables = proposal.tables | {name: table | {"phase_sense": sense} for name, table in turned.items()}
+    doubts = dict(proposal.doubts)
+    for name in turned:
+        key = f"{name}.phase_sense"
+        said = f"{doubts[key]}; " if key in doubts else ""
+        doubts[key] = f"{said}the other sense would feed energy into the exciter"
+    return replace(proposal, tables=tables, doubts=doubts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi
@@ -13,9 +14,10 @@ from rsgen.measurement.tree import Entry
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
-    "ANGULAR", "BOTH_SIGNS", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY", "LEVEL", "LOAD",
-    "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE",
-    "REAL", "RESPONSE", "RESPONSE_UNITS", "RMS", "SPREAD", "TIME", "USABLE", "VARIES", "Clue",
+    "ANGULAR", "BASE", "BOTH_SIGNS", "CONTROL", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY",
+    "IS_FORCE", "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "POSITIVE",
+    "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS", "SPREAD", "TIME",
+    "USABLE", "VARIES", "Clue",
     "complex_parts", "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in",
     "with_unit",
 ]  # fmt: skip
@@ -27,13 +29,16 @@ OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleratio
 """Responses over force, in the words of ISO 7626-1."""
 _VALUES = ("data", "value", "values")
 """Last names of paths that say nothing."""
-RESPONSE_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
+_MOTION_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
     "inertance": "acceleration",
     "acc": "acceleration",
     "vel": "velocity",
     "mobility": "velocity",
     "disp": "displacement",
+    "beschl": "acceleration",
+    "geschw": "velocity",
+    "vitesse": "velocity",
     " a ": "acceleration",
     " v ": "velocity",
 }
@@ -80,14 +85,25 @@ def _named(pattern: str) -> Clue:
 
 
 ANGULAR = Clue(lambda entry: is_angular(entry.title or last_name(entry)))
-FREQUENCY = _named(r"freq|hertz|omega|^f(_|$|\d)|(^|_)hz(_|$)|rpm")
+FREQUENCY = _named(r"freq|fréq|hertz|omega|^f(_|$|\d)|(^|[_ ])hz(_|$)|rpm|drehzahl")
 TIME = _named(r"^t(_|$)|time|zeit|instant|^x_value$")
 """The last is LabVIEW's."""
 FORCE = _named(r"forc|kraft|load(?!_cycle)")
 DRIVE = _named(r"excit|drive|shaker|^u(_|$)|input|^f(_|$|\d)|volt")
-RESPONSE = _named(r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^[xyva](_|$|\d)|^h(_|$|\d)")
+RESPONSE = _named(
+    r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^\W?[xyzva](_|\W|$|\d)|^h(_|$|\d)"
+    r"|beschl|geschw|(^|[ _])weg|auslenk|schwing|vitesse|dépl|depl"
+)
 LOAD = _named(r"forc|kraft|load|^f(_|$|\d)")
 LEVEL = _named(r"level|drive|^amplitude")
+BASE = _named(
+    r"(^|[^a-z])(base|table|tisch|ground|floor|boden|found(ation)?|fundament|fu(ß|ss)punkt|support|slip"
+    r"|fixture|armature|aufspann\w*|shaker|exciter|seat ?rail)"
+)
+"""Where a structure on a driven base is fixed."""
+CONTROL = _named(r"(^|[^a-z])(ctrl|control|regel|drive|input|excit\w*|ref(erence)?|anregung)")
+"""What a shaker's controller holds; a motion of this name is that of the base where there is no force."""
+RELATIVE = _named(r"(^|[^a-z])rel(ativ|ative)?([^a-z]|$)|relativ")
 NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
 RATE = _named(r"^f_?s$|rate|sampling|fsamp")
 _PARTS = [
@@ -105,11 +121,13 @@ _PARTS = [
     )
 ]
 """How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
-and "Y"."""
-_PHASE_NAMED = _named(r"phase|phi|φ|(^|_)lag|arg|angle|deg")
+and "Y" at the end."""
+_PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")
 _DEGREES = ("deg", "°", "rad", "degree", "degrees")
 PHASE = Clue(lambda entry: _PHASE_NAMED(entry) or entry.unit in _DEGREES)
-SPREAD = _named(r"std|sigma|var|error|coherence|temperature|number")
+SPREAD = _named(
+    r"std|sigma|var|error|coheren|kohären|temperature|number|(?<![a-z])(coh|temp|humidity|averages|date|rpm_set)(?![a-z])"
+)
 QUOTIENT = _named(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)|/\s?f\Z")
 _LEAD = _named(r"lead")
 _LAG = _named(r"lag")
@@ -145,6 +163,11 @@ def with_unit(*targets: str) -> Clue:
     return Clue(lambda entry: bool(entry.unit) and any(unit_for(entry.unit, target) for target in targets))
 
 
+IS_FORCE = with_unit("N")
+IS_MOTION = with_unit(*_MOTION_UNITS)
+"""By its unit a displacement, velocity or acceleration, or one of them over force."""
+
+
 def of_size(size: int) -> Clue:
     """Ask for arrays with a side of ``size`` numbers."""
     return Clue(lambda entry: entry.size == size or size in entry.shape)
@@ -158,18 +181,24 @@ def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entr
     Each with the real part under the name that both have in common: "H" for "Re(H)" and "Im(H)".
     """
     for real, imaginary in _PARTS:
-        # the first of each name, so that thousands of columns are gone through once
-        partners: dict[tuple[int, str, str], Entry] = {}
+        # of equal names in their order; thousands of columns are gone through once
+        partners: dict[tuple[int, str, str], list[Entry]] = defaultdict(list)
         for entry in entries:
             name = last_name(entry)
             if imaginary.search(name):
-                partners.setdefault((entry.size, entry.unit, imaginary.sub("*", name)), entry)
+                partners[entry.size, entry.unit, imaginary.sub("*", name)].append(entry)
         for first in entries:
             name = last_name(first)
-            second = partners.get((first.size, first.unit, real.sub("*", name)))
-            if second is not None and second is not first and real.search(name):
-                common = real.sub("", name).strip(" _-.:()[]{}")
-                yield replace(first, title=common or name), first, second
+            if not real.search(name):
+                continue
+            alike = partners.get((first.size, first.unit, real.sub("*", name)), [])
+            second = next((entry for entry in alike if entry is not first), None)
+            if second is None or ((real, imaginary) == _PARTS[-1] and POSITIVE(first) and POSITIVE(second)):
+                # of two directions x and y both amplitudes are positive
+                continue
+            alike.remove(second)
+            common = real.sub("", name).strip(" _-.:()[]{}")
+            yield replace(first, title=common or name), first, second
 
 
 def remarked(word: str) -> Clue:

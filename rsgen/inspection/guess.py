@@ -8,11 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from rsgen.inspection.clues import (
-    REAL,
     SPREAD,
     USABLE,
     Clue,
-    complex_parts,
     last_name,
     unit_beside,
     unit_in,
@@ -47,16 +45,6 @@ class Guess:
         if entry is not None:
             self.free.remove(entry)
         return entry
-
-    def take_parts(self, fits: Clue, *clues: Clue) -> tuple[Entry, Entry] | None:
-        """Take a real part, called by what it is a part of, and the imaginary one; clues as for ``take``."""
-        pairs = list(complex_parts([entry for entry in self.free if fits(entry) and REAL(entry)]))
-        for clue in clues:
-            for common, real, imaginary in pairs:
-                if clue(common):
-                    self.free = [entry for entry in self.free if entry not in (real, imaginary)]
-                    return common, imaginary
-        return None
 
     def address(self, entry: Entry) -> int | str:
         """Give an array's address in a case."""

@@ -47,10 +47,17 @@ def split_title(title: str) -> tuple[str, str]:
     --------
     >>> split_title("H [(m/s^2)/N]"), split_title("F/kN"), split_title("accelerance_g_per_N")
     (('H', '(m/s^2)/N'), ('F', 'kN'), ('accelerance_g_per_N', 'g/N'))
+    >>> split_title("arg(X1)/deg"), split_title("Re (m/s^2)/N")
+    (('arg(X1)', 'deg'), ('Re', '(m/s^2)/N'))
     """
     text = _SPELLED.sub(r"_\1/s\2", title.rstrip())
     if quotient := _QUOTIENT.search(text):
-        return text[: quotient.start()].rstrip(), quotient[1]
+        name = text[: quotient.start()].rstrip()
+        if _FUNCTION.search(name) and not is_unit(quotient[1]):
+            # the phase of F over its unit: "arg(F)/deg"
+            numerator, _, denominator = text.rpartition("/")
+            return numerator.rstrip(), denominator.strip()
+        return name, quotient[1]
     if begin := _opening(text):
         name, unit = text[: begin - 1].rstrip(), text[begin:-1].strip()
         if _MANNER.fullmatch(unit):

@@ -201,7 +201,10 @@ def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None
     f16 = proposed(measured_data("f16/F16Data_SineSw_Level1.mat"))
     assert f16["time"] == {"rate_column": "Fs"}
     assert f16["force"]["samples"] == "Force"
-    assert f16["response"]["samples"] == "Acceleration[1]"
+    assert f16["response"] == {"channels": "acceleration1"}
+    assert [f16["channels"][f"acceleration{n}"]["samples"] for n in (1, 2, 3)] == [
+        f"Acceleration[{n}]" for n in (1, 2, 3)
+    ]
     beam = proposed(measured_data("nlbeam/forced_data.mat"))
     assert beam["response"]["real"] == "forced_data/Data/X1__V_/data"
     assert beam["response"]["imaginary"] == "forced_data/Data/Y1__V_/data"

@@ -175,7 +175,9 @@ def test_other_sensors_are_said_to_be_left_out(tmp_path: Path, run_cli: Callable
         return [np.array(level), np.abs(x), 2 * np.abs(x), np.angle(x, deg=True)]
 
     begun(write(tmp_path / "a.csv", "f [Hz],F [N],x1 [mm],x2 [mm],phase [deg]", columns), run_cli)
-    assert "# left out: x2 [mm]; a case reads one response" in (tmp_path / "a.toml").read_text()
+    text = (tmp_path / "a.toml").read_text()
+    assert "# left out: x2 [mm], without a phase" in text
+    assert "# or that of x2 [mm]: its title names no channel" in text
 
 
 @pytest.mark.parametrize(("name", "order"), [("v_mm/s", 1), ("a [mm/s²]", 2), ("x [mm]", 0)])

@@ -1,0 +1,284 @@
+"""Several sensors, a driven base, a force with its phase: columns as laboratories name them, in any order."""
+
+from __future__ import annotations
+
+import random
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsgen.cli.inspect_command import proposal_text
+from rsgen.cli.trial_reading import Trial, try_proposal
+from rsgen.inspection import list_contents, propose
+from rsgen.surface import ResponseSurface
+
+MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
+FREQUENCY = np.linspace(6.0, 14.0, 17)
+OMEGA = 2 * np.pi * FREQUENCY
+LEVELS = (1.0, 3.0)
+G = 9.80665
+
+RECEPTANCE = 1 / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
+SHAPES = {"one": 1.0, "two": 0.6 * np.exp(0.02j), "three": -0.3}
+"""Motion of each sensor over that of the first; the last one is on the other side of a node."""
+
+
+def force(level: float) -> np.ndarray:
+    """A force that drops at the resonance, with a phase of its own, as a channel of an analyser has."""
+    return level * (1 - 0.3 * np.exp(-((FREQUENCY - 10) ** 2))) * np.exp(0.4j + 0.05j * FREQUENCY)
+
+
+def acceleration(sensor: str, level: float) -> np.ndarray:
+    return -(OMEGA**2) * SHAPES[sensor] * RECEPTANCE * force(level)
+
+
+def degrees(values: np.ndarray) -> np.ndarray:
+    return np.angle(values, deg=True)
+
+
+@dataclass
+class Titles:
+    """Titles of a program: force, and what it calls sensors; ``parts`` are its titles of one channel."""
+
+    frequency: str
+    force: str
+    sensors: dict[str, str]
+    parts: tuple[str, str]
+    unit: str = "g"
+    of_force: str = "N"
+    delimiter: str = ";"
+
+    def columns(self, level: float) -> dict[str, np.ndarray]:
+        signals = {(self.force, self.of_force): force(level)}
+        scale = {"g": 1 / G, "m/s²": 1.0, "m/s^2": 1.0, "mm/s": 1e3, "mm": 1e3}[self.unit]
+        order = {"mm/s": 1, "mm": 2}.get(self.unit, 0)
+        for name, called in self.sensors.items():
+            signals[called, self.unit] = scale * acceleration(name, level) / (1j * OMEGA) ** order
+        columns = {self.frequency: FREQUENCY}
+        in_parts = "im" in self.parts[1].casefold()
+        for (called, unit), values in signals.items():
+            pair = (values.real, values.imag) if in_parts else (np.abs(values), degrees(values))
+            for title, numbers in zip(self.parts, pair, strict=True):
+                columns[title.format(called, unit)] = numbers
+        return columns
+
+
+def called(name: str, *places: str) -> dict[str, str]:
+    return dict(zip(SHAPES, (name.format(place) for place in places), strict=False))
+
+
+LABORATORIES = {
+    "analyser": Titles(
+        "Frequency [Hz]", "Force", called("{}", "Tip", "Mid"), ("{} Amplitude [{}]", "{} Phase [deg]")
+    ),
+    "phase first": Titles(
+        "Frequency (Hz)",
+        "Force",
+        called("{}", "Wing", "Payload", "Pylon"),
+        ("Amplitude {} ({})", "Phase {} (°)"),
+    ),
+    "vibrometer": Titles(
+        "Frequency [ Hz ]",
+        "Ref1 Force",
+        called("Vib {}", "Velocity 1", "Velocity 2"),
+        ("{} Magnitude [ {} ]", "{} Phase [ ° ]"),
+        "mm/s",
+        delimiter="\t",
+    ),
+    "modal": Titles(
+        "Linear [Hz]",
+        "FORC:1:+Z",
+        called("WING:{}:+Z", "1", "2", "17"),
+        ("Real {} [{}]", "Imaginary {} [{}]"),
+        "m/s²",
+    ),
+    "controller": Titles(
+        "Frequency (Hz)",
+        "Force cell",
+        called("RESP{}", "1", "2", "3"),
+        ("{} ({})", "{} Phase (deg)"),
+        delimiter=",",
+    ),
+    "virtual instrument": Titles(
+        "Frequency",
+        "Force_0",
+        called("Acceleration_{}", "0", "1"),
+        ("{} ampl ({})", "{} phase (deg)"),
+        delimiter="\t",
+    ),
+    "german": Titles(
+        "Frequenz [Hz]", "Kraft", called("Beschl. {}", "1", "2"), ("{} [{}]", "Phase {} [°]"), "m/s²"
+    ),
+    "din": Titles("f/Hz", "F", called("X{}", "1", "2"), ("|{}|/{}", "arg({})/deg"), "mm", delimiter=","),
+    "script": Titles("freq_hz", "f", called("a{}", "1", "2", "3"), ("{}_re_{}", "{}_im_{}"), delimiter=","),
+    "other script": Titles(
+        "f_Hz", "F", called("x{}", "1", "2"), ("{}_{}", "phase_{}_deg"), "mm", delimiter=","
+    ),
+    "camels": Titles("freqHz", "force", called("acc{}", "Tip", "Root"), ("{}Amp [{}]", "{}Phase [deg]")),
+}
+
+
+def write(
+    path: Path, columns: Callable[[float], dict[str, np.ndarray]], delimiter: str, seed: int | None
+) -> Path:
+    """Write a row a frequency and level, the columns in an order of chance."""
+    blocks = [columns(level) for level in LEVELS]
+    titles = list(blocks[0])
+    if seed is not None:
+        random.Random(seed).shuffle(titles)
+    rows = [
+        delimiter.join(f"{value:.9g}" for value in row)
+        for block in blocks
+        for row in np.transpose([np.broadcast_to(block[title], FREQUENCY.shape) for title in titles])
+    ]
+    path.write_text("\n".join([delimiter.join(titles), *rows, ""]), encoding="utf-8")
+    return path
+
+
+def tried(path: Path) -> tuple[dict[str, Any], Trial]:
+    """Give the [test] tables that are proposed for a file, and what they read."""
+    contents = list_contents(path)
+    proposal = propose(contents)
+    assert proposal is not None
+    trial = try_proposal(contents, proposal)
+    assert not trial.fault
+    tables: dict[str, Any] = tomllib.loads(proposal_text(trial.proposal))["test"]
+    return tables, trial
+
+
+def surface_of(trial: Trial) -> ResponseSurface:
+    assert isinstance(trial.surface, ResponseSurface)
+    return trial.surface
+
+
+def sensor_read(tables: dict[str, Any], titles: Titles) -> str:
+    """Name the sensor whose columns the proposal takes for the response."""
+    chosen = tables["channels"][tables["response"]["channels"]]
+    column = chosen.get("amplitude", chosen.get("real"))
+    return next(
+        name for name, text in titles.sensors.items() if titles.parts[0].format(text, titles.unit) == column
+    )
+
+
+@pytest.mark.parametrize("name", LABORATORIES)
+@pytest.mark.parametrize("seed", [None, 1, 2])
+def test_columns_of_one_sensor_find_each_other(tmp_path: Path, name: str, seed: int | None) -> None:
+    """Whatever the order, force and response are read with their own phases: the receptance is exact."""
+    titles = LABORATORIES[name]
+    tables, trial = tried(write(tmp_path / "a.csv", titles.columns, titles.delimiter, seed))
+    assert len(tables["channels"]) == len(titles.sensors)
+    surface = surface_of(trial)
+    exact = SHAPES[sensor_read(tables, titles)] * np.tile(RECEPTANCE, len(LEVELS))
+    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6)
+    assert trial.proposal.doubts["test.response.channels"].startswith("or ")
+    # every other channel is that of its own sensor, too
+    for channel in tables["channels"].values():
+        pair = [
+            channel[key]
+            for key in (("amplitude", "phase") if "amplitude" in channel else ("real", "imaginary"))
+        ]
+        assert any(
+            pair == [part.format(text, titles.unit) for part in titles.parts]
+            for text in titles.sensors.values()
+        )
+
+
+TRANSMISSIBILITY = (STIFFNESS + 1j * OMEGA * DAMPING) / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
+"""Absolute motion of the mass over that of the base."""
+
+
+@pytest.mark.parametrize(
+    ("base", "mass", "named"),
+    [
+        (("Base acc [g]", "Base phase [deg]"), ("Mass acc [g]", "Mass phase [deg]"), True),
+        (("Table Mag (g)", "Table Phs (deg)"), ("DUT Mag (g)", "DUT Phs (deg)"), True),
+        (("Re Tisch [g]", "Im Tisch [g]"), ("Re Masse [g]", "Im Masse [g]"), True),
+        (("CTRL1 (g)", "CTRL1 Phase (deg)"), ("RESP2 (g)", "RESP2 Phase (deg)"), False),
+        (("Acc 2 [g]", "Acc 2 Phase [deg]"), ("Acc 1 [g]", "Acc 1 Phase [deg]"), False),
+    ],
+)
+@pytest.mark.parametrize("seed", [None, 3])
+def test_a_driven_base_is_recognised(
+    tmp_path: Path, base: tuple[str, str], mass: tuple[str, str], named: bool, seed: int | None
+) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        moved = level / G * np.exp(0.3j) * np.ones_like(FREQUENCY)
+        found = {"Frequency [Hz]": FREQUENCY}
+        for titles, values in ((base, moved), (mass, moved * TRANSMISSIBILITY)):
+            in_parts = titles[0].startswith("Re ")
+            pair = (values.real, values.imag) if in_parts else (np.abs(values), degrees(values))
+            found |= dict(zip(titles, pair, strict=True))
+        return found
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, ";", seed))
+    assert tables["base"].get("amplitude", tables["base"].get("real")) == base[0]
+    assert tables["base"]["response"] == "absolute"
+    assert "force" not in tables
+    surface = surface_of(trial)
+    assert surface.per_mass
+    np.testing.assert_allclose(
+        surface.harmonics[:, 1] / surface.force, MASS * np.tile(RECEPTANCE, 2), rtol=1e-6
+    )
+    # a name that does not say base leaves a choice open
+    assert named is ("test.base.quantity" not in trial.proposal.doubts)
+    assert "relative" in trial.proposal.doubts["test.base.response"]
+
+
+def test_a_phase_of_another_channel_is_never_taken(tmp_path: Path) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        a = acceleration("one", level)
+        # that of x1 was not recorded
+        return {
+            "f [Hz]": FREQUENCY,
+            "F [N]": np.abs(force(level)),
+            "x1 [g]": np.abs(a),
+            "x2 phase [deg]": degrees(a),
+        }
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, ",", None))
+    assert tables["response"]["amplitude"] == "x1 [g]"
+    assert "phase" not in tables["response"]
+    assert tables["response"]["phase_known"] is False
+    assert "left out: x2 phase [deg]" in trial.proposal.doubts["test.response.amplitude"]
+
+
+def test_two_directions_are_no_real_and_imaginary_part(tmp_path: Path) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        a = acceleration("one", level) / force(level) * level
+        two = (np.abs(a), 0.6 * np.abs(a))
+        return dict(
+            zip(
+                ("f_Hz", "F_N", "x1_g", "y1_g", "phase_deg"),
+                (FREQUENCY, np.array(level), *two, degrees(a)),
+                strict=True,
+            )
+        )
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, ",", None))
+    assert (tables["response"]["amplitude"], tables["response"]["phase"]) == ("x1_g", "phase_deg")
+    assert "y1_g" in trial.proposal.doubts["test.response.phase"]
+
+
+@pytest.mark.parametrize("order", ["{} H{} [N]", "{} {}f [N]", "{} harm. {} [N]"])
+def test_harmonics_are_not_taken_for_sensors(tmp_path: Path, order: str) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        found = {"f [Hz]": FREQUENCY}
+        for number, size in ((3, 0.1), (1, 1.0), (2, 0.3)):
+            for called, values in (("F", force(level)), ("a", acceleration("one", level))):
+                unit = "N" if called == "F" else "m/s²"
+                title = order.format(called, number)
+                values = size * values * np.exp(number * 1j)
+                found[title.replace("[N]", f"[{unit}]")] = np.abs(values)
+                found[title.replace("[N]", "phase [deg]")] = degrees(values)
+        return found
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, ";", None))
+    assert tables["force"]["phase"] == order.format("F", 1).replace("[N]", "phase [deg]")
+    assert "harmonics 2, 3" in trial.proposal.doubts["test.response.amplitude"]
+    surface = surface_of(trial)
+    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, np.tile(RECEPTANCE, 2), rtol=1e-6)
