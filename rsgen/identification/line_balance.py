@@ -8,8 +8,10 @@ slopes goes with that of the balance, which in plain least squares would bias th
 variables).
 
 Lines in which the noise hides the response, and those above the record, are not taken from it: there the law
-itself gives the motion, X_h = (F_h - N_h)/(m (i h omega0)^2), by iteration. So noise does not reach the
-velocity, and a law with corners and jumps sees a motion that has all its lines.
+itself gives the motion by iteration, above with inertia, X_h = (F_h - N_h)/(m (i h omega0)^2), below with the
+dynamic stiffness of its mean slopes. So noise reaches neither the velocity nor, as of accelerations divided
+by omega^2, the lowest lines, and a law with corners and jumps sees a motion that has all its lines. What is
+left of the balance at such lines is the inertia of how far the record is from the law's motion.
 """
 
 from __future__ import annotations
@@ -37,9 +39,6 @@ _EXTENDED, _MOST_LINES = 16, 16384
 """Times the recorded lines that a motion has along a law with switches, and most lines: the velocity at a
 jump errs by the inverse of their number, which leaves a few 1e-6 of the force."""
 
-_HIDDEN = 3.0
-"""A response below this many times the noise of its mean says less than the law does."""
-
 _CLEAR = 3.0
 """Dynamic stiffness of a line, relative to the largest stiffness of the law, above which inertia rules there
 and the iteration to the law's own motion shrinks its error threefold a step."""
@@ -49,6 +48,9 @@ _TAIL_STEPS = 12
 
 _TAIL_ENOUGH = 1e-9
 """Change of the unseen lines, relative to the seen ones, at which they move no force any more."""
+
+_FOLLOWED = 3
+"""Steps to how the law's own motion follows the parameters: errors of the slopes by noise are larger then."""
 
 _MEAN_STEPS = 30
 """Newton steps to the mean of a motion whose mean the sensor does not see."""
@@ -66,8 +68,8 @@ class Lines:
         (r, H+1) lines of each record.
     samples
         A period, at which the law is evaluated.
-    last
-        (r,) highest line of each record up to which the response is taken from it.
+    first, last
+        (r,) lowest and highest line of each record between which the response is taken from it.
     extended
         Highest line of the motions along which the law is evaluated.
     """
@@ -75,6 +77,7 @@ class Lines:
     spectra: MultisineSpectra
     used: NDArray[np.bool_]
     samples: int
+    first: NDArray[np.intp]
     last: NDArray[np.intp]
     extended: int
 
@@ -102,13 +105,8 @@ def lines_of(spectra: MultisineSpectra, band: tuple[float, float] | None, *, swi
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENDED * recorded, _MOST_LINES)) if switched else recorded
     samples = 1 << (_OVERSAMPLED * (extended + 1) - 1).bit_length()
-    noise = spectra.noise()[1]
-    # of one period no noise is known: then every line counts
-    seen = np.stack([np.sqrt(smooth(one**2)) for one in np.abs(spectra.mean_response)]) > _HIDDEN * noise
-    seen |= ~np.isfinite(noise)
-    seen[:, 0] = True
-    hidden = np.array([np.flatnonzero(row)[-1] for row in seen], dtype=np.intp)
-    return Lines(spectra, used, samples, hidden, extended)
+    first, seen = spectra.reach()
+    return Lines(spectra, used, samples, first, seen, extended)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,15 +154,15 @@ class Balance:
         (r, H+1) F - m (i h omega0)^2 X - N [N].
     by_parameter
         (r, p, H+1) dN/dp.
-    inertia
-        (r, H+1) (i h omega0)^2 X, what the mass multiplies.
+    by_mass
+        (r, H+1) (i h omega0)^2 X, what the mass multiplies, and what the law's own motion adds to it.
     mean
         (r,) mean displacement, measured or found from the law [m].
     """
 
     residual: ComplexArray
     by_parameter: ComplexArray
-    inertia: ComplexArray
+    by_mass: ComplexArray
     mean: Array
 
     @classmethod
@@ -177,9 +175,10 @@ class Balance:
         ]
         inertia = lines.rate**2 * spectra.mean_response
         law_force = np.stack([part[0] for part in parts]) - noise.bias
-        by_parameter = np.stack([part[1] for part in parts]) - noise.by_parameter
+        slopes = np.stack([part[1] for part in parts])
+        by_parameter, by_mass = slopes[:, :-1] - noise.by_parameter, slopes[:, -1] + inertia
         residual = spectra.mean_force - mass * inertia - law_force
-        return cls(residual, by_parameter, inertia, np.array([part[2] for part in parts]))
+        return cls(residual, by_parameter, by_mass, np.array([part[2] for part in parts]))
 
     def noise(self, lines: Lines, law: ForceLaw, values: Array, mass: float) -> NoiseOfBalance:
         """Evaluate the law along every period, for the variance of the balance and the bias of the law."""
@@ -191,7 +190,7 @@ class Balance:
         for i in range(len(lines)):
             along = _Along(lines, law, values, mass, i)
             whole = along.mean(spectra.mean_force[i], spectra.mean_response[i])
-            parts = [along.one(response) for response in spectra.response[i]]
+            parts = [along.one(*each) for each in zip(spectra.force[i], spectra.response[i], strict=True)]
             forces = np.stack([part[0] for part in parts])
             balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
             if not spectra.exact[i]:
@@ -199,10 +198,9 @@ class Balance:
             found.variance[i] = scatter(balance / np.sqrt(found.shape[i])) * found.shape[i]
             found.bias[i] = (forces.mean(axis=0) - whole[0]) / (count - 1)
             slopes = np.stack([part[1] for part in parts])
-            found.by_parameter[i] = (slopes.mean(axis=0) - whole[1]) / (count - 1)
-            inertia = lines.rate**2 * spectra.response[i]
-            columns = np.concatenate([slopes, inertia[:, None]], axis=1)
-            columns = np.conj(columns - columns.mean(axis=0))
+            found.by_parameter[i] = (slopes.mean(axis=0) - whole[1])[:-1] / (count - 1)
+            slopes[:, -1] += lines.rate**2 * spectra.response[i]
+            columns = np.conj(slopes - slopes.mean(axis=0))
             found.apart[i] = balance - balance.mean(axis=0)
             found.together[i] = np.sum((columns * found.apart[i][:, None]).real, axis=0) / (count - 1) / count
         return found
@@ -213,27 +211,40 @@ class _Along:
 
     def __init__(self, lines: Lines, law: ForceLaw, values: Array, mass: float, row: int) -> None:
         self.lines, self.law, self.values, self.mass = lines, law, values, mass
-        self.last = int(lines.last[row])
+        orders = np.arange(lines.extended + 1)
+        self.rate = 1j * orders * lines.spectra.omega0
+        self.low = (orders > 0) & (orders < lines.first[row]) & (mass > 0)
+        self.high = orders > lines.last[row]
+        self.taken = ~(self.low | self.high)[: len(lines.spectra.lines)]
         self.unseen: ComplexArray = np.zeros(lines.extended + 1, dtype=complex)
+        self.drive: ComplexArray = np.zeros(lines.extended + 1, dtype=complex)
         self._stiffness, self._damping = 0.0, 0.0
 
+    @property
+    def _dynamic(self) -> ComplexArray:
+        """(extended + 1,) dynamic stiffness of the law's mean slopes [N/m]."""
+        return np.asarray(self.mass * self.rate**2 + self._damping * self.rate + self._stiffness)
+
     def mean(self, force: ComplexArray, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:
-        """Force of the law and its slopes by line, (H+1,) and (p, H+1), and the mean [m] of the motion."""
-        lines, count = self.lines, len(response)
-        high = np.arange(lines.extended + 1) > self.last
+        """Force of the law and its slopes by line, (H+1,) and (p+1, H+1), and the mean [m] of the motion.
+
+        The last slope is that by the mass, which moves the lines that are not taken from the record.
+        """
+        count, low, high = len(response), self.low, self.high
+        self.drive[:count] = force
         self.unseen[:count] = np.where(high[:count], response, 0)
-        if not high.any() or not self.mass > 0:
-            return self.one(response)
-        rate = 1j * np.arange(lines.extended + 1) * lines.spectra.omega0
-        drive = np.zeros(lines.extended + 1, dtype=complex)
-        drive[:count] = force
+        if not (low.any() or high.any()) or not self.mass > 0:
+            return self.one(force, response)
+        inertia = self.mass * self.rate**2
         before = float("inf")
         self.unseen[:] = 0
         for _ in range(_TAIL_STEPS):
             sample, _, spectrum = self._sample(response, slopes=False)
             stiffness = float(np.max(np.abs(sample.by_x)))
-            ruled = high & (np.abs(self.mass * rate**2) > _CLEAR * stiffness)
-            found = np.where(ruled, (drive - spectrum[0]) / np.where(ruled, self.mass * rate**2, 1), 0)
+            ruled = low | (high & (np.abs(inertia) > _CLEAR * stiffness))
+            left = self.drive - inertia * self.unseen - spectrum[0]
+            dynamic = np.where(ruled, np.where(low, self._dynamic, inertia), 1)
+            found = np.where(ruled, self.unseen + left / dynamic, 0)
             # nearer the resonance the record says more, noise and all
             found[:count] = np.where(high[:count] & ~ruled[:count], response, found[:count])
             moved = float(np.linalg.norm(found - self.unseen))
@@ -242,26 +253,35 @@ class _Along:
             self.unseen, before = found, moved
             if moved < _TAIL_ENOUGH * float(np.linalg.norm(response)):
                 break
-        return self.one(response)
+        return self.one(force, response)
 
     def noise_shape(self, force: ComplexArray, response: ComplexArray) -> Array:
         """(H+1,) variance of the balance that the noise of force and response makes in the linearised law."""
-        rate = self.lines.rate
-        dynamic = self.mass * rate**2 + self._damping * rate + self._stiffness
-        power = scatter(force) + np.abs(dynamic) ** 2 * scatter(response)
+        count = len(self.taken)
+        low, inertia = self.low[:count], self.mass * self.lines.rate**2
+        # where the law moves itself, it takes up the force
+        dynamic = np.where(low, inertia, self._dynamic[:count])
+        share = np.where(low, inertia / self._dynamic[:count], 1)
+        power = np.abs(share) ** 2 * scatter(force) + np.abs(dynamic) ** 2 * scatter(response)
         return np.asarray(np.maximum(power, ROUND_OFF * float(power.max()) or 1.0))
 
-    def one(self, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:
-        """The same of a single period, its unseen lines those of the mean motion."""
-        _, mean, spectrum = self._sample(response, slopes=True)
+    def one(self, force: ComplexArray, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:
+        """The same of a single period, its unseen lines those of the mean motion, moved by its own force."""
         count = len(response)
+        kept = self.unseen
+        if self.low.any():
+            part = self.low[:count]
+            self.unseen = np.array(kept)
+            self.unseen[:count][part] += ((force - self.drive[:count]) / self._dynamic[:count])[part]
+        _, mean, spectrum = self._sample(response, slopes=True)
+        self.unseen = kept
         return spectrum[0, :count], spectrum[1:, :count], mean
 
     def _sample(self, response: ComplexArray, *, slopes: bool) -> tuple[ForceSample, float, ComplexArray]:
-        """Sample of the law, mean [m], spectra (1 + p, extended + 1) of its force and its slopes."""
+        """Sample of the law, mean [m], spectra (2 + p, extended + 1) of its force and its slopes."""
         lines, law, values = self.lines, self.law, self.values
         whole = np.array(self.unseen)
-        whole[: self.last + 1] = response[: self.last + 1]
+        whole[: len(response)][self.taken] = response[self.taken]
         motion = Motion(np.array([lines.spectra.omega0]), whole[None])
         mean = float(whole[0].real)
         x, v, a = motion.waveforms(lines.samples)
@@ -270,18 +290,40 @@ class _Along:
             x, mean = _centred(law, x - mean, v, a, step, values)
         sample = law.sample(x, v, a, step, values)
         self._stiffness, self._damping = float(np.mean(sample.by_x)), float(np.mean(sample.by_v))
-        parts = [np.broadcast_to(sample.force, x.shape)[0]]
-        if slopes:
-            columns = [np.broadcast_to(s, x.shape)[0] for s in sample.by_parameter]
-            if not lines.spectra.mean_known and law.springs:
-                # the mean follows the parameters
-                by_x = np.broadcast_to(sample.by_x, x.shape)[0]
-                stiffness = float(by_x.mean())
-                columns = [s - by_x * float(s.mean()) / stiffness for s in columns] if stiffness else columns
-            parts += columns
-        spectrum = np.fft.rfft(np.stack(parts), axis=1)[:, : lines.extended + 1] * (2 / lines.samples)
-        spectrum[:, 0] /= 2
-        return sample, mean, spectrum
+        force = np.broadcast_to(sample.force, x.shape)
+        if not slopes:
+            return sample, mean, self._spectrum(force)
+        by_x, by_v = (np.broadcast_to(part, x.shape)[0] for part in (sample.by_x, sample.by_v))
+        columns = np.zeros((len(values) + 1, lines.samples))
+        for column, part in zip(columns, sample.by_parameter, strict=False):
+            column[:] = np.broadcast_to(part, x.shape)[0]
+        if not lines.spectra.mean_known and law.springs and (stiffness := float(by_x.mean())):
+            # the mean follows the parameters
+            columns -= by_x * columns.mean(axis=1, keepdims=True) / stiffness
+        if self.low.any():
+            self._follow(columns, by_x, by_v, whole)
+        return sample, mean, self._spectrum(np.concatenate([force, columns]))
+
+    def _follow(self, columns: Array, by_x: Array, by_v: Array, whole: ComplexArray) -> None:
+        """Add to slopes (p+1, s) what the law's own motion, which follows parameters and mass, adds."""
+        low, inertia = self.low, self.mass * self.rate[self.low] ** 2
+        still, change = np.array(columns), np.zeros((len(columns), len(self.rate)), dtype=complex)
+        for _ in range(_FOLLOWED):
+            left = self._spectrum(columns)[:, low] + inertia * change[:, low]
+            left[-1] += (self.rate**2 * whole)[low]
+            change[:, low] -= left / self._dynamic[low]
+            moved, faster = (self._wave(one) for one in (change, change * self.rate))
+            columns[:] = still + by_x * moved + by_v * faster
+
+    def _spectrum(self, waves: Array) -> ComplexArray:
+        """(n, extended + 1) of signals (n, s)."""
+        found = np.fft.rfft(waves, axis=1)[:, : self.lines.extended + 1] * (2 / self.lines.samples)
+        found[:, 0] /= 2
+        return np.asarray(found)
+
+    def _wave(self, spectrum: ComplexArray) -> Array:
+        """(n, s) signals without mean of spectra (n, extended + 1)."""
+        return np.fft.irfft(spectrum * (self.lines.samples / 2), self.lines.samples, axis=1)
 
 
 def _centred(law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array) -> tuple[Array, float]:

@@ -119,7 +119,7 @@ def _rows(lines: Lines, balance: Balance, variance: Array, given: float | None) 
     """Real rows (2 lines, q) and right side of unit variance; unknowns: parameters, the mass if free."""
     columns = balance.by_parameter
     if given is None:
-        columns = np.concatenate([columns, balance.inertia[:, None]], axis=1)
+        columns = np.concatenate([columns, balance.by_mass[:, None]], axis=1)
     weight = np.sqrt(2 / variance)[lines.used]
     matrix = np.moveaxis(columns, 1, 2)[lines.used] * weight[:, None]
     right = balance.residual[lines.used] * weight
@@ -203,7 +203,7 @@ def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covaria
     moved = np.zeros(len(covariance))
     columns = fit.balance.by_parameter
     if given is None:
-        columns = np.concatenate([columns, fit.balance.inertia[:, None]], axis=1)
+        columns = np.concatenate([columns, fit.balance.by_mass[:, None]], axis=1)
     for column, apart, variance, used in zip(columns, fit.noise.apart, fit.variance, lines.used, strict=True):
         weighted = np.conj(column[:, used]) * (2 / variance[used])
         moves = (apart[:, used] @ weighted.T).real @ covariance
@@ -217,10 +217,11 @@ def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[floa
     """Time by which the response comes later than the force [s], its error, and the share of misfit left.
 
     Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds
-    i omega F to it. It is fitted beside all parameters.
+    i omega F to it, but at lines at which the motion is the law's own. It is fitted beside all parameters.
     """
     matrix, right = _rows(lines, fit.balance, fit.variance, given)
-    column = (lines.rate * lines.spectra.mean_force)[lines.used] * np.sqrt(2 / fit.variance)[lines.used]
+    taken = lines.spectra.lines >= lines.first[:, None]
+    column = (lines.rate * lines.spectra.mean_force * taken / np.sqrt(fit.variance / 2))[lines.used]
     more = np.column_stack([matrix, np.stack([column.real, column.imag], axis=1).reshape(-1)])
     change, inverse, _ = solve_scaled(more, right)
     alone = right - matrix @ solve_scaled(matrix, right)[0]

@@ -82,9 +82,10 @@ class _Instants:
 
 
 def _cut(spectrum: ComplexArray, lines: Lines) -> ComplexArray:
-    """The lines up to the highest that is used; the rest is mostly noise, and accelerations show it."""
+    """The lines from the lowest clear one to the highest used; the rest is mostly noise."""
     highest = int(np.flatnonzero(lines.used.any(axis=0))[-1])
-    return np.asarray(spectrum[:, : highest + 1])
+    hidden = (lines.spectra.lines > 0) & (lines.spectra.lines < lines.first[:, None])
+    return np.asarray(np.where(hidden, 0, spectrum)[:, : highest + 1])
 
 
 def start_values(lines: Lines, law: ForceLaw, given: float | None) -> tuple[Array, float]:

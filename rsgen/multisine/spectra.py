@@ -26,6 +26,12 @@ _GAP = 3.0
 """Excited lines stand above the others by a factor; what a generator leaks is 10 dB lower at least."""
 _SMOOTHED = 5
 """Lines to each side whose scatter is averaged: scatter of a few periods alone is off by tens of per cent."""
+_FALLS = (0, 2, 4)
+"""Powers of the frequency by which noise falls: white in displacement, velocity or acceleration."""
+_HIDDEN = 3.0
+"""A response below this many times the noise of its mean says less than a law does."""
+_CLEAR = 10.0
+"""The same of the lowest lines, of which few have most of the noise: beyond, that is a per cent of power."""
 _BAD_LEVEL = "a positive root mean square of the force is needed"
 
 
@@ -141,8 +147,19 @@ class MultisineSpectra(Printed):
         return rms(self.mean_force)
 
     def rms_response(self) -> Array:
-        """(r,) root mean square of the displacement, without its mean [m]."""
-        return rms(self.mean_response)
+        """(r,) root mean square of the displacement, without its mean and the lines that noise hides [m]."""
+        return rms(np.where(self.lines < self.reach()[0][:, None], 0, self.mean_response))
+
+    def reach(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(r,) lowest and highest line of each record between which the motion is best taken from it.
+
+        Below and above, noise hides the response, or would be most of the noise of the motion: accelerations
+        divided by omega^2 have noise at the lowest lines that may exceed everything else. Without noise, or
+        of one period, all lines are taken.
+        """
+        size, noise = np.abs(self.mean_response), np.where(self.exact[:, None], np.nan, self.noise()[1])
+        ends = [_reach(*one) for one in zip(size, noise, self.excited(), strict=True)]
+        return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
     def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> MultisineSpectra:
         """Take some of the records."""
@@ -222,7 +239,34 @@ def scatter(periods: ComplexArray) -> Array:
     if count < 2:
         return np.full(periods.shape[1], np.nan)
     power = np.sum(np.abs(periods - periods.mean(axis=0)) ** 2, axis=0) / (count - 1) / count
-    return smooth(power)
+    lines = np.arange(len(power), dtype=np.float64)
+    lines[0] = 1.0
+    found = [smooth(power * lines**fall) * lines**-fall for fall in _FALLS]
+    return found[int(np.argmin([_surprise(power[1:], one[1:]) for one in found]))]
+
+
+def _surprise(power: Array, expected: Array) -> float:
+    """Minus the logarithm of the likelihood of powers (n,) of noise, up to a factor and a constant."""
+    known = expected > 0
+    return float(np.sum(np.log(expected[known]) + power[known] / expected[known]))
+
+
+def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, int]:
+    """Lowest and highest line of a response (H+1,), with its noise, that are taken from the record."""
+    last = len(size) - 1
+    if not np.isfinite(noise).all():
+        return 1, last
+    high = np.flatnonzero(np.sqrt(smooth(size**2)) > _HIDDEN * noise)
+    variance = np.maximum(noise[1:], 1e-300) ** 2
+    # from below, so that a strong line is not taken for those before it
+    hidden = np.cumsum(size[1:] ** 2 / variance) <= _CLEAR**2 * np.arange(1, last + 1)
+    # lines below the excited ones, as long as their noise together is not more than that of these
+    driven = np.flatnonzero(excited[1:])
+    if len(driven):
+        below = np.cumsum(variance[: driven[0]][::-1])[::-1]
+        hidden[: driven[0]] |= below > variance[driven].sum()
+    low = np.flatnonzero(~hidden)
+    return (int(low[0]) + 1 if len(low) else 1), (int(high[-1]) if len(high) else 0)
 
 
 def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:

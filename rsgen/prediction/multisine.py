@@ -16,7 +16,6 @@ from rsgen.identification.multisine import held_out_records
 from rsgen.identification.result import frozen_array
 from rsgen.law.numeric import compile_law
 from rsgen.multisine import MultisineSpectra
-from rsgen.multisine.spectra import rms
 from rsgen.multisine.steady import periodic_response
 from rsgen.prediction.prediction_result import Prediction
 from rsgen.surface import ResponseSurface
@@ -43,7 +42,7 @@ class PredictedRecord:
     measured, predicted
         (H+1,) complex displacement [m] under the measured force, the mean first.
     judged
-        (H+1,) lines that are scored: those of the band, never the mean.
+        (H+1,) lines that are scored: those of the band, never the mean or what noise hides below the others.
     error
         Root mean square of predicted - measured over that of measured, at the judged lines [1]; NaN where
         nothing was predicted.
@@ -114,7 +113,8 @@ def predict_multisine(
     if not isinstance(spectra, MultisineSpectra):
         raise RsgenError(f"surface: {type(spectra).__name__}; a multisine is predicted for MultisineSpectra")
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
-    return MultisinePrediction((), (), found.amplitude_range, tuple(_findings(found, records)), records)
+    findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
+    return MultisinePrediction((), (), found.amplitude_range, tuple(findings), records)
 
 
 def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
@@ -127,7 +127,8 @@ def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int)
     response = periodic_response(law, found.solution, found.mass, spectra.omega0, force)
     predicted = response.spectrum if response.converged else np.full(len(force), nan + 0j)
     low, high = found.model.observation.band or (0.0, inf)
-    judged = (spectra.lines > 0) & (spectra.frequency >= low) & (spectra.frequency <= high)
+    judged = (spectra.frequency >= low) & (spectra.frequency <= high)
+    judged &= spectra.lines >= spectra.reach()[0][row]
     size = float(np.linalg.norm(measured[judged])) or nan
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
     noise = float(np.linalg.norm(spectra.noise()[1][row][judged])) / size
@@ -135,16 +136,17 @@ def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int)
     return PredictedRecord(level, spectra.frequency, measured, predicted, judged, error, noise)
 
 
-def _findings(found: MultisineIdentification, records: tuple[PredictedRecord, ...]) -> list[Finding]:
+def _findings(
+    found: MultisineIdentification, records: tuple[PredictedRecord, ...], amplitudes: Array
+) -> list[Finding]:
     findings = []
     warned, doubted, refuted = _MISSED
     reach = _BEYOND * found.amplitude_range[1]
-    for one in records:
+    for one, amplitude in zip(records, map(float, amplitudes), strict=True):
         level = Quantity(one.level, "N")
         if not np.isfinite(one.error):
             findings.append(Finding("record-not-predicted", "doubt", numbers=quantities(level=level)))
             continue
-        amplitude = float(np.sqrt(2) * rms(one.measured))
         if amplitude > reach:
             numbers = quantities(
                 level=level,

@@ -1,0 +1,106 @@
+"""Multisines by accelerometers: noise divided by omega^2 is largest at lines that nothing drives."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.arrays import ComplexArray
+from rsgen.history import TimeHistory, from_multisine
+from rsgen.law.numeric import compile_law
+from rsgen.multisine.spectra import scatter
+from rsgen.multisine.steady import periodic_response
+
+LAWS = {
+    "smooth": ("k*x + k2*x**2 + k3*x**3 + c*v", {"k": 5000.0, "k2": 6e4, "k3": 4e6, "c": 4.0}),
+    "friction": ("k*x + k3*x**3 + c*v + F*sign(v)", {"k": 5000.0, "k3": 4e6, "c": 4.0, "F": 0.2}),
+}
+MASS, RATE = 1.5, 256.0
+LEVELS = (3.0, 5.0, 8.0)
+
+
+@cache
+def motions(name: str, period: int = 512) -> tuple[ComplexArray, ComplexArray]:
+    """Force and displacement (levels, lines) of odd lines from 2.5 to 20 Hz, exact."""
+    law = compile_law(rsgen.Law(LAWS[name][0]).force)
+    values = np.array([LAWS[name][1][each] for each in law.parameters])
+    generator = np.random.default_rng(0)
+    driven = np.arange(int(2.5 * period / RATE) | 1, int(20 * period / RATE) + 1, 2)
+    forces, responses = [], []
+    for level in LEVELS:
+        force = np.zeros((4 if law.switched else 2) * period // 2 + 1, dtype=complex)
+        force[driven] = level * np.sqrt(2 / len(driven)) * np.exp(2j * np.pi * generator.random(len(driven)))
+        found = periodic_response(law, values, MASS, 2 * np.pi * RATE / period, force)
+        assert found.converged
+        forces.append(force[: period // 2])
+        responses.append(found.spectrum[: period // 2])
+    return np.array(forces), np.array(responses)
+
+
+def recorded(
+    force: ComplexArray, response: ComplexArray, *, periods: int, noise: float, seed: int
+) -> rsgen.MultisineSpectra:
+    """Samples of force and acceleration with white noise, and the spectra that are made of them."""
+    generator = np.random.default_rng(seed)
+    period = 2 * force.shape[1]
+    rate = 2j * np.pi * RATE / period * np.arange(force.shape[1])
+    histories = []
+    for level, *both in zip(LEVELS, force, response * rate**2, strict=True):
+        waves = [np.tile(np.fft.irfft(one * period / 2, period), periods) for one in both]
+        waves = [one + noise * one.std() * generator.standard_normal(len(one)) for one in waves]
+        histories.append(TimeHistory(RATE, *waves, "acceleration", level=level))
+    return from_multisine(histories)
+
+
+@pytest.mark.parametrize(
+    ("name", "periods", "period", "noise", "runs"),
+    [("smooth", 2, 512, 0.01, 3), ("smooth", 6, 1024, 0.003, 1), ("friction", 2, 512, 0.01, 1)],
+)
+def test_accelerations_need_no_band(name: str, periods: int, period: int, noise: float, runs: int) -> None:
+    force, response = motions(name, period)
+    law, truth = LAWS[name]
+    for seed in range(runs):
+        spectra = recorded(force, response, periods=periods, noise=noise, seed=seed)
+        found = rsgen.identify(spectra, law)
+        assert found.verdict.state == "identified", found
+        # what the law leaves is the noise, not many times of it
+        assert 0.6 < found.residual / found.noise < 1.5
+        for name_, true in {**truth, "m": MASS}.items():
+            assert abs(found[name_].value - true) < 5 * found[name_].standard_error, name_
+            assert found[name_].standard_error < 1.5 * noise * abs(true), name_
+
+
+def test_a_law_that_lacks_a_term_is_refuted_from_accelerations() -> None:
+    spectra = recorded(*motions("smooth"), periods=6, noise=0.01, seed=0)
+    found = rsgen.identify(spectra, "k*x + k2*x**2 + c*v")
+    assert "law-leaves-distortion" in [finding.code for finding in found.findings]
+    assert not found.verdict.usable
+
+
+def test_noise_below_the_driven_lines_moves_nothing() -> None:
+    """There the law itself gives the motion: the same parameters as without noise, however large it is."""
+    force, response = (np.repeat(one[:, None], 6, axis=1) for one in motions("smooth"))
+    generator = np.random.default_rng(1)
+    response[..., 0] = 0.0
+    drawn = generator.standard_normal((*response[..., 1:5].shape, 2))
+    response[..., 1:5] += 3e-3 * (drawn[..., 0] + 1j * drawn[..., 1]) / np.arange(1, 5) ** 2
+    response[..., 1:] += 1e-12 * generator.standard_normal(response[..., 1:].shape)
+    spectra = rsgen.MultisineSpectra(LEVELS, 2 * np.pi / 2, force, response, mean_known=False)
+    assert (spectra.reach()[0] >= 5).all()
+    found = rsgen.identify(spectra, LAWS["smooth"][0])
+    for name, true in {**LAWS["smooth"][1], "m": MASS}.items():
+        assert found[name].value == pytest.approx(true, rel=1e-6), name
+
+
+@pytest.mark.parametrize("fall", [0, 1, 2])
+def test_noise_is_known_at_every_line_whatever_was_integrated(fall: int) -> None:
+    generator = np.random.default_rng(7)
+    lines = np.maximum(np.arange(257), 1)
+    drawn = generator.standard_normal((400, 2, 257, 2))
+    periods = (drawn[..., 0] + 1j * drawn[..., 1]) / lines.astype(float) ** fall
+    ratio = np.array([scatter(one) for one in periods]) * lines.astype(float) ** (2 * fall)
+    # the variance of the mean of two, averaged over six to eleven lines and 400 draws: known to 2 per cent
+    np.testing.assert_allclose(ratio[:, 1:].mean(axis=0), 1.0, atol=0.1)
