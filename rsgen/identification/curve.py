@@ -9,12 +9,12 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
-from rsgen.identification.result import EquivalentCurve
+from rsgen.identification.result import EquivalentCurve, Resonance
 from rsgen.identification.tolerances import SAMPLES_SWITCHED
 from rsgen.motion import Motion, project
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, typical_amounts
 
-__all__ = ["equivalent_curve"]
+__all__ = ["equivalent_curve", "force_levels"]
 
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
@@ -52,3 +52,11 @@ def equivalent_curve(
         level_unit=surface.level_unit,
         per_mass=surface.per_mass,
     )
+
+
+def force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
+    """Levels of force: as measured near the resonances; where the amplitude was held, what these needed."""
+    if not surface.response_held:
+        return np.unique(typical_amounts(surface.select(points.index)))
+    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
+    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])

@@ -15,7 +15,7 @@ from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
 from rsgen.identification.background import state_background
-from rsgen.identification.curve import equivalent_curve
+from rsgen.identification.curve import equivalent_curve, force_levels
 from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.findings import (
     Findings,
@@ -27,6 +27,7 @@ from rsgen.identification.findings import (
 )
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.left_out import left_out_findings
 from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.misfit import is_systematic
 from rsgen.identification.multisine import identify_multisine
@@ -39,7 +40,6 @@ from rsgen.identification.result import (
     EquivalentCurve,
     Estimate,
     Identification,
-    Resonance,
     RestoringForce,
 )
 from rsgen.identification.soundness import feeds_exciter, runs_away
@@ -50,7 +50,7 @@ from rsgen.law.remarks import law_remarks
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
-from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.surface import ResponseSurface
 
 __all__ = ["identify"]
 
@@ -276,8 +276,12 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("nothing-identifiable", "doubt"))
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
-    about = (*about, *resonance_findings(kept, model.mass))
+    about = (*about, *resonance_findings(kept, model.mass), *left_out_findings(refined, estimates))
     general = Findings(surface, points, refined, resonances, agreement)
+    collected = general.collect(of_parameters, calibrated=model.observation.calibrated)
+    if any(finding.code == "harmonics-across-left-out" and finding.severity == "doubt" for finding in about):
+        # what harmonics leave of the misfit another mass may take up, and is as wrong for it
+        collected = tuple(finding for finding in collected if finding.code != "mass-contradicted")
     return Identification(
         model=model,
         paper=make_estimates(paper, law, model, {}, units),
@@ -290,7 +294,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         restoring=_without_law(kept, refined.harmonics[used, 0].real, curve, mass, noise),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=noise,
-        levels=_force_levels(surface, points, resonances),
+        levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, estimates, refined),
@@ -306,7 +310,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
             *about,
             *law_remarks(model.force),
             *mirror_findings(test.problem, estimates),
-            *general.collect(of_parameters, calibrated=model.observation.calibrated),
+            *collected,
         ),
     )
 
@@ -329,14 +333,6 @@ def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, f
     covariance = regression.covariance * (1 + (reported / noise) ** 2)
     covariance = with_loop_error(covariance, regression, test.surface)
     return replace(regression, covariance=covariance), noise, about
-
-
-def _force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
-    """Levels of force: as measured near the resonances; where the amplitude was held, what these needed."""
-    if not surface.response_held:
-        return np.unique(typical_amounts(surface.select(points.index)))
-    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
-    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])
 
 
 def _without_law(

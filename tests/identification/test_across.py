@@ -51,6 +51,42 @@ def two_masses(levels=(1.0, 3.0, 6.0), noise: float = 0.0) -> rs.ResponseSurface
     return rs.ResponseSurface(level, frequency, noisy(force), noisy(near), across=noisy(z), sweep="rest")
 
 
+LIGHT = 0.3
+"""kg: a far side that the harmonics of the joint move further than the near one."""
+
+
+def driven_by_a_sine(amplitude: float = 1e-3) -> rs.ResponseSurface:
+    """The same structure, mass 2 lighter, under a force without harmonics; the motion across has nine.
+
+    At a given fundamental of z the harmonics of the balance of mass 1, with x_1 = x_2 + z, have to vanish.
+    """
+    omega = 2 * np.pi * np.tile(np.linspace(12, 20, 24), 3)
+    level = np.repeat([0.25, 0.5, 1.0], 24)
+    order = np.arange(1, 10, 2)
+    z = np.zeros((len(omega), 10), dtype=complex)
+    z[:, 1] = amplitude * level
+
+    def balance(z):
+        x, v, _ = Motion(omega, z).waveforms(64)
+        joint = TRUE["kj"] * x + TRUE["k3"] * x**3 + TRUE["cj"] * v
+        of_joint = np.stack([project(joint, h) for h in order], axis=1)
+        rate = omega[:, None] * order
+        near = z[:, order] - of_joint / (LIGHT * rate**2)
+        return near, (TRUE["k"] + 1j * rate * TRUE["c"] - MASS * rate**2) * near + of_joint
+
+    for _ in range(60):
+        # secant steps with the mean tangent stiffness of the joint between the two inertias
+        rate = omega[:, None] * order
+        own, stiff = TRUE["k"] - MASS * rate**2, TRUE["kj"] + 1.5 * TRUE["k3"] * np.abs(z[:, 1:2]) ** 2
+        slope = own * (1 - stiff / (LIGHT * rate**2)) + stiff
+        z[:, order[1:]] -= (balance(z)[1] / slope)[:, 1:]
+    near, force = balance(z)
+    assert np.abs(force[:, 1:] / force[:, :1]).max() < 1e-12
+    harmonics = np.zeros_like(z)
+    harmonics[:, order] = near
+    return rs.ResponseSurface(level, omega / 2 / np.pi, force[:, 0], harmonics, across=z, sweep="rest")
+
+
 def test_a_law_across_is_identified_with_the_balance_at_another_mass():
     found = rs.identify(two_masses(), ELEMENTS)
     for name, true in (TRUE | {"m": MASS}).items():
@@ -133,3 +169,17 @@ def test_a_joint_that_gives_energy_is_rejected_although_the_sum_of_all_elements_
     assert found.keys() == {"stiffness-negative-across", "damping-negative-across"}
     assert found["damping-negative-across"]["least"] == pytest.approx(-TRUE["cj"], rel=0.1)
     assert SENSORS in rs.explain(verdict)
+
+
+def test_what_harmonics_across_do_that_were_not_recorded_is_predicted_and_doubted():
+    whole = driven_by_a_sine()
+    found = rs.identify(whole, ELEMENTS)
+    assert found["k3"].value == pytest.approx(TRUE["k3"], rel=1e-6)
+    assert "harmonics-across-left-out" not in {finding.code for finding in found.findings}
+    alone = replace(whole, across=whole.across[:, :2], harmonics=whole.harmonics[:, :2])
+    off = rs.identify(alone, ELEMENTS)
+    bias = off["k3"].value / TRUE["k3"] - 1
+    said = {finding.code: finding for finding in off.verdict.decided_by}["harmonics-across-left-out"]
+    assert (said.parameter, off.verdict.state) == ("k3", "doubtful")
+    assert abs(bias) > 0.01
+    assert said["moved"] == pytest.approx(-bias, rel=0.1)

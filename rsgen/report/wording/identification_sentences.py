@@ -122,6 +122,11 @@ say_plainly(
             "c of the elements across {sensors} is negative, down to {least:.3q}, for amplitudes there of "
             "{low:.3q} to {high:.3q} ({share:.0%} of the points): a joint takes energy, it gives none"
         ),
+        "harmonics-across-left-out": (
+            "of the motion across {sensors} no harmonic above {recorded:.0f} was recorded; with those that "
+            "the joint makes between two masses, harmonic {order:.0f} up to {share:.1%} of the fundamental, "
+            "{parameter} would differ by {moved:+.1%}, {times:.2g} standard errors"
+        ),
         "nothing-identifiable": "the test determines none of the parameters of the law",
         "not-a-steady-sine": (
             "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
@@ -209,6 +214,10 @@ NEXT_STEPS.update(
         "not-passive": (
             "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
             "case again."
+        ),
+        "harmonics-across-left-out": (
+            "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
+            "frequencies at which the joint distorts the motion."
         ),
         "stiffness-negative-across": _SENSE,
         "damping-negative-across": _SENSE,
