@@ -48,13 +48,35 @@ class Descent:
 
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
         """Compare prediction and measurement, with slopes, in units of the expected noise."""
-        return self.problem.observed.linearise(
-            self.predict(parameters, nuisance),
-            self.problem.split(parameters)[2],
-            nuisance,
-            self.scale,
-            self.compared,
+        line, weight = self._rows(parameters, nuisance)
+        if weight is None:
+            return line
+        return Linearisation(
+            (weight @ line.residual[:, :, None])[:, :, 0],
+            weight @ line.by_nuisance,
+            weight @ line.by_parameter,
         )
+
+    def _rows(self, parameters: Array, nuisance: Array) -> tuple[Linearisation, Array | None]:
+        """Compare; and (n, M, M) what makes the noise of the rows independent and of unit size.
+
+        Noise of the other harmonics of the force is in the predicted motion. None where there are none.
+        """
+        response, observed = self.predict(parameters, nuisance), self.problem.observed
+        place = self.problem.split(parameters)[2], nuisance, self.scale, self.compared
+        noise = observed.load_noise(response, *place)
+        weight = None
+        if noise is not None:
+            covariance = np.eye(noise.shape[1]) + noise @ noise.transpose(0, 2, 1)
+            weight = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+        return observed.linearise(response, *place), weight
+
+    def plain(self, influence: Array, parameters: Array, nuisance: Array) -> Array:
+        """Turn the influence (n, M, q) of independent rows into that of the residuals as they are."""
+        if self.problem.observed.points.load is None:
+            return influence
+        weight = self._rows(parameters, nuisance)[1]
+        return influence if weight is None else np.asarray(weight.transpose(0, 2, 1) @ influence)
 
     def corrected(self, found: Regression) -> Regression:
         """Remove the bias of the square of the noise."""
@@ -67,7 +89,8 @@ class Descent:
     def _curvature(self, parameters: Array, nuisance: Array) -> Array:
         step = np.zeros(nuisance.shape[1])
         step[0] = self.forward.step
-        low, here, high = (self.linearise(parameters, nuisance + sign * step) for sign in (-1, 0, 1))
+        low, here, high = (self._rows(parameters, nuisance + sign * step)[0] for sign in (-1, 0, 1))
+        weight = self._rows(parameters, nuisance)[1]
         if self.forward.exact_slopes:
             by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
         else:
@@ -77,4 +100,5 @@ class Descent:
         observed = self.problem.observed
         scale = observed.points.amplitude if self.scale is None else self.scale
         by_phase = observed.phase_curvature(nuisance, scale, self.compared)
-        return np.stack([by_size, by_phase], axis=2)
+        curvature = np.stack([by_size, by_phase], axis=2)
+        return curvature if weight is None else np.asarray(weight @ curvature)

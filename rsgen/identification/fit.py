@@ -183,6 +183,8 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     response = descent.predict(regression.parameters, regression.nuisance)
     lag = np.angle(response.harmonics[:, 1])
     values = problem.split(regression.parameters)[2]
+    influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
+    regression = replace(regression, influence=influence)
     if descent.scale is None:
         influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
         regression = replace(regression, influence=influence)

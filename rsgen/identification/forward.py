@@ -9,7 +9,7 @@ Eqs. (4), (5). The other forward model is the simulator, which is given the forc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,11 @@ class Response:
         (n, q), (n, H+1, q): derivatives by the parameters.
     valid
         (n,) False where there is no prediction.
+    force_load, harmonics_load
+        (n, L), (n, H+1, L): derivatives by real and imaginary parts of the other harmonics of the force
+        [N]; None where none were given.
+    load_orders
+        (L,) which harmonic each of them is a part of.
     """
 
     force: ComplexArray
@@ -61,6 +66,9 @@ class Response:
     force_by: ComplexArray
     harmonics_by: ComplexArray
     valid: NDArray[np.bool_]
+    force_load: ComplexArray | None = None
+    harmonics_load: ComplexArray | None = None
+    load_orders: NDArray[np.intp] | None = None
 
 
 class Forward(Protocol):
@@ -128,8 +136,9 @@ def hold_amplitude(
         _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part])
         for part in (slice(i, i + BLOCK) for i in range(0, len(omega), BLOCK))
     ]
-    names = Response.__dataclass_fields__
-    return Response(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    names = [name for name in Response.__dataclass_fields__ if getattr(parts[0], name) is not None]
+    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Response(**joined | {"load_orders": parts[0].load_orders})
 
 
 def _block(
@@ -182,6 +191,7 @@ def _block(
     moved = np.zeros((*start.shape, by.shape[2]), dtype=complex)
     moved[:, orders[1:]] = series.complex(np.concatenate([by[:, :2], higher], axis=1))[:, 1:]
     moved[:, 1, 0] = amplitude
+    loads = _by_load(tangent, series, start.shape) if load.shape[1] else {}
     return Response(
         force[:, 0] + 1j * force[:, 1],
         harmonics,
@@ -190,7 +200,24 @@ def _block(
         fundamental[:, 1:],
         moved[:, :, 1:],
         step <= _CONVERGED,
+        **loads,
     )
+
+
+def _by_load(tangent: Array, series: FourierSeries, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Derivatives of force and harmonics (n, H+1) by the parts of the force in the harmonics that follow."""
+    columns = tangent.shape[1] - 2
+    higher = _solve(tangent[:, 2:, 2:], np.broadcast_to(np.eye(columns), (len(tangent), columns, columns)))
+    force = tangent[:, :2, 2:] @ higher
+    whole = np.concatenate([np.zeros((len(tangent), 2, columns)), higher], axis=1)
+    moved = np.zeros((*shape, columns), dtype=complex)
+    moved[:, list(series.orders)] = series.complex(whole)
+    orders = np.round(series.order_of[2:]).astype(np.intp)
+    return {
+        "force_load": force[:, 0] + 1j * force[:, 1],
+        "harmonics_load": moved,
+        "load_orders": orders,
+    }
 
 
 def _solve(matrix: Array, right: Array) -> Array:

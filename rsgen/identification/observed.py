@@ -300,6 +300,33 @@ class Observed:
             _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 
+    def load_noise(
+        self,
+        response: Response,
+        values: Array,
+        nuisance: Array,
+        scale: Array | None,
+        compared: Sequence[int],
+    ) -> Array | None:
+        """(n, M, L) what noise of the other harmonics of the force does to the rows of ``linearise``.
+
+        In units of the expected noise: that of each harmonic is as large as that of the fundamental of the
+        force. Those that are zero were not recorded, or did not stand out of the noise. None where no
+        harmonics of the force were given.
+        """
+        load = self.points.load
+        if load is None or response.force_load is None or response.harmonics_load is None:
+            return None
+        parts = replace(response, force_by=response.force_load, harmonics_by=response.harmonics_load)
+        count = response.force_load.shape[1]
+        slopes = self.linearise(parts, values, nuisance, scale, compared).by_parameter[:, :, :count]
+        orders = np.asarray(response.load_orders)
+        recorded = orders < load.shape[1]
+        size = np.zeros((len(load), count))
+        size[:, recorded] = (load[:, orders[recorded]] != 0) * np.abs(self.points.force)[:, None]
+        noise = slopes * size[:, None, :]
+        return np.where(np.isfinite(noise).all(axis=(1, 2), keepdims=True), noise, 0.0)
+
     def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:
         """Turn the influence (n, M, q) of plain differences into that of relative deviations.
 

@@ -72,6 +72,8 @@ class AmplitudeBalance:
         rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
         merged = {}
         for entry in fields(Response):
+            if getattr(at, entry.name) is None:
+                continue
             merged[entry.name] = np.array(getattr(at, entry.name))
             merged[entry.name][lost] = getattr(rough, entry.name)
         return Response(**merged)

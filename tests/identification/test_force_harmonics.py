@@ -14,9 +14,9 @@ MASS, TRUE = 2.0, {"k": 2e4, "k3": 5e9, "c": 4.0}
 LAW = "k*x + k3*x**3 + c*v"
 
 
-def distorted(even: float = 0.0, turn: float = 0.0, cut: int = 8) -> rs.ResponseSurface:
+def distorted(even: float = 0.0, turn: float = 0.0, cut: int = 8, low: float = 12) -> rs.ResponseSurface:
     """The force is what motions with free third and fifth (and even) harmonics ask for; law of odd order."""
-    frequency = np.tile(np.linspace(12, 22, 40), 3)
+    frequency = np.tile(np.linspace(low, 22, 40), 3)
     omega = 2 * np.pi * frequency
     size = np.repeat([2e-4, 6e-4, 1.2e-3], 40) / (1 + ((frequency - 17) / 4) ** 2)
     phase = np.exp(1j * np.linspace(0, 5, len(size)))
@@ -82,3 +82,28 @@ def test_a_law_with_jumps_takes_whichever_leaves_less():
     found = rs.identify(surface, "k*x + k3*x**3 + c*v + Ff*sign(v)")
     for name, true in (TRUE | {"m": MASS}).items():
         assert found[name].value == pytest.approx(true, rel=1e-3)
+
+
+def noisy(surface: rs.ResponseSurface, noise: float, seed: int) -> rs.ResponseSurface:
+    """Complex noise of one size on the first five harmonics of each signal, relative to its fundamental."""
+    random = np.random.default_rng(seed)
+
+    def part(signal: np.ndarray) -> np.ndarray:
+        kept = np.array(signal[:, :6])
+        spread = (random.standard_normal(kept.shape) + 1j * random.standard_normal(kept.shape)) / np.sqrt(2)
+        spread[:, 0] = 0
+        return kept + noise * np.abs(kept[:, 1:2]) * spread
+
+    return replace(surface, force=part(surface.force_harmonics), harmonics=part(surface.harmonics))
+
+
+def test_noise_of_the_harmonics_of_a_force_is_noise_and_no_reason_to_set_points_aside():
+    """At a third of the resonance the third harmonic of the force drives it, and with it its noise."""
+    surface = distorted(even=0.01, low=4.0)
+    for seed in range(2):
+        found = rs.identify(noisy(surface, 0.01, seed), LAW)
+        assert found.verdict.state == "identified"
+        assert "points-set-aside" not in [finding.code for finding in found.findings]
+        assert found.noise == pytest.approx(0.01, rel=0.1)
+        for name, true in (TRUE | {"m": MASS}).items():
+            assert abs(found[name].value - true) < 4 * found[name].standard_error, name
