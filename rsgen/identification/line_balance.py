@@ -194,8 +194,7 @@ class Balance:
             forces = np.stack([part[0] for part in parts])
             balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
             if not spectra.exact[i]:
-                found.shape[i] = along.noise_shape(spectra.force[i], spectra.response[i])
-            found.variance[i] = scatter(balance / np.sqrt(found.shape[i])) * found.shape[i]
+                found.shape[i] = along.noise_shape(*(one[i] ** 2 for one in spectra.noise()))
             found.bias[i] = (forces.mean(axis=0) - whole[0]) / (count - 1)
             slopes = np.stack([part[1] for part in parts])
             found.by_parameter[i] = (slopes.mean(axis=0) - whole[1])[:-1] / (count - 1)
@@ -203,6 +202,7 @@ class Balance:
             columns = np.conj(slopes - slopes.mean(axis=0))
             found.apart[i] = balance - balance.mean(axis=0)
             found.together[i] = np.sum((columns * found.apart[i][:, None]).real, axis=0) / (count - 1) / count
+        found.variance[:] = scatter(found.apart / np.sqrt(found.shape[:, None])) * found.shape
         return found
 
 
@@ -255,14 +255,14 @@ class _Along:
                 break
         return self.one(force, response)
 
-    def noise_shape(self, force: ComplexArray, response: ComplexArray) -> Array:
-        """(H+1,) variance of the balance that the noise of force and response makes in the linearised law."""
+    def noise_shape(self, force: Array, response: Array) -> Array:
+        """(H+1,) variance of the balance of the linearised law, from those of force and response (H+1,)."""
         count = len(self.taken)
         low, inertia = self.low[:count], self.mass * self.lines.rate**2
         # where the law moves itself, it takes up the force
         dynamic = np.where(low, inertia, self._dynamic[:count])
         share = np.where(low, inertia / self._dynamic[:count], 1)
-        power = np.abs(share) ** 2 * scatter(force) + np.abs(dynamic) ** 2 * scatter(response)
+        power = np.abs(share) ** 2 * force + np.abs(dynamic) ** 2 * response
         return np.asarray(np.maximum(power, ROUND_OFF * float(power.max()) or 1.0))
 
     def one(self, force: ComplexArray, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:

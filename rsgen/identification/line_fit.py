@@ -6,16 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtri, ndtr
 
 from rsgen.arrays import Array
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.tolerances import CHANCE, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
-from rsgen.multisine.spectra import smooth
+from rsgen.multisine.spectra import SMOOTHED, smooth
 
 __all__ = [
     "LineFit",
+    "chance_of_noise",
     "delay_between",
     "errors_of",
     "fit_lines",
@@ -177,7 +179,7 @@ def errors_of(
     covariance = covariance * _scatter_of_periods(lines, fit, given, covariance)
     freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
     wider = 1.0
-    if times_noise(lines, fit) > EXCESS:
+    if times_noise(lines, fit) > chance_of_noise(lines, matrix.shape[1]):
         scores, groups = matrix * right[:, None], parts_of_band(lines)
         count = int(groups.max()) + 1
         # leaving one part out, to first order in its share
@@ -248,6 +250,20 @@ def times_noise(lines: Lines, fit: LineFit) -> float:
     ratio = (np.abs(fit.balance.residual) ** 2 / noise)[lines.used]
     ratio = ratio[~np.isnan(ratio)]
     return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0
+
+
+def chance_of_noise(lines: Lines, parameters: int) -> float:
+    """Misfit over its noise that chance hardly exceeds where some parameters are fitted.
+
+    The noise comes from few periods and a few lines beside each other: its inverse is larger on average, and
+    the ratio of the two sums of squares is that of Fisher's F.
+    """
+    count, more = int(lines.used.sum()), lines.spectra.periods - 1
+    if more < 1:
+        return EXCESS
+    rest, near = max(2 * count - parameters, 1), more * (SMOOTHED + 1)
+    limit = float(fdtri(rest, 2 * more * count, 1 - ndtr(-CHANCE)))
+    return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
 
 
 def relative_to_force(lines: Lines, power: Array) -> float:

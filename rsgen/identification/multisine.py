@@ -16,6 +16,7 @@ from rsgen.identification.fit import Solution
 from rsgen.identification.line_balance import Lines, lines_of
 from rsgen.identification.line_fit import (
     LineFit,
+    chance_of_noise,
     delay_between,
     errors_of,
     fit_lines,
@@ -26,7 +27,7 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.identification.tolerances import CHANCE, EXCESS, NOTICEABLE, NULL_PART, SIGMAS
+from rsgen.identification.tolerances import CHANCE, NOTICEABLE, NULL_PART, SIGMAS
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
 from rsgen.observation import Observation
@@ -308,7 +309,8 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
             )
         return found
     # exact data have no noise to compare with
-    if times < EXCESS or misfit < NOTICEABLE:
+    parameters = len(fit.values) + 1
+    if times < chance_of_noise(lines, parameters) or misfit < NOTICEABLE:
         if misfit > 2 * _POOR:
             return [
                 Finding(

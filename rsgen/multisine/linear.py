@@ -175,7 +175,7 @@ def _of_level(
     )
     # noise of force and response together, as far as they move apart
     apart = spectra.response[rows] - everywhere * spectra.force[rows]
-    variance = np.mean([scatter(one) for one in apart], axis=0)
+    variance = scatter(apart).mean(axis=0)
     noise = np.sqrt(variance[lines])
     distortion = np.sqrt(np.maximum(left - np.nan_to_num(variance[lines]), 0.0))
     size = np.sqrt(np.mean(np.abs(response) ** 2, axis=0))

@@ -14,7 +14,7 @@ from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.text_table import Printed, TextTable, short
 
-__all__ = ["MultisineSpectra", "rms", "scatter", "smooth"]
+__all__ = ["SMOOTHED", "MultisineSpectra", "rms", "scatter", "smooth"]
 
 _FLOOR = 1e-9
 """Lines this far below the largest are round-off: ratios of such lines mean nothing."""
@@ -24,7 +24,7 @@ _ABOVE = 3.0
 """A line below this many times the noise of its mean may be noise."""
 _GAP = 3.0
 """Excited lines stand above the others by a factor; what a generator leaks is 10 dB lower at least."""
-_SMOOTHED = 5
+SMOOTHED = 5
 """Lines to each side whose scatter is averaged: scatter of a few periods alone is off by tens of per cent."""
 _FALLS = (0, 2, 4)
 """Powers of the frequency by which noise falls: white in displacement, velocity or acceleration."""
@@ -175,14 +175,12 @@ class MultisineSpectra(Printed):
 
     def excited(self) -> NDArray[np.bool_]:
         """(r, H+1) lines that the force excites, found from the force: those above the widest gap."""
-        return np.stack([_excited(force.mean(axis=0), scatter(force)) for force in self.force])
+        pairs = zip(self.mean_force, scatter(self.force), strict=True)
+        return np.stack([_excited(force, variance) for force, variance in pairs])
 
     def noise(self) -> tuple[Array, Array]:
         """(r, H+1) standard deviation of mean force [N] and response [m] by line; NaN of one period."""
-        return (
-            np.stack([np.sqrt(scatter(each)) for each in self.force]),
-            np.stack([np.sqrt(scatter(each)) for each in self.response]),
-        )
+        return np.sqrt(scatter(self.force)), np.sqrt(scatter(self.response))
 
     def _table(self) -> TextTable:
         lines = self.excited().sum(axis=1)
@@ -222,7 +220,7 @@ def rms(spectrum: ComplexArray) -> Array:
     return np.asarray(np.sqrt(0.5 * np.sum(np.abs(spectrum[..., 1:]) ** 2, axis=-1)))
 
 
-def smooth(power: Array, side: int = _SMOOTHED) -> Array:
+def smooth(power: Array, side: int = SMOOTHED) -> Array:
     """(H+1,) average of a power over neighbouring lines; the mean's line stays by itself."""
     if len(power) < 3:
         return power
@@ -234,19 +232,26 @@ def smooth(power: Array, side: int = _SMOOTHED) -> Array:
 
 
 def scatter(periods: ComplexArray) -> Array:
-    """(H+1,) variance of the mean of p periods (p, H+1), by line, averaged over neighbours; NaN of one."""
-    count = len(periods)
+    """(r, H+1) variance of the mean of p periods (r, p, H+1), by line, averaged over neighbours; NaN of one.
+
+    Noise falls with a power of the frequency that all records have in common; of several that may be, each
+    counts by its likelihood.
+    """
+    count = periods.shape[1]
     if count < 2:
-        return np.full(periods.shape[1], np.nan)
-    power = np.sum(np.abs(periods - periods.mean(axis=0)) ** 2, axis=0) / (count - 1) / count
-    lines = np.arange(len(power), dtype=np.float64)
-    lines[0] = 1.0
-    found = [smooth(power * lines**fall) * lines**-fall for fall in _FALLS]
-    return found[int(np.argmin([_surprise(power[1:], one[1:]) for one in found]))]
+        return np.full((len(periods), periods.shape[2]), np.nan)
+    apart = periods - periods.mean(axis=1, keepdims=True)
+    power = np.sum(np.abs(apart) ** 2, axis=1) / (count - 1) / count
+    lines = np.maximum(np.arange(power.shape[1], dtype=np.float64), 1)
+    found = [np.stack([smooth(one) for one in power * lines**fall]) * lines**-fall for fall in _FALLS]
+    surprise = (count - 1) * np.array([_surprise(power[:, 1:], one[:, 1:]) for one in found])
+    likelihood = np.exp(surprise.min() - surprise)
+    log = np.log(np.maximum(found, np.finfo(float).tiny))
+    return np.asarray(np.exp(np.tensordot(likelihood / likelihood.sum(), log, 1)) * (found[0] > 0))
 
 
 def _surprise(power: Array, expected: Array) -> float:
-    """Minus the logarithm of the likelihood of powers (n,) of noise, up to a factor and a constant."""
+    """Minus the logarithm of the likelihood of powers of noise, up to a factor and a constant."""
     known = expected > 0
     return float(np.sum(np.log(expected[known]) + power[known] / expected[known]))
 
