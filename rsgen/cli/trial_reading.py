@@ -11,8 +11,11 @@ from rsgen.case import load_case
 from rsgen.errors import CaseError, RsgenError
 from rsgen.finding import Finding
 from rsgen.inspection import Contents, Proposal
+from rsgen.inspection.corrections import with_control, with_quantity, with_sense
+from rsgen.inspection.excitation import dies_away, excitation_of
 from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.measurement.histories import read_histories
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
@@ -27,6 +30,8 @@ _PLACEHOLDERS = ("test.level.value", "test.level.values")
 _MANY = 8
 """Lines from which on a periodic force is no sine with harmonics."""
 _CASE = "trial.toml"
+_CONTRADICTIONS = {"not-passive", "another-quantity", "phase-not-resonant"}
+"""Findings that a correction must not bring in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,30 +65,36 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     Parameters
     ----------
     contents, proposal
-        What the file holds, and the guess. Free decays, which need a mass, long
-        histories and those of unknown sampling rate are not tried.
+        What the file holds, and the guess. Long histories and those of unknown sampling rate are not tried.
     """
-    test = proposal.tables["test"]
+    history = "excitation" in proposal.tables["test"]
     longest = max((entry.size for entry in contents.entries), default=0)
-    unknown_rate = "test.time.rate" in proposal.doubts
-    long = "excitation" in test and longest > _MOST_SAMPLES
-    if test.get("excitation") == "ring-down" or long or unknown_rate:
+    if history and (longest > _MOST_SAMPLES or "test.time.rate" in proposal.doubts):
         return Trial(proposal)
     try:
+        if history:
+            return _try_history(contents.file, proposal)
         surface = _read(contents.file, proposal)
-        turned = _turned(surface, proposal)
-        if turned is not None:
-            proposal, surface = turned, _read(contents.file, turned)
+        proposal, surface = _improved(contents.file, proposal, surface)
     except RsgenError as fault:
-        if "excitation" in test and (other := _as_multisine(contents.file, proposal)) is not None:
-            return other
-        faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
-        # the case is nobody's file: its name says nothing
-        return Trial(proposal, fault=" ".join(faults[0].removeprefix(f"{_CASE}: ").split()))
+        return Trial(proposal, fault=_said(fault))
+    return _judged(proposal, surface)
+
+
+def _said(fault: RsgenError) -> str:
+    faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
+    # the case is nobody's file: its name says nothing
+    return " ".join(faults[0].removeprefix(f"{_CASE}: ").split())
+
+
+def _judged(proposal: Proposal, surface: ResponseSurface | MultisineSpectra) -> Trial:
+    """Look for what no test has, and for an offset."""
     if isinstance(surface, MultisineSpectra):
         return Trial(proposal, surface, surface.findings)
     looked_for: dict[str, tuple[Finding, ...]] = {}
-    if not set(_PLACEHOLDERS) & set(proposal.doubts):
+    decay = proposal.tables["test"].get("excitation") == "ring-down"
+    # of a decay forces are those of the mass, which only the user knows
+    if not decay and not set(_PLACEHOLDERS) & set(proposal.doubts):
         looked_for["sizes that no test has"] = tuple(plausibility_findings(surface))
         if has_levels(surface):
             found = tuple(offset_findings(surface))
@@ -92,22 +103,66 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     return Trial(proposal, surface, findings, tuple(what for what, found in looked_for.items() if not found))
 
 
-def _as_multisine(file: Path, proposal: Proposal) -> Trial | None:
-    """Read a history as a multisine instead; None where its force does not repeat or has a few lines only."""
-    tables = {name: dict(table) for name, table in proposal.tables.items() if name != "test.demodulation"}
-    tables["test"]["excitation"] = "multisine"
-    doubts = proposal.doubts | {"test.excitation": "the force repeats and has many lines"}
-    multisine = replace(proposal, tables=tables, doubts=doubts)
+_CHOICES = "swept-sine, stepped-sine, multisine or ring-down"
+_SEEN = {
+    "swept-sine": "the frequency of the force moves; else",
+    "stepped-sine": "the frequency of the force moves in steps; else",
+    "multisine": "the force repeats and has many lines; else",
+    "ring-down": "the force is a blow; else",
+}
+"""What the values of the force show."""
+
+
+def _try_history(file: Path, proposal: Proposal) -> Trial:
+    """Recognise the excitation of records by their values, and read them so."""
+    histories = read_histories(_test(file, proposal))
+    driven = "test.force" in proposal.tables or "test.base" in proposal.tables
+    if not driven and not all(dies_away(history.response) for history in histories):
+        doubt = "no force was found, and the response does not die away: name the force, or the base"
+        return Trial(replace(proposal, doubts=proposal.doubts | {"test.excitation": doubt}))
+    kinds = {excitation_of(history) for history in histories} if driven else {"ring-down"}
+    kind = kinds.pop() if len(kinds) == 1 else ""
+    guessed = proposal
+    if driven and kind:
+        others = ", ".join(other for other in _CHOICES.replace(" or", ",").split(", ") if other != kind)
+        guessed = _excited(proposal, kind, f"{_SEEN[kind]} {others}")
     try:
-        spectra = _read(file, multisine)
-    except RsgenError:
-        return None
-    if not isinstance(spectra, MultisineSpectra) or spectra.excited().sum(axis=1).min() < _MANY:
-        return None
-    return Trial(multisine, spectra, spectra.findings)
+        surface = _read(file, guessed)
+        few = isinstance(surface, MultisineSpectra) and surface.excited().sum(axis=1).min() < _MANY
+    except RsgenError as fault:
+        return Trial(guessed, fault=_said(fault))
+    return _judged(guessed, surface) if not few else _judged(proposal, _read(file, proposal))
+
+
+def _excited(proposal: Proposal, kind: str, doubt: str) -> Proposal:
+    test = proposal.tables["test"] | {"excitation": kind}
+    return replace(
+        proposal, tables=proposal.tables | {"test": test}, doubts=proposal.doubts | {"test.excitation": doubt}
+    )
+
+
+def _improved(
+    file: Path, proposal: Proposal, surface: ResponseSurface | MultisineSpectra
+) -> tuple[Proposal, ResponseSurface | MultisineSpectra]:
+    """Correct what the values contradict, and say what was held."""
+    for correct in (with_sense, with_quantity, with_control):
+        other = correct(surface, proposal) if isinstance(surface, ResponseSurface) else None
+        if other is None:
+            continue
+        try:
+            read = _read(file, other)
+        except RsgenError:
+            continue
+        if not _CONTRADICTIONS & {f.code for f in read.findings} - {f.code for f in surface.findings}:
+            proposal, surface = other, read
+    return proposal, surface
 
 
 def _read(file: Path, proposal: Proposal) -> ResponseSurface | MultisineSpectra:
+    return read_measurement(_test(file, proposal))
+
+
+def _test(file: Path, proposal: Proposal) -> MeasuredTest:
     # both write a proposal as text
     from rsgen.cli.init_command import case_text
     from rsgen.cli.inspect_command import proposal_text
@@ -117,22 +172,9 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface | MultisineSpectra:
     text = proposal_text(Proposal(tables)).replace(f'"{UNKNOWN} N"', '"1 N"')
     with TemporaryDirectory(prefix="rsgen-") as folder:
         case = Path(folder, _CASE)
-        case.write_text(case_text("trial", "k*x + c*v", "data", text), encoding="utf-8")
-        return read_measurement(cast("MeasuredTest", load_case(case, file.parent).test))
-
-
-def _turned(surface: ResponseSurface | MultisineSpectra, proposal: Proposal) -> Proposal | None:
-    """Turn the sense of all phases where only so the structure is passive; None where it is right."""
-    wrong = [f for f in surface.findings if f.code == "not-passive" and f.names["reversed"] == "phase"]
-    turned = {name: table for name, table in proposal.tables.items() if "phase_sense" in table}
-    if not wrong or not turned:
-        return None
-    sense = wrong[0].names["phase_sense"]
-    # one device writes all phases in one sense
-    tables = proposal.tables | {name: table | {"phase_sense": sense} for name, table in turned.items()}
-    doubts = dict(proposal.doubts)
-    for name in turned:
-        key = f"{name}.phase_sense"
-        said = f"{doubts[key]}; " if key in doubts else ""
-        doubts[key] = f"{said}the other sense would feed energy into the exciter"
-    return replace(proposal, tables=tables, doubts=doubts)
+        text = case_text("trial", "k*x + c*v", "data", text)
+        if proposal.tables["test"].get("excitation") == "ring-down":
+            # a decay is one of any mass
+            text = text.replace("[system]\n", '[system]\nmass = "1 kg"\n', 1)
+        case.write_text(text, encoding="utf-8")
+        return cast("MeasuredTest", load_case(case, file.parent).test)

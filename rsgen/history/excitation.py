@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,10 @@ from rsgen.errors import MeasurementError
 from rsgen.finding import Finding, Quantity
 from rsgen.history.record import BLOCK, TimeHistory
 
-__all__ = ["check_force", "check_response", "describe_force"]
+__all__ = ["ForceKind", "check_force", "check_response", "describe_force", "kind_of_force"]
+
+ForceKind = Literal["constant", "blow", "sine", "periodic", "random"]
+"""What a force is by its values."""
 
 _SINE = 0.5
 """A force with less than half of its power at the line that it is read at, and its harmonics, is no sine."""
@@ -30,40 +33,54 @@ _TALL = 0.3
 """The strongest line of a sine has this share of the power in any case, also where it is swept or stepped."""
 
 
-def describe_force(force: NDArray[Any]) -> str:
-    """Say what a force is that is no sine, and what to do: a blow, periodic with many lines, or random.
+def kind_of_force(force: NDArray[Any]) -> ForceKind:
+    """Tell what a force (n,) is, by its values: a constant, a blow, a sine, periodic with many lines, random.
 
-    Returns "" where it may be a sine after all: steps too short, a sweep that turns.
+    A sine may sweep or step, and its steps may be too short to be read.
     """
     part = np.asarray(force[:BLOCK], dtype=np.float64)
     part = part - np.mean(part)
     square = float(part @ part)
     if not square > 0:
-        return ""
+        return "constant"
     if float(np.max(np.abs(part))) > _PEAK * np.sqrt(square / len(part)):
-        return (
-            "the force is a blow, as of a hammer: its free decay is read with test.excitation = "
-            '"ring-down"; for a resonance at several levels, measure with a stepped or swept sine'
-        )
+        return "blow"
     size = 2 * len(part)
     spectrum = np.abs(np.fft.rfft(part, size)) ** 2
     if _narrow(part):
-        return ""
+        return "sine"
     agrees = np.fft.irfft(spectrum, size)[: len(part) // 2]
     # fewer samples overlap at longer lags
     agrees = agrees / square * len(part) / (len(part) - np.arange(len(agrees)))
     # past the first zero it comes back where the force repeats
     away = int(np.argmax(agrees < 0)) if (agrees < 0).any() else len(agrees)
     again = agrees[max(away, _SHORTEST) :]
-    if len(again) and float(np.max(again)) > _REPEATS:
-        return (
-            "the force is periodic with many lines, as a multisine is: it is read with test.excitation = "
-            '"multisine" (rsgen.history.from_multisine)'
-        )
-    return (
+    return "periodic" if len(again) and float(np.max(again)) > _REPEATS else "random"
+
+
+_NO_SINE: dict[ForceKind, str] = {
+    "blow": (
+        "the force is a blow, as of a hammer: its free decay is read with test.excitation = "
+        '"ring-down"; for a resonance at several levels, measure with a stepped or swept sine'
+    ),
+    "periodic": (
+        "the force is periodic with many lines, as a multisine is: it is read with test.excitation = "
+        '"multisine" (rsgen.history.from_multisine)'
+    ),
+    "random": (
         "the force is random: it has no amplitude and no frequency of its own, so that no response surface "
         "follows from it; measure with a stepped or swept sine or a periodic multisine, a level at a time"
-    )
+    ),
+}
+"""What a force is that is no sine, and what to do."""
+
+
+def describe_force(force: NDArray[Any]) -> str:
+    """Say what a force is that is no sine, and what to do: a blow, periodic with many lines, or random.
+
+    Returns "" where it may be a sine after all: steps too short, a sweep that turns.
+    """
+    return _NO_SINE.get(kind_of_force(force), "")
 
 
 def _narrow(part: Array) -> bool:

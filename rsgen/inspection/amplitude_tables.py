@@ -131,8 +131,11 @@ def _responses(guess: Guess, table: _Table) -> list[Sensor]:
     known = IS_MOTION | (RESPONSE & usable) | (QUOTIENT & usable)
     found = table.take_all(VARIES & known)
     if not found:
-        any_other = table.take(VARIES & ~REAL, VARIES & ~LOAD & ~IS_FORCE, VARIES)
-        found = [] if any_other is None else [any_other]
+        first = table.take(VARIES & ~REAL, VARIES & ~LOAD & ~IS_FORCE, VARIES)
+        # names that nobody knows: what has a phase, too, is a channel as well
+        others = [sensor for sensor in table.free if first and sensor.has_phase and VARIES(sensor.main)]
+        table.free = [sensor for sensor in table.free if sensor not in others]
+        found = [first, *others] if first else []
     return sorted(found, key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
 
 

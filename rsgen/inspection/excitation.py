@@ -1,0 +1,130 @@
+"""How a structure was excited, by the values of its records: sweep, steps, many lines, a blow, or release."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.arrays import Array
+from rsgen.errors import MeasurementError
+from rsgen.history import TimeHistory
+from rsgen.history.excitation import kind_of_force
+from rsgen.history.multisine import find_period
+
+__all__ = ["dies_away", "excitation_of", "moves_in_steps"]
+
+_CYCLES = (1, 2, 4, 8, 16, 32, 64)
+"""Lengths of the pieces, in cycles, over which the frequency is taken: noise asks for long ones."""
+_WINDOW = 8
+"""Pieces in a row through which two steps and a line are laid."""
+_FEWEST_WINDOWS = 4
+"""Windows, at least."""
+_NEARER = 0.5
+"""Squares that two steps leave over those that a line leaves: of noise alone 0.7, of steps 0.3 and less, for
+a piece may lie between them."""
+_ROUND_OFF = 1e-6
+"""Changes of a frequency below this share are none: a generator that stands still."""
+_FEWEST = 24
+"""Cycles from which on a force shows what it is."""
+_REGULAR = 0.1
+"""Lengths of the cycles of a sine differ from one to the next by less than this share, with noise."""
+_LIKE = 0.1
+"""Peaks of a sine differ from cycle to cycle by less than this share, with noise."""
+_MARGIN = 0.2
+"""Share of the rms value about zero in which noise makes no cycles."""
+_BLOCKS = 60
+"""Parts of a record whose amplitudes are compared."""
+_LOUD = 0.3
+"""Share of the largest amplitude from which on a part is loud."""
+_RISES = 2
+"""Parts in which a structure that is released or struck gets loud; a resonance that is passed takes more."""
+_QUIET = 0.5
+"""Share of the largest amplitude below which a decay ends: a structure that is driven keeps its amplitude."""
+
+
+def excitation_of(history: TimeHistory) -> str:
+    """Name the excitation of a record by its force, as a case does; "" where it is none that is read."""
+    force = np.asarray(history.reference, dtype=np.float64)
+    force = force - force.mean()
+    if kind_of_force(force) in ("constant", "blow"):
+        return "ring-down" if force.any() else ""
+    instants = _cycles(force)
+    if len(instants) < _FEWEST:
+        return ""
+    duration = np.diff(instants)
+    irregular = float(np.median(np.abs(np.diff(np.log(duration)))))
+    if (irregular > _REGULAR or _beats(force, instants)) and _repeats(force):
+        return "multisine"
+    if irregular > _REGULAR:
+        return ""
+    return "stepped-sine" if moves_in_steps(instants) else "swept-sine"
+
+
+def _cycles(force: Array) -> Array:
+    """(c,) instants, in samples, at which a force (n,) without mean rises: noise about zero is no cycle."""
+    margin = _MARGIN * float(np.sqrt(np.mean(force**2)))
+    side = np.where(force > margin, 1, np.where(force < -margin, -1, 0))
+    known = np.flatnonzero(side)
+    up = np.flatnonzero((side[known][1:] > 0) & (side[known][:-1] < 0)) + 1
+    at = known[up]
+    return np.asarray(at - (force[at] - margin) / (force[at] - force[at - 1]))
+
+
+def _beats(force: Array, instants: Array) -> bool:
+    """Whether the peaks of a force change from cycle to cycle, as those of many lines do."""
+    peaks = np.maximum.reduceat(np.abs(force), instants.astype(np.intp))[:-1]
+    return bool(np.median(np.abs(np.diff(np.log(peaks)))) > _LIKE)
+
+
+def _repeats(force: Array) -> bool:
+    try:
+        find_period(force)
+    except MeasurementError:
+        return False
+    return True
+
+
+def moves_in_steps(instants: Array) -> bool:
+    """Whether the frequency of a sine stands still and jumps, by the instants (c,) at which its cycles begin.
+
+    A few pieces in a row lie on two steps then, rather than on a line; in a sweep it is the other way round,
+    and noise lies on neither. Noise asks for long pieces, and short steps for short ones: all are looked at.
+    """
+    return any(
+        _on_steps(cycles / np.diff(instants[::cycles]))
+        for cycles in _CYCLES
+        if len(instants) > _WINDOW * cycles * _FEWEST_WINDOWS
+    )
+
+
+def _on_steps(frequency: Array) -> bool:
+    """Whether windows of a frequency (p,) lie much nearer to two steps each than to a line."""
+    count = len(frequency) // _WINDOW
+    rows = frequency[: count * _WINDOW].reshape(count, _WINDOW)
+    place = np.arange(_WINDOW) - (_WINDOW - 1) / 2
+    away = rows - rows.mean(axis=1, keepdims=True)
+    line = np.sum(away**2, axis=1) - (away @ place) ** 2 / (place @ place)
+    two = [
+        away[:, :cut].var(axis=1) * cut + away[:, cut:].var(axis=1) * (_WINDOW - cut)
+        for cut in range(2, _WINDOW - 1)
+    ]
+    steps = np.min(two, axis=0)
+    still = (_ROUND_OFF * frequency.mean()) ** 2 * len(frequency)
+    return bool(steps.sum() < _NEARER * line.sum() and line.sum() > still)
+
+
+def _loudness(values: Array) -> Array:
+    """(b,) root mean squares of parts of a record."""
+    values = values - values.mean()
+    length = len(values) // _BLOCKS
+    return np.asarray(np.sqrt(np.mean(values[: length * _BLOCKS].reshape(_BLOCKS, length) ** 2, axis=1)))
+
+
+def dies_away(response: NDArray[np.float64]) -> bool:
+    """Whether a response (n,) gets loud at once and dies away: a decay, not a passage through a resonance."""
+    if len(response) < 4 * _BLOCKS:
+        return True
+    loud = _loudness(np.asarray(response, dtype=np.float64))
+    top = int(np.argmax(loud))
+    first = int(np.argmax(loud > _LOUD * loud[top]))
+    return top - first <= _RISES and bool(loud[-1] < _QUIET * loud[top])
