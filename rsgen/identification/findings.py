@@ -85,10 +85,10 @@ def make_estimates(
     values = np.append(found.values, found.mass) if model.mass is None else found.values
     names = names_of(law, model)
     variance = np.diag(found.covariance)
-    wide = float(stdtrit(found.freedom, CONFIDENCE))
+    wides = np.broadcast_to(stdtrit(found.freedom, CONFIDENCE), variance.shape).tolist()
     units = units_of(model) if units is None else units
     estimates = []
-    for name, value, var in zip(names, values, variance, strict=True):
+    for name, value, var, wide in zip(names, values, variance, wides, strict=True):
         finite = bool(np.isfinite(var) and np.isfinite(value))
         # round-off is the least error a value can have
         error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite else float("inf")

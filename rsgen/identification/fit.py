@@ -100,7 +100,7 @@ class Solution:
     covariance
         (q, q) of the values, then of the mass where it is free.
     freedom
-        Degrees of freedom of the noise that the covariance rests on.
+        Degrees of freedom of the noise that the covariance rests on; (q,) where they differ.
     misfit
         Root mean square, relative.
     """
@@ -108,7 +108,7 @@ class Solution:
     values: Array
     mass: float
     covariance: Array
-    freedom: int
+    freedom: int | Array
     misfit: float
 
 

@@ -240,7 +240,7 @@ def _add_harmonics(followed: Fit) -> Fit:
 
 def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     """Estimates of all three kinds, what they rest on, and what to know about them."""
-    law, whole = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
+    law, (whole, each) = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
     if not used.any():
@@ -266,7 +266,8 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         for name in names
     }
     reasons = explain_hidden(test.problem, reasons)
-    solution = replace(refined.solution, covariance=regression.covariance, freedom=regression.freedom)
+    freedom = np.minimum(regression.freedom, each[: test.problem.count])
+    solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)
     estimates = make_estimates(solution, law, model, reasons, units)
     curve = equivalent_curve(surface, points, used, refined)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None

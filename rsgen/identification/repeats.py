@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.identification.data import ASYMMETRIC, Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF
+from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 from rsgen.surface import ResponseSurface
 
 __all__ = ["JUMP", "Repeats", "gather_repeats", "with_repeats"]
@@ -67,8 +67,27 @@ class Repeats:
         freedom = len(self.row) - len(np.unique(self.row))
         return float(np.sqrt(np.sum(np.abs(self.force) ** 2 + np.abs(self.response) ** 2) / max(freedom, 1)))
 
-    def covariance(self, index: NDArray[np.intp], influence: Array) -> Array:
-        """Covariance (q, q) that the scatter causes in an estimate.
+    @property
+    def follow_force(self) -> bool:
+        """Whether responses follow the forces of the readings, so that each is a point of its own.
+
+        As in S-curves, where a force is raised in small steps. Under a force that was meant to be the same,
+        both deviate independently, and a slope of one over the other brings nothing.
+        """
+        force = self.force.real
+        freedom = len(self.row) - len(self.count) - 1
+        power, total = float(np.sum(force**2)), float(np.sum(np.abs(self.response) ** 2))
+        if freedom < 1 or not (power > 0 and total > 0):
+            return False
+        explained = abs(complex(np.sum(force * self.response))) ** 2 / power
+        return explained > SIGNIFICANT * max(total - explained, 0.0) / freedom
+
+    def covariance(self, index: NDArray[np.intp], influence: Array) -> tuple[Array, Array]:
+        """Covariance (q, q) that the scatter causes in an estimate, and degrees of freedom (q,).
+
+        A few points may decide a parameter, so that the freedom is that of a weighted sum of variances, each
+        of the size that equal noise at all points makes
+        (F. E. Satterthwaite, Biometrics Bull. 2 (1946) 110).
 
         Parameters
         ----------
@@ -88,8 +107,10 @@ class Repeats:
         parts = [(0, self.force.real), (1, self.response.real)]
         if influence.shape[1] > len(parts):
             parts += [(half, self.force.imag), (half + 1, self.response.imag)]
+        expected = np.zeros((len(index), influence.shape[2]))
         for column, part in parts:
             moved += part[fitted, None] * influence[point, column]
+            expected += np.mean(part[fitted] ** 2) * influence[:, column] ** 2
         # readings in a row share what drifts, so a mean is as sure as the means of its batches agree
         count = self.count[self.row[fitted]]
         batches = np.where(count < _BATCHED, count, np.sqrt(count).round()).astype(np.intp)
@@ -101,21 +122,33 @@ class Repeats:
         scaled *= np.sqrt(width / np.maximum(width - 1, 1))[:, None]
         # rows without repeats are as noisy as the others
         repeated = int(np.count_nonzero(self.count[index] > 1))
-        return np.asarray(scaled.T @ scaled * (len(index) / max(repeated, 1)))
+        covariance = np.asarray(scaled.T @ scaled * (len(index) / max(repeated, 1)))
+        some = np.unique(point)
+        own = self.count[index][some]
+        each = np.where(own < _BATCHED, own, np.sqrt(own).round()) - 1
+        return covariance, _freedom(expected[some] / own[:, None], each)
+
+
+def _freedom(variance: Array, each: Array) -> Array:
+    """(q,) degrees of freedom of sums of the variances (n, q) of n points, ``each`` (n,) those of one."""
+    squares = np.sum(variance**2 / each[:, None], axis=0)
+    sums = np.sum(variance, axis=0) ** 2
+    return np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
 
 def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats | None]:
     """Join settled rows of one level, frequency and sweep to their mean.
 
     The phase counts from the force before it is averaged, so that a clock that runs on between readings does
-    no harm. Rows that have no repeat, and surfaces whose repeats do not scatter, stay as they are.
+    no harm. Rows that have no repeat stay as they are, and so do surfaces whose repeats do not scatter, or
+    whose responses follow the force from reading to reading.
 
     Returns
     -------
     surface
         One row a point; joined rows lose what only one reading has (peaks).
     repeats
-        None where there are too few repeats to tell the noise.
+        None where there are too few repeats to tell the noise, and where they are none.
     """
     if not len(surface) or surface.control == "continuation":
         # what a continuation passes at one frequency are points of their own
@@ -138,7 +171,7 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     nth = np.empty(len(row), dtype=np.intp)
     nth[later] = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     repeats = Repeats(row, nth, count, force, response, whole - len(surface))
-    if repeats.noise < ROUND_OFF:
+    if repeats.noise < ROUND_OFF or repeats.follow_force:
         return given, None
     first = np.zeros(len(names), dtype=np.intp)
     first[row[::-1]] = np.arange(len(surface))[::-1]
@@ -219,10 +252,10 @@ def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.
     return far
 
 
-def with_repeats(regression: Regression, points: Points, repeats: Repeats | None) -> Regression:
-    """Give a regression the covariance that repeats show, where there are any."""
+def with_repeats(regression: Regression, points: Points, repeats: Repeats | None) -> tuple[Regression, Array]:
+    """Give a regression the covariance that repeats show, and degrees of freedom (q,); infinite without."""
     if repeats is None:
-        return regression
-    covariance = repeats.covariance(points.index, regression.influence)
+        return regression, np.full(len(regression.parameters), np.inf)
+    covariance, freedom = repeats.covariance(points.index, regression.influence)
     covariance[np.isnan(regression.covariance)] = np.nan
-    return replace(regression, covariance=covariance)
+    return replace(regression, covariance=covariance), freedom

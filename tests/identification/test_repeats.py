@@ -104,6 +104,38 @@ def test_standard_errors_hold_where_only_the_force_scatters_a_little(cubic):
     assert 0.4 < np.sqrt(np.mean(np.square(distances))) < 2
 
 
+@pytest.mark.parametrize("order", ["as tested", "shuffled"])
+def test_small_steps_of_the_force_are_points_of_their_own(order):
+    """Eight forces two per cent apart at each frequency: one level by its gaps, and no repeat."""
+    frequency = np.repeat(np.linspace(8, 12, 31), 8)
+    size = np.tile(np.geomspace(0.010, 0.0115, 8), 31)
+    omega = 2 * np.pi * frequency
+    force = size * (5920 + 0.75 * 3e5 * size**2 - 1.5 * omega**2 + 3.8j * omega)
+    table = noisy(ResponseSurface(5.0, frequency, force, size.astype(complex), sweep="rest"), 3e-3, 1)
+    if order == "shuffled":
+        table = table.select(np.random.default_rng(1).permutation(len(table)))
+    same, repeats = gather_repeats(table)
+    assert repeats is None
+    assert len(same) == len(table)
+    found = identify(table, "k*x + c*v")
+    assert found.noise < 0.01
+    assert not {"misfit-is-scatter", "repeats-scatter"} & {finding.code for finding in found.findings}
+
+
+def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):
+    """A parameter of one point has one degree of freedom, the mean of all points has one of each."""
+    twice = cubic.select(np.repeat(np.arange(0, len(cubic), 7), 2))
+    means, repeats = gather_repeats(noisy(twice, NOISE, 1))
+    rows = np.arange(len(means))
+    influence = np.zeros((len(rows), 4, 2))
+    influence[:, 0, 0], influence[0, 0, 1] = 1 / len(rows), 1.0
+    np.testing.assert_allclose(repeats.covariance(rows, influence)[1], [len(rows), 1])
+    found = identify(noisy(twice, NOISE, 1), model("cubic"))
+    wide = [np.ptp(e.interval) / 2 / e.standard_error for e in found.refined]
+    assert min(wide) > 1.97
+    assert max(wide) > 2.1
+
+
 def test_a_wrong_law_is_not_taken_for_noise(cubic):
     linear = Model((make_element("law", "k*x + c*v"),))
     found = identify(repeated(cubic, 1), linear)
