@@ -27,7 +27,7 @@ def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
     """Make a virtual test of at most a million points."""
     if table.kind == "simulated-multisine":
         return maker.make(MultisineTest, table, "test")
-    if table.control == "response":
+    if table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
     elif table.base is not None and table.base.quantity is not None:
         maker.units = {"N": BASE_UNITS[table.base.quantity]}

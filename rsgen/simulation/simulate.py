@@ -53,10 +53,10 @@ def simulate(
     ResponseSurface or MultisineSpectra
         Of a multisine its spectra, a record a level and realisation. Else a surface of
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
-        it with their outcome and NaN harmonics. With ``control="response"`` the levels are the amplitudes
-        X [m] that were held, the error is that of the force, and ``stable`` is False between folds. With
-        ``control="phase"`` there is a point for each level and lag, at the frequency that was found. Of a
-        shaken base the response is relative to it and the force one per mass, -a_b.
+        it with their outcome and NaN harmonics. With ``control="response"`` or ``"continuation"`` the levels
+        are the amplitudes X [m] that were held, the error is that of the force, and ``stable`` is False
+        between folds. With ``control="phase"`` there is a point for each level and lag, at the frequency that
+        was found. Of a shaken base the response is relative to it and the force one per mass, -a_b.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def simulate(
         raise RsgenError(f"law: {fault}")
     level, frequency = grid_of(test)
     states: SteadyStates
-    if test.control == "response":
+    if test.response_held:
         states = control_grid(oscillator, test, progress)
     elif test.control == "phase":
         level, states = phase_grid(oscillator, test)

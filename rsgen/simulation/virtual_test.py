@@ -50,8 +50,8 @@ class SimulatedTest:
     level: Annotated[
         Array,
         Rule(
-            "Force amplitudes F; amplitudes X of the displacement [m] under response control; of the motion "
-            "of a base as [test.base] says.",
+            "Force amplitudes F; amplitudes X of the displacement [m] under response control and in a "
+            "continuation; of the motion of a base as [test.base] says.",
             unit="N",
         ),
     ]
@@ -73,10 +73,11 @@ class SimulatedTest:
     method: Literal["time", "harmonic-balance"] = declare(
         "time", "time: time integration. harmonic-balance: the independent oracle."
     )
-    control: Literal["force", "response", "phase"] = declare(
+    control: Literal["force", "response", "phase", "continuation"] = declare(
         "force",
         "force: constant F. response: constant X, the force follows. phase: constant F, the frequency "
-        "follows between the lowest and the highest one, until the response lags as the loop wants it.",
+        "follows between the lowest and the highest one, until the response lags as the loop wants it. "
+        "continuation: X rises from level to level at each frequency, through folds, the force follows.",
     )
     lags: tuple[Annotated[float, Rule(unit="rad", above=0, below=pi)], ...] = declare(
         (pi / 2,),
@@ -123,7 +124,12 @@ class SimulatedTest:
     @property
     def level_unit(self) -> str:
         """SI unit of the levels."""
-        return "m" if self.control == "response" else BASE_UNITS[self.base or ""]
+        return "m" if self.response_held else BASE_UNITS[self.base or ""]
+
+    @property
+    def response_held(self) -> bool:
+        """Whether levels are amplitudes of the response, and the force is what the test finds."""
+        return self.control in ("response", "continuation")
 
     @property
     def per_level(self) -> int:
