@@ -16,7 +16,7 @@ from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, MeasurementError, RsgenError
 from rsgen.finding import Finding
 from rsgen.measurement import MeasuredTest, read_measurement
-from rsgen.multisine import MultisineSpectra
+from rsgen.multisine import MultisineSpectra, implausible
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.study import STAGES, expect
 from rsgen.study.foresight import point_faults
@@ -83,6 +83,8 @@ def _plan(case: Case) -> dict[str, Any]:
         odd: list[Finding] = []
         if isinstance(surface, ResponseSurface):
             odd += plausibility_findings(surface, calibrated=case.observation.calibrated)
+        elif case.observation.calibrated:
+            odd += implausible(surface)
         warnings += map(sentence, (*surface.findings, *odd))
         kind = _measured(surface, test)
     expected = expect(case, surface, reading)

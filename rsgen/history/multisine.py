@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
-from rsgen.finding import Finding, Quantity, quantities
+from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.history.record import DERIVATIVES, TimeHistory, as_histories, name_levels
 from rsgen.multisine.spectra import MultisineSpectra, rms
 
@@ -31,6 +31,11 @@ ROUND_OFF = 1e-12
 """Of a period's samples through a transform, relative to the response."""
 _APART = 1.5
 """Ratios of measured to nominal level that differ by more are no calibration: something is mixed up."""
+_AGREE = 2.0
+"""A force this many times more or less than its nominal level has another unit: shakers stay nearer to it,
+and a peak in place of a root mean square of several lines is off by more."""
+_DECAYS = 3.0
+"""Two periods that differ this many times more in their first quarter than in their last: noise does not."""
 _COPY = 1e-4
 """Lines of force and response that are parallel to this are one signal: a resonance turns the phase."""
 _STRETCH = 1 << 19
@@ -127,13 +132,9 @@ def from_multisine(
     numbers = quantities(samples=length, periods=settled, left_out=max(left), step=step)
     found = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
-    findings += copies
-    ratio = typical / levels
-    if ratio.max() > _APART * ratio.min():
-        for end in (int(np.argmin(ratio)), int(np.argmax(ratio))):
-            about = {"level": Quantity(float(levels[end]), "N"), "rms": Quantity(float(typical[end]), "N")}
-            names = {"record": records[end].label}
-            findings.append(Finding("multisine-level-differs", "doubt", numbers=about, names=names))
+    findings += [*copies, *_level_findings(records, typical, levels)]
+    if transient is None:
+        findings += _unsettled(records, length)
     findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": found}))
     return MultisineSpectra(
         level=levels,
@@ -144,6 +145,44 @@ def from_multisine(
         left_out=np.array(left, dtype=np.int64),
         findings=tuple(findings),
     )
+
+
+def _level_findings(records: Sequence[TimeHistory], typical: Array, levels: Array) -> list[Finding]:
+    """Find nominal levels that the forces do not have: some of them, or all by one factor."""
+    ratio = typical / levels
+    if ratio.max() > _APART * ratio.min():
+        ends, code = [int(np.argmin(ratio)), int(np.argmax(ratio))], "multisine-level-differs"
+    elif ratio.max() > _AGREE or ratio.min() < 1 / _AGREE:
+        ends, code = [int(np.argmax(levels))], "multisine-levels-disagree"
+    else:
+        return []
+    return [
+        Finding(
+            code,
+            "doubt",
+            numbers={
+                "level": Quantity(float(levels[end]), "N"),
+                "rms": Quantity(float(typical[end]), "N"),
+                "ratio": Quantity(float(ratio[end])),
+            },
+            names={"record": records[end].label},
+        )
+        for end in ends
+    ]
+
+
+def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:
+    """Find records of two periods: what the first has of a transient only shows where it decays soon."""
+    short, decaying = [record for record in records if len(record) // length <= _FEWEST], []
+    for record in short:
+        signal = np.asarray(record.response[len(record) - _FEWEST * length :], dtype=np.float64)
+        apart, quarter = signal[length:] - signal[:length], max(length // 4, 1)
+        early, late = (float(np.sqrt(np.mean(part**2))) for part in (apart[:quarter], apart[-quarter:]))
+        if early > _DECAYS * late and early > ROUND_OFF * float(np.abs(signal).max()):
+            decaying.append(record)
+    severity: Severity = "doubt" if decaying else "info"
+    names = {"record": ", ".join(record.label for record in decaying or short)}
+    return [Finding("multisine-two-periods", severity, names=names)] if short else []
 
 
 def _copies(
@@ -218,6 +257,8 @@ def _transient(record: TimeHistory, response: ComplexArray, given: int | None) -
     """Periods to leave out: until the response is as near the mean of the last ones as these are."""
     count = len(response)
     if given is not None:
+        if given < 0:
+            raise MeasurementError(f"multisine: transient: {given} periods; 0 or more are needed")
         if count - given < _FEWEST:
             raise MeasurementError(
                 f"{record.label}: {given} of {count} periods are to be left out; {_FEWEST} or more must "

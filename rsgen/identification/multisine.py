@@ -29,7 +29,7 @@ from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
 from rsgen.identification.tolerances import CHANCE, NOTICEABLE, NULL_PART, SIGMAS
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.multisine import BestLinear, MultisineSpectra, best_linear
+from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 
@@ -179,7 +179,11 @@ def _judge(
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
     findings += _delay_findings(lines, fit, misfit, model.mass)
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
-    if not model.observation.calibrated:
+    if model.observation.calibrated:
+        ratios = [one.damping_ratio for one in approximations if one.damping_ratio > 0]
+        mass = fit.mass if np.isfinite(covariance).all() else None
+        findings += implausible(spectra, mass=mass, damping=min(ratios, default=None))
+    else:
         findings.append(Finding("not-calibrated", "info"))
     amplitudes = np.sqrt(2) * part.rms_response()
     frequency = part.frequency[lines.used.any(axis=0)]
@@ -279,7 +283,7 @@ def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list
     spread = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
     limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
     if np.any(power < -limit):
-        found.append(Finding("structure-feeds-exciter", "error"))
+        found.append(Finding("record-feeds-exciter", "error"))
     if covariance is not None and fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found

@@ -46,7 +46,9 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
 
 
 def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
-    """Find a quantity that is not that of the channels."""
+    """Find a quantity that is not that of the channels, and files that they do not come from."""
+    if test.response.channels is not None and test.response_files:
+        yield "response_files", "belong to columns, but channels are given; say the files of each channel"
     signals = {"response": (test.response, test.quantity)}
     if test.base is not None:
         signals["base"] = (test.base.signal, test.base.quantity)

@@ -107,6 +107,10 @@ class _Record:
         total: NDArray[Any] | None = None
         for factor, channel in self.test.terms(what):
             values = self.samples[self.test.sources.index(channel)]
+            if abs(channel.delay) * self.rate >= len(values):
+                raise MeasurementError(
+                    f"{what}: {channel.delay:g} s of delay; the record lasts {len(values) / self.rate:g} s"
+                )
             if channel.delay:
                 values = shifted(values, channel.delay * self.rate)
             # a named channel may be needed again: only others are scaled in place

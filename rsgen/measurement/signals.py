@@ -21,6 +21,8 @@ __all__ = [
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
+LATEST = 10.0
+"""Delay of a channel [s]: no filter and no multiplexer is later."""
 _PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
 
 Column = Annotated[
@@ -143,7 +145,10 @@ def combination(text: str) -> dict[str, float]:
         sign, number, name = found.groups()
         if name in terms:
             raise MeasurementError(f"{text!r:.80}: {name} stands twice; each channel once")
-        terms[name] = (-1.0 if sign == "-" else 1.0) * float(number or 1)
+        factor = float(number or 1)
+        if factor == 0:
+            raise MeasurementError(f"{text!r:.80}: 0 times {name} is nothing; leave it out")
+        terms[name] = -factor if sign == "-" else factor
         place = found.end()
     return terms
 
@@ -161,6 +166,8 @@ class NamedChannel(Checked):
         0.0,
         "How much later than the others its signal arrives, as behind a filter; taken off. Negative for a "
         "channel that is sampled later than the others, as by a multiplexer.",
+        at_least=-LATEST,
+        at_most=LATEST,
     )
     files: tuple[Path, ...] = declare(
         (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200

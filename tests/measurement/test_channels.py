@@ -33,7 +33,9 @@ def test_a_sum_of_channels_is_read(text, terms):
     assert combination(text) == terms
 
 
-@pytest.mark.parametrize("text", ["", "a b", "a*2", "a - a", "__import__('os')", "2", "a +", "a.b", "a/b"])
+@pytest.mark.parametrize(
+    "text", ["", "a b", "a*2", "a - a", "0*a", "__import__('os')", "2", "a +", "a.b", "a/b"]
+)
 def test_what_is_no_sum_is_refused(text):
     with pytest.raises(MeasurementError):
         combination(text)
@@ -206,6 +208,10 @@ channels = "payload"
     surface = rs.read(rs.load_case(path))
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, 2e-6, rtol=1e-3)
     np.testing.assert_allclose(surface.across[:, 1] / surface.harmonics[:, 1], 0.75, rtol=1e-3)
+    short = text.replace("rate = 400", "rate = 1e5").replace("0.00175", "1")
+    path.write_text(short.replace('kind = "measured"', 'kind = "measured"\nexcitation = "swept-sine"'))
+    with pytest.raises(MeasurementError, match=r"1 s of delay; the record lasts 0\.24 s"):
+        rs.read(rs.load_case(path))
 
 
 @pytest.mark.parametrize(
@@ -221,6 +227,8 @@ channels = "payload"
         (CHANNELS + FORCE_AND_WING + "factor = -1\n", SPRING, "factor: is of a column"),
         (CHANNELS + FORCE_AND_WING + 'unit = "mm"\n', SPRING, "unit: is of a column"),
         (CHANNELS + FORCE_AND_WING + 'quantity = "velocity"\n', SPRING, "quantity: is 'velocity', but"),
+        (CHANNELS + FORCE_AND_WING + 'file = "b.csv"\n', SPRING, "files? of each channel"),
+        (CHANNELS + "delay = 1e300\n" + FORCE_AND_WING, SPRING, "delay"),
         (
             CHANNELS + '[test.force]\nchannels = "wing"\n[test.response]\nchannels = "wing"',
             SPRING,

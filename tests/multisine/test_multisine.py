@@ -115,7 +115,7 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
         found = rsgen.identify(rsgen.MultisineSpectra(good.level, OMEGA0, force, response), LAW)
         assert found.verdict.state == "rejected"
         codes = {finding.code for finding in found.findings}
-        assert codes & {"structure-feeds-exciter", "mass-negative"}
+        assert codes & {"record-feeds-exciter", "mass-negative"}
     record = histories(6, np.zeros(0))
     copied = from_multisine(TimeHistory(record.rate, record.force, 2 * np.asarray(record.force)))
     assert [f.code for f in copied.findings if f.severity == "doubt"] == ["response-copies-force"]

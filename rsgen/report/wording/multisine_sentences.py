@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from rsgen.finding import Finding
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-from rsgen.units.scale import number_text
+from rsgen.units.scale import number_text, quantity_text
 
 say_plainly(
     {
-        "multisine-periods": (
-            "a period of {samples:.0f} samples ({period}), lines {step:.4q} apart; {periods:.0f} settled "
-            "periods of each record are used, up to {left_out:.0f} at the beginning were left out"
-        ),
         "multisine-level-differs": (
             "{record}: the level is {level:.3q}, but the force has {rms:.3q} rms; in other records the ratio "
             "of both is another one"
         ),
+        "multisine-levels-disagree": (
+            "{record}: the level is said to be {level:.3q}, but the force has {rms:.3q} rms, {ratio:.2g} "
+            "times as much, and in all records alike: a unit or a factor is wrong, or the level is no root "
+            "mean square"
+        ),
         "channels-delayed": (
             "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
             "off the misfit is {left:.2p} in place of {misfit:.2p}"
+        ),
+        "record-feeds-exciter": (
+            "the structure would feed energy into the exciter: force or response is reversed, or they are "
+            "mixed up"
         ),
         "response-copies-force": (
             "{record}: the response is the force times a number at every line: one channel stands for both, "
@@ -62,6 +67,18 @@ NEXT_STEPS.update(
         "multisine-level-differs": (
             "Check that test.level.values stand in the order of test.file, and are root mean squares."
         ),
+        "multisine-levels-disagree": (
+            "Check unit and factor of the force, and the unit of test.level; a wrong force scales every "
+            'parameter. Write unit = "label" under [test.level] where the levels are names.'
+        ),
+        "record-feeds-exciter": (
+            "Give test.response.factor the other sign if the sensor was mounted the other way round; look "
+            "whether the columns of force and response are swapped, and the quantity of the response."
+        ),
+        "multisine-two-periods": (
+            "Record more periods, or start to record when the response has settled; transient = 0 under "
+            "[test.multisine] says that it had."
+        ),
         "channels-delayed": (
             "Check filters and sampling of both channels; name them under [test.channels] and give one this "
             "delay, or shift its samples."
@@ -77,6 +94,31 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("multisine-periods")
+def _(found: Finding) -> str:
+    lost = found["left_out"]
+    left = f"up to {lost:.0f} at the beginning were left out" if lost else "none was left out"
+    return (
+        f"a period of {found['samples']:.0f} samples ({found.names['period']}), lines "
+        f"{quantity_text(found['step'], 'Hz', 4)} apart; {found['periods']:.0f} settled periods of each "
+        f"record are used, {left}"
+    )
+
+
+@says("multisine-two-periods")
+def _(found: Finding) -> str:
+    record = found.names["record"]
+    if found.severity == "doubt":
+        return (
+            f"{record}: the two periods differ most where the record begins: the response had not settled, "
+            "and the first period is no answer to a periodic force"
+        )
+    return (
+        f"{record}: two periods: whether the response had settled before the first one cannot be seen; "
+        "three and more show it"
+    )
 
 
 @says("identified-from-lines")

@@ -1,0 +1,77 @@
+"""Records of a multisine that are not what the case says of them: levels, transients, units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.errors import MeasurementError
+from rsgen.history import TimeHistory, from_multisine
+from rsgen.report.wording import sentence
+
+RATE, PERIOD = 256.0, 512
+K, C, MASS = 5000.0, 4.0, 1.5
+
+
+def records(
+    periods: int, *, factor: float = 1.0, rest: bool = False, levels: tuple[float, ...] = (2.0, 4.0)
+) -> list[TimeHistory]:
+    """Steady or from rest: a linear structure under random phases; ``factor`` on the recorded force."""
+    lines = np.arange(PERIOD // 2 + 1)
+    omega = 2 * np.pi * RATE / PERIOD * lines
+    receptance = 1 / (K - MASS * omega**2 + 1j * C * omega)
+    generator = np.random.default_rng(4)
+    made = []
+    for level in levels:
+        force = np.zeros(len(lines), dtype=complex)
+        force[5:40] = level * np.sqrt(2 / 35) * np.exp(2j * np.pi * generator.random(35))
+        waves = [
+            np.tile(np.fft.irfft(one * PERIOD / 2, PERIOD), periods) for one in (force, force * receptance)
+        ]
+        if rest:
+            # the free vibration that takes displacement and velocity to zero at the beginning
+            rate = 1j * np.sqrt(K / MASS - (C / 2 / MASS) ** 2) - C / 2 / MASS
+            x, v = (float((force * receptance * (1j * omega) ** power).sum().real) for power in range(2))
+            free = (v - np.conj(rate) * x) / (2j * rate.imag)
+            waves[1] = waves[1] - 2 * np.real(free * np.exp(rate * np.arange(len(waves[1])) / RATE))
+        noise = [1e-3 * one.std() * generator.standard_normal(len(one)) for one in waves]
+        signals = [one + own for one, own in zip(waves, noise, strict=True)]
+        made.append(TimeHistory(RATE, factor * signals[0], signals[1], level=level, label=f"{level:g} N"))
+    return made
+
+
+def codes(spectra: rsgen.MultisineSpectra) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in spectra.findings}
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1000.0, 0.3])
+def test_a_force_in_another_unit_than_its_levels_is_doubted(factor: float) -> None:
+    assert "multisine-levels-disagree" not in codes(from_multisine(records(4)))
+    wrong = from_multisine(records(4, factor=factor))
+    assert codes(wrong)["multisine-levels-disagree"] == "doubt"
+    assert not rsgen.identify(wrong, "k*x + c*v").verdict.usable
+    unnamed = [TimeHistory(RATE, one.force, one.response) for one in records(4, factor=factor)]
+    assert "multisine-levels-disagree" not in codes(from_multisine(unnamed))
+
+
+def test_sizes_that_no_test_has_are_doubted() -> None:
+    good = from_multisine(records(4))
+    assert not [finding for finding in rsgen.identify(good, "k*x + c*v").findings if "size" in finding.code]
+    tiny = rsgen.MultisineSpectra(good.level * 1e-9, good.omega0, good.force * 1e-9, good.response)
+    found = rsgen.identify(tiny, "k*x + c*v")
+    assert [finding.names["quantity"] for finding in found.findings if finding.code == "size-impossible"]
+    free = rsgen.identify(tiny, "k*x + c*v", rsgen.Observation(calibrated=False))
+    assert not [finding for finding in free.findings if "size" in finding.code]
+
+
+def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out() -> None:
+    assert codes(from_multisine(records(2)))["multisine-two-periods"] == "info"
+    rest = from_multisine(records(2, rest=True))
+    assert codes(rest)["multisine-two-periods"] == "doubt"
+    assert "none was left out" in sentence(rest.findings[-1])
+    longer = from_multisine(records(8, rest=True))
+    assert (np.asarray(longer.left_out) >= 1).all()
+    assert "multisine-two-periods" not in codes(longer)
+    with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
+        from_multisine(records(4), transient=-1)
