@@ -77,6 +77,18 @@ def _are_channels(guess: Guess, run: tuple[str, str]) -> bool:
     return any(len(found) > 1 for found in kinds.values())
 
 
+def _other_points(guess: Guess, star: str) -> str:
+    """Say which points the runs of a file are of where they are no levels of one; "" where they are."""
+    motions = [e for e in guess.free if IS_MOTION(e) and e.title and fnmatchcase(e.path, f"{star}*")]
+    points = list(dict.fromkeys(entry.remark for entry in motions))
+    if len(points) < 2:
+        return ""
+    same = sum(entry.remark == points[0] for entry in motions) - 1
+    again = f" and {same} more of this point" if same else ""
+    names = list(dict.fromkeys(e.title for e in motions if e.remark != points[0]))
+    return f"left out: {', '.join(names[:_NAMED])}{again}; a case reads one point, whose entries are levels"
+
+
 def _level(guess: Guess, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
     """Give the table of the level; empty where the forces make the levels."""
     if guess.levels:
@@ -153,7 +165,7 @@ def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
     return responses
 
 
-def _left_out(guess: Guess, table: _Table, higher: dict[int, list[Entry]]) -> str:
+def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     """Say which columns of channels are not read."""
     others = [column for sensor in table.free if RESPONSE(sensor.main) for column in sensor.columns]
     names = [entry.title or entry.path for entry in (*others, *table.loose)]
@@ -173,11 +185,15 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
     """Write the tables of a case for a table of amplitudes over ``frequency``."""
     guess.tables["test"] = {}
     runs = run_of(frequency, guess.contents.entries)
-    if runs is not None and not _are_channels(guess, runs[:2]):
+    of_others = ""
+    if runs is not None and _are_channels(guess, runs[:2]):
+        runs = None
+    elif runs is not None and (of_others := _other_points(guess, runs[1])):
+        guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
+        runs = None
+    elif runs is not None:
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
-    else:
-        runs = None
     unit = {"unit": frequency.unit} if frequency.unit in HERTZ[1:] else {}
     if ANGULAR(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
@@ -204,7 +220,7 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
     if force is not None and not level and FEW(force.main) and force.places[0][0] == "amplitude":
         of_force = guess.tables["test.force"]
         level = {"column": of_force["amplitude"], "unit": of_force["unit"]}
-    write_motions(guess, responses, shared, _left_out(guess, table, higher))
+    write_motions(guess, responses, shared, "; ".join(filter(None, [of_others, _left_out(table, higher)])))
     if level:
         guess.tables["test.level"] = level
 

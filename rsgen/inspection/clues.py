@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -15,11 +15,10 @@ from rsgen.units import quantity, sensor_unit
 
 __all__ = [
     "ANGULAR", "BASE", "BOTH_SIGNS", "CONTROL", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY",
-    "IS_FORCE", "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "POSITIVE",
-    "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS", "SPREAD", "TIME",
-    "USABLE", "VARIES", "Clue",
-    "complex_parts", "last_name", "of_size", "phase_sense", "remarked", "unit_beside", "unit_for", "unit_in",
-    "with_unit",
+    "INCREMENT", "IS_FORCE", "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE",
+    "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS",
+    "SPREAD", "TIME", "USABLE", "VALUES", "VARIES", "Clue", "complex_parts", "last_name", "of_size",
+    "phase_sense", "remarked", "unit_for", "unit_in", "with_unit",
 ]  # fmt: skip
 
 _FEW = 60
@@ -27,7 +26,7 @@ _FEW = 60
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 """Responses over force, in the words of ISO 7626-1."""
-_VALUES = ("data", "value", "values")
+VALUES = ("data", "value", "values")
 """Last names of paths that say nothing."""
 _MOTION_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
@@ -75,7 +74,7 @@ def last_name(entry: Entry) -> str:
     """
     if entry.title:
         return split_title(entry.title)[0] or entry.title
-    parts = [part for part in entry.path.split("/") if part.casefold() not in _VALUES]
+    parts = [part for part in entry.path.split("/") if part.casefold() not in VALUES]
     return parts[-1] if parts else entry.path
 
 
@@ -105,7 +104,9 @@ CONTROL = _named(r"(^|[^a-z])(ctrl|control|regel|drive|input|excit\w*|ref(erence
 """What a shaker's controller holds; a motion of this name is that of the base where there is no force."""
 RELATIVE = _named(r"(^|[^a-z])rel(ativ|ative)?([^a-z]|$)|relativ")
 NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
-RATE = _named(r"^f_?s$|rate|sampling|fsamp")
+RATE = _named(r"^f_?s$|rate|sampling|fsamp|sample_?freq")
+INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
+"""The time from one sample to the next."""
 _PARTS = [
     tuple(map(re.compile, pair))
     for pair in (
@@ -204,33 +205,6 @@ def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entr
 def remarked(word: str) -> Clue:
     """Ask for a word in what the file says about an array."""
     return Clue(lambda entry: word in entry.remark)
-
-
-def unit_beside(path: str, texts: Mapping[str, str]) -> str:
-    """Give the unit of an array that a text beside it names, or "".
-
-    Beside "test/f" these are "test/f_unit", "test/units/f" and, in its own struct, "test/f/units"; beside
-    "sensor/data" it is "sensor/units".
-
-    Examples
-    --------
-    >>> unit_beside("run/1/F", {"units/F": "kN"}), unit_beside("laser/data", {"laser/unit": "mm"})
-    ('kN', 'mm')
-    """
-    parts = path.split("/")
-    name = parts[-1]
-    for depth in range(len(parts) - 1, -1, -1):
-        before = "".join(f"{part}/" for part in parts[:depth])
-        for word in ("unit", "units", "Unit", "Units"):
-            beside = [f"{before}{name}_{word}", f"{before}{word}/{name}", f"{before}{word}_{name}"]
-            if depth == len(parts) - 1:
-                beside.append(f"{path}/{word}")
-                if name.casefold() in _VALUES:
-                    beside.append(f"{before}{word}")
-            found = next((texts[place] for place in beside if place in texts), "")
-            if found:
-                return found.strip().strip("[]()")
-    return ""
 
 
 def unit_for(unit: str, target: str) -> str | None:

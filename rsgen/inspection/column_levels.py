@@ -20,8 +20,15 @@ _LEVEL = re.compile(
 """The amount of a force in a name. A number without one may as well be that of a sensor."""
 
 
-def levels_in_columns(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
+def levels_in_columns(entries: Sequence[Entry], *, tree: bool = False) -> tuple[list[Entry], list[str]]:
     """Put columns that differ in the amount of a force alone under one address with a *.
+
+    Parameters
+    ----------
+    entries
+        Of a file.
+    tree
+        Whether its reader sorts what a * means, as of all formats but text, whose columns keep their order.
 
     Returns
     -------
@@ -38,14 +45,15 @@ def levels_in_columns(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]
     families: dict[str, list[tuple[str, Entry]]] = defaultdict(list)
     for entry in entries:
         found = _LEVEL.search(entry.path)
-        # a column that goes by its number has no name for a * to stand in
-        if found and "*" not in entry.path and entry.title in ("", entry.path):
+        # a column that goes by its number has no name for a * to stand in; a sheet has
+        if not found or "*" in entry.path:
+            continue
+        if found.end() <= entry.path.rfind("/") or entry.title in ("", entry.path):
             address = f"{entry.path[: found.start(1)]}*{entry.path[found.end(1) :]}"
             families[address].append((f"{found[1].replace(',', '.')} {found[2]}", entry))
     by_levels: dict[tuple[str, ...], dict[str, Entry]] = defaultdict(dict)
     for address, members in families.items():
-        if not members[0][1].title:
-            # so does the reader of a tree
+        if tree:
             members.sort(key=lambda member: natural_order(member[1].path))
         levels = tuple(level for level, _ in members)
         if len(set(levels)) == len(levels) > 1:
@@ -62,6 +70,8 @@ def levels_in_columns(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]
 
 def _joined(address: str, first: Entry) -> Entry:
     """Put a family under one address; its name and its unit are those without the level."""
+    if first.title not in ("", first.path):
+        return replace(first, path=address)
     name, unit = split_title(_LEVEL.sub("", first.path))
     name = name.strip(" _@-,") or first.path
     if not unit and first.unit != unit_in(first.path):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from rsgen.inspection.beside import name_beside, plain_unit, unit_beside
 from rsgen.inspection.clues import (
     SPREAD,
     USABLE,
     Clue,
     last_name,
-    unit_beside,
     unit_in,
 )
 from rsgen.measurement.tree import TEXT, Contents, Entry
@@ -27,10 +27,7 @@ class Guess:
         self.contents = contents
         readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
         texts = {e.path: e.remark for e in contents.entries if e.dtype == TEXT}
-        usable = [
-            e if e.unit else replace(e, unit=unit_beside(e.path, texts) or unit_in(last_name(e)))
-            for e in readable
-        ]
+        usable = [_completed(e, texts) for e in readable]
         self.free = [e for e in usable if not SPREAD(e) and (e.size == 1 or USABLE(e))]
         self.levels: list[str] = []
         self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
@@ -56,6 +53,13 @@ class Guess:
         if len(sides) > 1 and self.tables["test"].get("excitation"):
             return f"{entry.path}[1]"
         return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
+
+
+def _completed(entry: Entry, texts: Mapping[str, str]) -> Entry:
+    """Give an entry its unit, spelled as a case does, and its name from the texts beside it."""
+    named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
+    unit = named.unit or unit_beside(entry.path, texts) or unit_in(last_name(named))
+    return replace(named, unit=plain_unit(unit))
 
 
 def run_of(entry: Entry, entries: Iterable[Entry]) -> tuple[str, str, int] | None:

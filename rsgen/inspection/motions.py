@@ -74,7 +74,7 @@ def write_motions(guess: Guess, responses: Sequence[Sensor], sense: str, left_ou
         guess.doubts["test.base.response"] = 'by the name of the response; or "absolute"'
     alone = _motion(guess, responses[0], "test.response", sense)
     key = next(key for key in ("samples", "amplitude", "complex", "real") if key in alone)
-    if len(responses) == 1 or "per_force" in alone or guess.run or guess.levels:
+    if len(responses) == 1 or "per_force" in alone:
         others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
         reason = (
             f"left out: {', '.join(others[:_MOST_CHANNELS])}; a case reads one response" if others else ""

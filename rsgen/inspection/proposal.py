@@ -83,7 +83,7 @@ def propose(contents: Contents) -> Proposal | None:
     """
     guess = Guess(contents)
     apart = guess.free
-    guess.free, guess.levels = levels_in_columns(apart)
+    guess.free, guess.levels = levels_in_columns(apart, tree=contents.format != "csv")
     time, rate, frequency = _abscissa(guess)
     if frequency is None and guess.levels:
         guess.free, guess.levels = apart, []

@@ -7,10 +7,13 @@ from typing import Any
 
 from rsgen.inspection.clues import (
     DRIVE,
+    EVEN,
     FORCE,
+    INCREMENT,
     IS_FORCE,
     IS_MOTION,
     LONG,
+    POSITIVE,
     REAL,
     RESPONSE,
     VARIES,
@@ -30,6 +33,8 @@ from rsgen.units.quantities import UNKNOWN
 __all__ = ["SECONDS", "propose_history"]
 
 SECONDS = ("s", "ms", "us")
+_NAMED = 6
+"""Arrays that are left out and named."""
 _NOTHING = Clue(lambda _: False)
 _EXCITATIONS = {
     "step": "stepped-sine",
@@ -41,6 +46,11 @@ _EXCITATIONS = {
 
 def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
     """Write where the time is; give the number of samples."""
+    step = guess.take(~LONG & INCREMENT & POSITIVE) if time is rate is None else None
+    if step is not None and step.low:
+        guess.tables["test.time"] = {"rate": f"{1 / step.low:.10g} Hz"}
+        guess.doubts["test.time.rate"] = f"one over {step.path}"
+        return _longest(guess)
     if time is not None:
         table: dict[str, Any] = {"column": guess.address(time)}
         guess.tables["test.time"] = table | ({"unit": time.unit} if time.unit in SECONDS[1:] else {})
@@ -50,6 +60,10 @@ def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
     )
     if rate is None:
         guess.doubts["test.time.rate"] = "not in the file: write the sampling rate"
+    return _longest(guess)
+
+
+def _longest(guess: Guess) -> int:
     return max((max(entry.shape, default=1) for entry in guess.free), default=0)
 
 
@@ -82,7 +96,11 @@ def propose_history(guess: Guess, time: Entry | None, rate: Entry | None) -> Non
         return
     alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE if RESPONSE(first) else _NOTHING)
     others = [entry for entry in guess.free if alike(entry)]
-    write_motions(guess, [s for entry in (first, *others) for s in _channels(entry)], "", "")
+    rest = [
+        entry.title or entry.path for entry in guess.free if (fits & ~EVEN)(entry) and entry not in others
+    ]
+    left_out = f"left out: {', '.join(rest[:_NAMED])}{', ...' * (len(rest) > _NAMED)}" if rest else ""
+    write_motions(guess, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
 
 
 def _recorded(entry: Entry) -> Sensor:

@@ -32,6 +32,7 @@ _PLAIN = re.compile(rb"[0-9eEdD+\-.\s]*\Z")
 _BINARY = re.compile(r" {0,5}58b *(\d+) +(\d+) +(\d+) +(\d+)(?: |\Z)", re.ASCII)
 _HEADER = ("model", "description", "program", "created", "saved", "written by", "written")
 """What the lines of data set 151 say, in their order."""
+_DIRECTIONS = {"1": "+X", "2": "+Y", "3": "+Z", "-1": "-X", "-2": "-Y", "-3": "-Z"}
 _ABSCISSAS = {17: ("time", "s"), 18: ("frequency", "Hz"), 19: ("speed", "rpm"), 20: ("order", "")}
 
 
@@ -49,6 +50,7 @@ class _Head:
     title: str
     function: int
     place: str
+    reference: str
     double: bool
     paired: bool
     count: int
@@ -111,6 +113,13 @@ def _axis(lines: _Lines, text: str) -> _Axis:
     return _Axis(kind, "" if label == "NONE" else label[:20], "" if unit == "NONE" else unit[:20])
 
 
+def _place(text: str) -> str:
+    """Name a point by entity, node and direction, "" for none; directions that are no axis are left out."""
+    entity, node, direction = text[:11].strip(), text[11:21].strip(), text[21:25].strip()
+    named = "" if entity == "NONE" and node == "0" else f"{entity} {node}".strip()
+    return f"{named} {_DIRECTIONS.get(direction, '')}".strip() if named else ""
+
+
 def _head(lines: _Lines) -> _Head:
     texts: list[str] = []
     for _ in range(HEADER_LINES):
@@ -121,7 +130,7 @@ def _head(lines: _Lines) -> _Head:
     after = lines.number
     lines.number = after - 5
     function = _integer(lines, texts[5][:5], "the kind of function")
-    place = f"{texts[5][30:41].strip()} {texts[5][41:51].strip()}".strip()
+    place, reference = _place(texts[5][30:55]), _place(texts[5][55:80])
     lines.number = after - 4
     fields = texts[6].split()
     if len(fields) < 5:
@@ -143,7 +152,7 @@ def _head(lines: _Lines) -> _Head:
         axes.append(_axis(lines, texts[7 + number]))
     lines.number = after
     return _Head(
-        texts[0].strip()[:80], function, place, kind in (4, 6), kind in (5, 6), count,
+        texts[0].strip()[:80], function, place, reference, kind in (4, 6), kind in (5, 6), count,
         spacing == 1, start, step, *axes,
     )  # fmt: skip
 
@@ -393,5 +402,8 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
         yield Node(
             f"{number}/ordinate", (head.count,), kind, load=partial(_ordinate, head, flat),
             unit=unit, unit_source=source, fault=fault, scale=scale_of(head.function, said),
-            remark=remark_of(head.function, (ordinate[0], over[0]), head.place, head.ordinate.label, said),
+            remark=remark_of(
+                head.function, (ordinate[0], over[0]), (head.place, head.reference), head.ordinate.label, said
+            ),
+            title=head.place,
         )  # fmt: skip

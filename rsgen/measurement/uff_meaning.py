@@ -114,19 +114,26 @@ def scale_of(function: int, said: Qualifiers) -> str:
     return _SCALES.get(said.scale, "") if function in _AMPLITUDES else ""
 
 
-def remark_of(function: int, axes: tuple[int, int], place: str, label: str, said: Qualifiers) -> str:
-    """Describe a function, what it is in words of ISO 7626 first.
+def remark_of(
+    function: int, axes: tuple[int, int], places: tuple[str, str], label: str, said: Qualifiers
+) -> str:
+    """Describe a function, what it is in words of ISO 7626 first; ``places`` of response and reference.
 
     Examples
     --------
-    >>> remark_of(4, (12, 13), "BEAM 2", "", Qualifiers(window=4))
-    'accelerance, exponential window adds damping, frequency response, BEAM 2, acceleration, over force'
+    >>> remark_of(4, (12, 13), ("BEAM 2 +Z", "BEAM 1 +Z"), "", Qualifiers())
+    'accelerance, frequency response, BEAM 2 +Z, acceleration, over force, at BEAM 1 +Z'
     """
     ordinate, over = axes
     parts = [_OVER_FORCE.get(ordinate, "") if function == 4 and over in FORCES else ""]
     parts.append(scale_of(function, said))
     parts.append(_WINDOWS.get(said.window, "") + (" adds damping" if said.window in _EXPONENTIAL else ""))
-    parts += [_FUNCTIONS.get(function, f"function {function}"), place, label, _QUANTITIES.get(ordinate, "")]
+    parts += [
+        _FUNCTIONS.get(function, f"function {function}"),
+        places[0],
+        label,
+        _QUANTITIES.get(ordinate, ""),
+    ]
     if over in FORCES:
-        parts.append("over force")
+        parts += ["over force", f"at {places[1]}" if places[1] else ""]
     return ", ".join(part for part in parts if part)
