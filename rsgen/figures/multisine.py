@@ -76,14 +76,21 @@ def _said(one: BestLinear) -> str:
     noise = f"{number_text(100 * one.noise_share, 2)} %" if np.isfinite(one.noise_share) else "not known"
     apart = ""
     if np.isfinite(one.even_share) and np.isfinite(one.odd_share):
-        even, odd = (number_text(100 * share, 2) for share in (one.even_share, one.odd_share))
-        apart = f", at even lines {even} %, at odd lines that are not excited {odd} %"
+        even, odd = _hidden(one.even_share, one.even_bound), _hidden(one.odd_share, one.odd_bound)
+        apart = f", at even lines {even}, at odd lines that are not excited {odd}"
     return (
         f"At {quantity_text(one.level, 'N', 3)}: natural frequency "
         f"{quantity_text(one.natural_frequency, 'Hz', 5)}, damping ratio "
         f"{number_text(100 * one.damping_ratio, 3)} %, distortion "
         f"{number_text(100 * one.distortion_share, 2)} % of the response{apart}, noise {noise}."
     )
+
+
+def _hidden(share: float, bound: float) -> str:
+    """A share in per cent, or what it is below where noise hides it."""
+    if share == 0 and np.isfinite(bound):
+        return f"less than {number_text(100 * bound, 2)} %"
+    return f"{number_text(100 * share, 2)} %"
 
 
 def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:

@@ -192,6 +192,7 @@ def _judge(
         identified=sum(estimate.identifiable for estimate in estimates),
         parameters=len(estimates),
         lines=int(lines.used.sum()),
+        excited=int((lines.used & part.excited()).sum()),
         records=len(part),
         levels=len(levels),
         misfit=misfit,

@@ -27,6 +27,8 @@ _TERMS = 3
 """Of the local polynomial: it has the curvature of what the mode leaves of a resonance within the window."""
 _FEWEST = 4
 """Excited lines that determine three values with one to spare."""
+_CHANCE = 4.0
+"""Standard deviations that noise exceeds once in 30 000."""
 _ROUNDS = 12
 """Reweightings of the resonance, each of which divides its error by ten or more."""
 
@@ -40,11 +42,33 @@ class Distortion:
     frequency
         (d,) [Hz].
     response
-        (d,) amplitude of the displacement, root mean square over the records of the level [m].
+        (d,) amplitude of the displacement, noise and all, root mean square over the records of the level [m].
+    noise
+        (d,) standard deviation of its mean over periods [m]; NaN of one period.
+    records
+        Of the level.
     """
 
     frequency: Array
     response: Array
+    noise: Array
+    records: int
+
+    def share(self, whole: Array) -> tuple[float, float]:
+        """Root mean square, without the noise, over that of ``whole`` (e,) [1], and its upper bound.
+
+        Noise adds its variance to the power of a line, which scatters as much. Of one period nothing is
+        known of it: nothing is subtracted, and there is no bound.
+        """
+        total, power = float(np.sum(whole**2)), float(np.sum(self.response**2))
+        if not total > 0:
+            return float("nan"), float("nan")
+        variance = np.nan_to_num(self.noise**2)
+        left = power - float(variance.sum())
+        chance = _CHANCE * float(np.sqrt(np.sum(variance**2) / self.records))
+        bound = float(np.sqrt((max(left, 0.0) + chance) / total))
+        share = float(np.sqrt(left / total)) if left > chance else 0.0
+        return share, bound if np.isfinite(self.noise).all() else float("nan")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,13 +126,26 @@ class BestLinear:
 
     @property
     def even_share(self) -> float:
-        """Response at the even lines over that at the excited ones [1]; NaN where even lines are excited."""
-        return float("nan") if self.even is None else _share(self.even.response, self.response)
+        """Response at even lines over that at the excited ones [1], 0 where noise hides it.
+
+        NaN where even lines are excited.
+        """
+        return float("nan") if self.even is None else self.even.share(self.response)[0]
 
     @property
     def odd_share(self) -> float:
-        """Response at odd lines that are not excited over that at the excited ones [1]; NaN as above."""
-        return float("nan") if self.odd is None else _share(self.odd.response, self.response)
+        """The same at odd lines that are not excited [1]."""
+        return float("nan") if self.odd is None else self.odd.share(self.response)[0]
+
+    @property
+    def even_bound(self) -> float:
+        """Upper bound of ``even_share`` [1]: what noise could hide; NaN of one period, and as above."""
+        return float("nan") if self.even is None else self.even.share(self.response)[1]
+
+    @property
+    def odd_bound(self) -> float:
+        """Upper bound of ``odd_share`` [1]."""
+        return float("nan") if self.odd is None else self.odd.share(self.response)[1]
 
     @property
     def noise_share(self) -> float:
@@ -183,8 +220,13 @@ def _of_level(
     if np.all(np.flatnonzero(excited) % 2 == 1):
         linear = np.sqrt(np.mean(np.abs(response - everywhere * force) ** 2, axis=0))
         span = inside & (spectra.lines <= 3 * lines[-1]) & ~excited
+        # lines noisier than every excited one, as the lowest of accelerations, would hide all others
+        span &= ~(variance > variance[lines].max())
         parts = [np.flatnonzero(span & (spectra.lines % 2 == rest)) for rest in (0, 1)]
-        even, odd = (Distortion(spectra.frequency[part], linear[part]) for part in parts)
+        even, odd = (
+            Distortion(spectra.frequency[part], linear[part], np.sqrt(variance[part]), len(rows))
+            for part in parts
+        )
     weight = 1 / np.maximum(left, 1e-24 * size.max() ** 2)
     mode = _mode(omega, receptance, weight, power)
     return BestLinear(

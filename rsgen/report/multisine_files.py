@@ -40,7 +40,7 @@ from rsgen.report.result_json import (
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
-from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.page_sentences import error_text, share_text
 from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
@@ -132,7 +132,9 @@ def _best_linear_entry(one: BestLinear) -> dict[str, Any]:
         "distortion": finite_or_none(one.distortion_share),
         "noise": finite_or_none(one.noise_share),
         "even_lines": finite_or_none(one.even_share),
+        "even_lines_bound": finite_or_none(one.even_bound),
         "odd_lines": finite_or_none(one.odd_share),
+        "odd_lines_bound": finite_or_none(one.odd_bound),
         "frequency": numbers_or_none(one.frequency),
         "receptance_real": numbers_or_none(one.receptance.real),
         "receptance_imaginary": numbers_or_none(one.receptance.imag),
@@ -223,8 +225,8 @@ def _levels_table(found: MultisineIdentification) -> Table:
                 cell(100 * one.damping_ratio),
                 cell(one.stiffness / stiffness.factor, 5),
                 Cell(error_text(one.distortion_share)),
-                Cell(error_text(one.even_share)),
-                Cell(error_text(one.odd_share)),
+                Cell(share_text(one.even_share, one.even_bound)),
+                Cell(share_text(one.odd_share, one.odd_bound)),
                 Cell(error_text(one.noise_share)),
             )
         )

@@ -109,6 +109,19 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
     assert np.isnan(rsgen.best_linear(simulated("cubic", lines="all"))[0].even_share)
 
 
+def test_noise_is_no_distortion_at_lines_that_are_not_excited() -> None:
+    """The virtual test knows the distortion without noise; of a linear structure there is none."""
+    for seed in range(3):
+        noisy = rsgen.best_linear(simulated("cubic", noise_relative=0.03, periods=6, seed=seed))
+        exact = rsgen.best_linear(simulated("cubic", seed=seed))
+        for one, true in zip(noisy, exact, strict=True):
+            assert one.even_share == 0
+            assert 0 < one.even_bound < one.noise_share * 2
+            assert true.odd_share <= one.odd_bound
+            if one.odd_share:
+                assert abs(one.odd_share**2 - true.odd_share**2) < one.odd_bound**2 - one.odd_share**2
+
+
 CASE = """
 schema = 1
 name   = "lines"

@@ -127,6 +127,7 @@ def _(found: Finding) -> str:
     levels = f"{found['levels']:.0f} {'level' if found['levels'] == 1 else 'levels'}"
     return (
         f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from "
-        f"{found['lines']:.0f} lines of {records} at {levels}; force and response differ from the law by "
+        f"{found['lines']:.0f} lines, {found['excited']:.0f} of them excited, "
+        f"of {records} at {levels}; force and response differ from the law by "
         f"{number_text(100 * found['misfit'], 2)} % of the force"
     )

@@ -9,7 +9,7 @@ import numpy as np
 from rsgen.surface import ResponseSurface
 from rsgen.units.scale import count_text, number_text, quantity_text
 
-__all__ = ["error_text", "proof_sentence", "surface_sentence"]
+__all__ = ["error_text", "proof_sentence", "share_text", "surface_sentence"]
 
 
 def error_text(error: float | None, digits: int = 2) -> str:
@@ -21,6 +21,18 @@ def error_text(error: float | None, digits: int = 2) -> str:
     ('0.26 %', '–')
     """
     return "–" if error is None or not math.isfinite(error) else f"{number_text(100 * error, digits)} %"
+
+
+def share_text(share: float, bound: float) -> str:
+    """Print a share in per cent, and where nothing of it is seen what it is below.
+
+    Examples
+    --------
+    >>> share_text(0.012, 0.013), share_text(0.0, 0.0026)
+    ('1.2 %', '< 0.26 %')
+    """
+    hidden = share == 0 and math.isfinite(bound) and bound > 0
+    return f"< {error_text(bound)}" if hidden else error_text(share)
 
 
 def surface_sentence(surface: ResponseSurface) -> str:
