@@ -12,7 +12,8 @@ from rsgen.case.naming import quote, suggest
 
 __all__ = ["sentences"]
 
-_KINDS = ("simulated", "measured")
+_KINDS = ("simulated", "simulated-multisine", "measured")
+_QUOTED = ", ".join(map(repr, _KINDS[:-1])) + f" or {_KINDS[-1]!r}"
 _WANTED = {
     "bool_type": "true or false",
     "list_type": "a list [ ... ]",
@@ -34,7 +35,7 @@ def _keys(location: Iterable[int | str]) -> list[str]:
     models: list[type[BaseModel]] = [CaseDocument]
     for part in location:
         if part in _KINDS and len(models) > 1:
-            models = [models[_KINDS.index(str(part))]]
+            models = [m for m in models if get_args(m.model_fields["kind"].annotation) == (part,)]
         elif isinstance(part, str):
             inner = {field.alias or name: field for name, field in models[0].model_fields.items()}.get(part)
             models = list(_models(inner.annotation)) if inner else []
@@ -82,9 +83,9 @@ def _sentence(fault: Any) -> str:
         known = _keys(location[:-1])
         return f"{path}: is not a key here; {suggest(str(location[-1]), known)}known: {', '.join(known)}"
     if kind == "union_tag_not_found":
-        return f"{path}.kind: is missing; 'simulated' or 'measured' is needed"
+        return f"{path}.kind: is missing; {_QUOTED} is needed"
     if kind == "union_tag_invalid":
-        return f"{path}.kind: is {quote(context['tag'])}; 'simulated' or 'measured' is allowed"
+        return f"{path}.kind: is {quote(context['tag'])}; {_QUOTED} is allowed"
     allowed = fault["msg"] if kind == "rule" else _allowed(kind, context)
     return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
 

@@ -17,6 +17,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import misfit_findings
+from rsgen.identification.phase_resonance import of_one_mode
 from rsgen.identification.repeats import Repeats
 from rsgen.identification.result import Estimate, Resonance
 from rsgen.identification.soundness import (
@@ -208,7 +209,8 @@ class Findings:
 
     def collect(self, of_parameters: tuple[Finding, ...], *, calibrated: bool) -> tuple[Finding, ...]:
         """All findings, those about parameters first."""
-        found = [*of_parameters, *(self._small_shift() if of_parameters else ()), *self.surface.findings]
+        found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
+        found += of_one_mode(self.surface.findings, self.points)
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
         elif feeds_exciter(self.points):

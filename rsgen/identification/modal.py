@@ -43,6 +43,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.surface.phase_lag import two_modes
 
 __all__ = ["modal_table"]
 
@@ -161,6 +162,12 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
     # smaller motions say nothing of resonance, but all of the background
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MOST)]
+    modes = two_modes(mode.omega / (2 * np.pi)) if at_resonance_alone(mode) else None
+    if modes is not None:
+        raise RsgenError(
+            f"modal table: points at phase resonance lie near {modes[0]:.4g} and near {modes[1]:.4g} Hz, on "
+            "the backbones of two modes; a band with one of them is needed"
+        )
     return SeenMode(observed, mode, background, tested).select(rows)
 
 

@@ -10,6 +10,7 @@ from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
 from rsgen.surface import ResponseSurface
+from rsgen.surface.phase_lag import two_modes
 
 __all__ = [
     "DAMPED",
@@ -18,6 +19,7 @@ __all__ = [
     "assumed_mass",
     "at_resonance_alone",
     "in_quadrature",
+    "of_one_mode",
     "resonance_findings",
     "with_loop_error",
 ]
@@ -69,6 +71,13 @@ def resonance_findings(points: Points, mass: float | None) -> tuple[Finding, ...
     if mass is not None or not at_resonance_alone(points):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", quantities(points=len(points))),)
+
+
+def of_one_mode(findings: tuple[Finding, ...], points: Points) -> tuple[Finding, ...]:
+    """Findings of a test; without that of two modes where the points that were chosen belong to one."""
+    if two_modes(points.omega[in_quadrature(points)]) is not None:
+        return findings
+    return tuple(finding for finding in findings if finding.code != "phase-two-modes")
 
 
 def with_loop_error(covariance: Array, regression: Regression, surface: ResponseSurface) -> Array:

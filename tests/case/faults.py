@@ -128,8 +128,14 @@ OF_SIMULATED: list[Row] = [
         ["identify.hold_out: holds every level back"],
     ),
     ({"identify.hold_out": [5.5]}, ["identify.hold_out.1: 5.5 N is not tested"]),
-    ({"test.kind": GONE}, ["test.kind: is missing; 'simulated' or 'measured' is needed"]),
-    ({"test.kind": "simulate"}, ["test.kind: is 'simulate'; 'simulated' or 'measured' is allowed"]),
+    (
+        {"test.kind": GONE},
+        ["test.kind: is missing; 'simulated', 'simulated-multisine' or 'measured' is needed"],
+    ),
+    (
+        {"test.kind": "simulate"},
+        ["test.kind: is 'simulate'; 'simulated', 'simulated-multisine' or 'measured' is allowed"],
+    ),
     ({"element.2.force": "__import__(1)"}, ["element.2.force:"]),
     ({"element.2.force": "c1*v + k1*v"}, ["element: k1*x is in N*s, a force is needed"]),
     ({"element.2.force": "m*v", "truth.c1": GONE}, ["element.2.force: 'm' is the mass"]),
@@ -262,6 +268,11 @@ OF_SIMULATED: list[Row] = [
     ({"truth.c1": Literal("1e-400")}, ["truth.c1: too small for a number"]),
 ]
 OF_TABLE: list[Row] = [
+    (
+        {"test.response.imag": "b"},
+        ["test.response.imag: is not a key here; did you mean 'imaginary'? known: amplitude, phase, real,"],
+    ),
+    ({"test.calibrated": False}, ["test.calibrated: is not a key here; known: file, frequency, force,"]),
     ({"test.file": "/etc/passwd"}, ["test.file: '/etc/passwd' is an absolute path"]),
     ({"accept": {"k1": 0.001}}, ["accept: a measured case has no truth"]),
     ({"test.frequency.column": 0}, ["test.frequency.column: is 0; a column number from 1"]),

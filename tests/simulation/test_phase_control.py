@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rsgen
 from rsgen.errors import RsgenError
 from rsgen.simulation import SimulatedTest
+from rsgen.surface.phase_lag import lag_findings
 from tests.surfaces import noisy
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
@@ -80,6 +83,39 @@ def test_a_phase_error_is_said(error: float, code: str, severity: str):
     assert (found.code, found.severity) == (code, severity)
     assert found.numbers["lag"].value == pytest.approx(90 + error, abs=1e-3)
     assert f"{90 + error:.2f} degrees" in rsgen.sentence(found)
+
+
+def test_lags_of_slices_are_no_scatter_of_the_loop():
+    """30 degrees off is the border: noise takes some of these lags across it."""
+    lags = tuple(np.radians([60, 90, 120]))
+    surface = noisy(locked(oscillator(), lags=lags, level=np.linspace(1, 10, 10)), 0.01, 1)
+    (found,) = lag_findings(replace(surface, findings=()))
+    assert (found.code, found["points"], found["others"]) == ("phase-lag-held", 10, 20)
+    assert found["scatter"] < 2
+
+
+@pytest.mark.parametrize(("second", "apart"), [(1.0, False), (1.3, True), (6.0, True)])
+def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
+    """The other mode is as stiff, and lighter; a band with one of them is what it takes."""
+    one = locked(oscillator(), level=np.linspace(1, 12, 12))
+    other = replace(one, frequency=one.frequency * second, harmonics=one.harmonics / second)
+    both = rsgen.ResponseSurface(
+        *(np.concatenate([getattr(s, name) for s in (one, other)]) for name in ("level", "frequency")),
+        np.concatenate([one.force, other.force]),
+        np.concatenate([one.harmonics[:, 1], other.harmonics[:, 1]]),
+        control="phase",
+    )
+    codes = [finding.code for finding in lag_findings(both)]
+    assert ("phase-two-modes" in codes) == apart
+    if apart:
+        with pytest.raises(RsgenError, match="two modes"):
+            rsgen.modal_table(both)
+        said = replace(both, findings=lag_findings(both))
+        found = rsgen.identify(said, "k*x + k3*x**3 + c*v", rsgen.Observation(band=(9.0, 11.0)))
+        assert found.verdict.state == "identified"
+        assert rsgen.identify(said, "k*x + k3*x**3 + c*v").verdict.state in ("doubtful", "rejected")
+        table = rsgen.modal_table(both, rsgen.Observation(band=(9.0, 11.0)))
+        np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
 
 
 def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():

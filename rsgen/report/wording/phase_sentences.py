@@ -20,6 +20,10 @@ say_plainly(
             "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.0f} "
             "degrees in place of 90"
         ),
+        "phase-two-modes": (
+            "the points of the phase-locked test lie on two backbones, near {low:.4g} and {high:.4g} Hz: "
+            "they belong to two modes, and a law is of one"
+        ),
         "phase-lag-assumed": (
             "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees, and "
             "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
@@ -47,6 +51,9 @@ say_plainly(
 )
 
 NEXT_STEPS |= {
+    "phase-two-modes": (
+        "Take the rows of one mode: [identify] band between its frequencies, or a file of its own."
+    ),
     "mass-at-resonance": (
         "Give the mass under [system], or measure one slice off resonance: some frequencies on both sides at "
         "one level."
