@@ -4,25 +4,43 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.case import load_case
+from rsgen.case import Case, load_case
 from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
 from rsgen.figures.cycles import shows_loops
+from rsgen.multisine import MultisineSpectra
 from rsgen.report.interpretation import mean_finding
+from rsgen.report.multisine_notebook import write_multisine_notebook
 from rsgen.report.notebook import write_notebook
 from rsgen.report.notebook_cells import KnownResults
 from rsgen.simulation import SimulatedTest
-from rsgen.study import obtain_surface
-from rsgen.surface import save_surface
+from rsgen.study import obtain_table
+from rsgen.study.foresight import refuse_ranking
+from rsgen.surface import ResponseSurface, save_surface
 
 __all__ = ["notebook_command"]
 
 
 def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool) -> int:
-    """Write the executed notebook of a case; a measured one gets its surface beside it."""
+    """Write the executed notebook of a case; a measured surface is saved beside it."""
     case = load_case(path, data)
     target = check_target(out or Path(f"{case.name}.ipynb"), ".ipynb")
-    surface = obtain_surface(case)
+    surface = obtain_table(case)
     results = KnownResults(case)
+    beside = None
+    if isinstance(surface, MultisineSpectra):
+        refuse_ranking(case)
+        write_multisine_notebook(target, case, surface, results)
+    else:
+        beside = _sines(target, case, surface, results)
+    if json:
+        print_json({"case": case.name, "file": str(target), "surface": str(beside) if beside else None})
+    else:
+        print_line(f"{target}" + (f", which reads {beside}" if beside else ""))
+    return ACCEPTED
+
+
+def _sines(target: Path, case: Case, surface: ResponseSurface, results: KnownResults) -> Path | None:
+    """Write the notebook of a case with a response surface; the file of the surface where it was measured."""
     beside = None
     if isinstance(case.test, SimulatedTest):
         results.add("simulate", case.oscillator, case.test, result=surface)
@@ -39,8 +57,4 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
         loops=shows_loops(surface, case.model),
         surface_file=beside.name if beside else "surface.h5",
     )
-    if json:
-        print_json({"case": case.name, "file": str(target), "surface": str(beside) if beside else None})
-    else:
-        print_line(f"{target}" + (f", which reads {beside}" if beside else ""))
-    return ACCEPTED
+    return beside

@@ -150,25 +150,18 @@ def from_multisine(
 def _level_findings(records: Sequence[TimeHistory], typical: Array, levels: Array) -> list[Finding]:
     """Find nominal levels that the forces do not have: some of them, or all by one factor."""
     ratio = typical / levels
+
+    def about(end: int) -> tuple[dict[str, Quantity], dict[str, str]]:
+        level, rms_ = Quantity(float(levels[end]), "N"), Quantity(float(typical[end]), "N")
+        numbers = {"level": level, "rms": rms_, "ratio": Quantity(float(ratio[end]))}
+        return numbers, {"record": records[end].label}
+
     if ratio.max() > _APART * ratio.min():
-        ends, code = [int(np.argmin(ratio)), int(np.argmax(ratio))], "multisine-level-differs"
-    elif ratio.max() > _AGREE or ratio.min() < 1 / _AGREE:
-        ends, code = [int(np.argmax(levels))], "multisine-levels-disagree"
-    else:
-        return []
-    return [
-        Finding(
-            code,
-            "doubt",
-            numbers={
-                "level": Quantity(float(levels[end]), "N"),
-                "rms": Quantity(float(typical[end]), "N"),
-                "ratio": Quantity(float(ratio[end])),
-            },
-            names={"record": records[end].label},
-        )
-        for end in ends
-    ]
+        ends = (int(np.argmin(ratio)), int(np.argmax(ratio)))
+        return [Finding("multisine-level-differs", "doubt", "", *about(end)) for end in ends]
+    if ratio.max() > _AGREE or ratio.min() < 1 / _AGREE:
+        return [Finding("multisine-levels-disagree", "doubt", "", *about(int(np.argmax(levels))))]
+    return []
 
 
 def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:

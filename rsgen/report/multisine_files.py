@@ -26,6 +26,7 @@ from rsgen.report.environment import page_environment
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements
 from rsgen.report.multisine_notebook import write_multisine_notebook
+from rsgen.report.notebook_cells import KnownResults
 from rsgen.report.page_tables import Cell, Table, TableRow, verdict_table
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import (
@@ -94,15 +95,14 @@ def write_multisine_files(
     page = _page(subject, spectra, found, comparison, prediction, drawings, provenance)
     write_atomic(place / "report.html", page)
     if case is not None:
-        write_multisine_notebook(
-            place / "notebook.ipynb",
-            case,
-            spectra,
-            cast("MultisineIdentification", identification),
-            judged,
-            prediction,
-            drawings,
-        )
+        results = KnownResults(case)
+        results.add("identify", spectra, case.model, result=identification)
+        results.add("compare", identification, case.truth, case.accept, result=judged)
+        results.add("predict", identification, result=prediction)
+        for drawing in drawings:
+            seen = prediction if drawing.name == "predicted-record" else identification
+            results.add(f"draw_{drawing.name.replace('-', '_')}", seen, result=drawing)
+        write_multisine_notebook(place / "notebook.ipynb", case, spectra, results)
 
 
 def _saved(spectra: MultisineSpectra) -> bytes:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from rsgen.case import Case
-from rsgen.comparison import Comparison
-from rsgen.figures import Drawing
-from rsgen.identification import MultisineIdentification
 from rsgen.measurement import MeasuredTest
 from rsgen.multisine import MultisineSpectra
-from rsgen.prediction.multisine import MultisinePrediction
 from rsgen.report.notebook import render_lesson, save_lesson
 from rsgen.report.notebook_cells import KnownResults
 
@@ -19,13 +14,7 @@ __all__ = ["write_multisine_notebook"]
 
 
 def write_multisine_notebook(
-    path: Path,
-    case: Case,
-    spectra: MultisineSpectra,
-    found: MultisineIdentification,
-    comparison: Comparison,
-    prediction: MultisinePrediction,
-    drawings: Sequence[Drawing],
+    path: Path, case: Case, spectra: MultisineSpectra, results: KnownResults
 ) -> None:
     """Write, execute and save the lesson; it is saved even where a cell fails.
 
@@ -33,8 +22,10 @@ def write_multisine_notebook(
     ----------
     case
         As it was loaded.
-    spectra, found, comparison, prediction, drawings
-        What the run has, so that it is not computed again.
+    spectra
+        Of its test.
+    results
+        What else is known, so that it is not computed again.
 
     Raises
     ------
@@ -48,15 +39,8 @@ def write_multisine_notebook(
         case_text=case.text,
         simulated=not isinstance(case.test, MeasuredTest),
         known=case.truth is not None,
-        held_out=bool(prediction.records),
+        held_out=bool(case.model.observation.hold_out),
     )
-    results = KnownResults(case)
     results.add("simulate", case.oscillator, case.test, result=spectra)
     results.add("read", case, result=spectra)
-    results.add("identify", spectra, case.model, result=found)
-    results.add("compare", found, case.truth, case.accept, result=comparison)
-    results.add("predict", found, result=prediction)
-    for drawing in drawings:
-        seen = prediction if drawing.name == "predicted-record" else found
-        results.add(f"draw_{drawing.name.replace('-', '_')}", seen, result=drawing)
     save_lesson(path, notebook, results)

@@ -14,7 +14,7 @@ from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface
 
-__all__ = ["point_faults"]
+__all__ = ["point_faults", "refuse_ranking"]
 
 
 def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None = None) -> list[str]:
@@ -47,12 +47,28 @@ def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None 
     return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points.omega)]
 
 
+def refuse_ranking(case: Case) -> None:
+    """Refuse a ranking on a multisine.
+
+    Raises
+    ------
+    RsgenError
+        The case asks for one.
+    """
+    if case.ranked:
+        raise RsgenError(
+            f"{case.path.name}: model: 'rank' compares laws on a response surface; of a multisine identify "
+            "one law after the other, and compare their misfits"
+        )
+
+
 def _unranked(case: Case) -> list[str]:
     """Refuse a ranking on a multisine."""
-    fault = (
-        f"{case.path.name}: model: 'rank' compares laws on a response surface; give the law of a multisine"
-    )
-    return [fault] if case.ranked else []
+    try:
+        refuse_ranking(case)
+    except RsgenError as fault:
+        return [str(fault)]
+    return []
 
 
 def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:

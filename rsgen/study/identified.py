@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from rsgen.case import Case
-from rsgen.errors import RsgenError
 from rsgen.identification import Identification, identify
 from rsgen.multisine import MultisineSpectra
 from rsgen.ranking import identify_best
+from rsgen.study.foresight import refuse_ranking
 from rsgen.surface import ResponseSurface
 
 __all__ = ["identify_case"]
@@ -20,11 +20,8 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
     RsgenError
         As ``identify`` and ``rank``; or laws are to be ranked on a multisine.
     """
-    if not case.ranked:
-        return identify(table, case.model)
     if isinstance(table, MultisineSpectra):
-        raise RsgenError(
-            f"{case.path.name}: model: 'rank' compares laws on a response surface; of a multisine identify "
-            "one law after the other, and compare their misfits"
-        )
+        refuse_ranking(case)
+    if isinstance(table, MultisineSpectra) or not case.ranked:
+        return identify(table, case.model)
     return identify_best(table, case.model)

@@ -166,12 +166,29 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
     assert "test.base: does not go with 'multisine'" in " ".join((checked.out + checked.err).split())
-    noted = run_cli("notebook", folder / "lines.toml")
-    assert "a multisine has no response surface" in " ".join((noted.out + noted.err).split())
     with pytest.raises(RsgenError, match="they go with what was identified from a multisine"):
         rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
     with pytest.raises(MeasurementError, match="a level a record"):
         rsgen.MultisineSpectra([1.0], 1.0, np.ones((2, 5), complex), np.ones((2, 5), complex))
+
+
+@pytest.mark.slow
+def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
+    written = run_cli("notebook", folder / "lines.toml", "--out", tmp_path / "lesson.ipynb")
+    assert written.code == 0, written
+    notebook = json.loads((tmp_path / "lesson.ipynb").read_text(encoding="utf-8"))
+    shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
+    assert "3 records of 6 periods" in shown["spectra"]
+    case = rsgen.load_case(folder / "lines.toml")
+    (row,) = (one for one in str(rsgen.identify(rsgen.read(case), case.model)).splitlines() if "k3  " in one)
+    assert row.strip() in shown["identification"]
+    assert "image/png" in shown["figure-predicted-record"]
+    ranked = tmp_path / "ranked.toml"
+    ranked.write_text(
+        'model = "rank"\n' + (folder / "lines.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    refused = run_cli("notebook", ranked, "--data", folder)
+    assert "'rank' compares laws on a response surface" in " ".join(refused.err.split())
 
 
 def test_a_record_is_recognised_and_its_case_written(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
