@@ -127,7 +127,8 @@ def tally(name: str, surface: ResponseSurface, model: Model, noise: float, runs:
     for seed in range(1, runs + 1):
         ranking = rank(add_noise(surface, noise, seed), model)
         place = [
-            model.force == make_element("law", c.force).force or c.name == SAME.get(name)
+            # by the text of the force: memories are written behind it
+            with_equations(model.force) == c.force or c.name == SAME.get(name)
             for c in ranking.candidates
         ]
         fits += ranking.fits

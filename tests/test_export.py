@@ -51,6 +51,7 @@ def test_pyuff_reads_what_was_measured(tmp_path: Path) -> None:
         assert (found["ordinate_spec_data_type"], found["orddenom_spec_data_type"]) == (8, 13)
 
 
+@pytest.mark.slow
 def test_a_case_proposed_from_it_reads_it(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     surface, path, case = two_levels(), tmp_path / "a.uff", tmp_path / "a.toml"
     save_frf(path, surface)
@@ -67,6 +68,7 @@ def test_a_case_proposed_from_it_reads_it(tmp_path: Path, run_cli: Callable[...,
     np.testing.assert_allclose(back.frequency, surface.frequency[order], rtol=FREQUENCY)
 
 
+@pytest.mark.slow
 def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path: Path) -> None:
     """A hardening spring bends its curve over: two stable parts, which obey the balance of the law."""
     mass, stiffness, cubic, damping, level = 1.5, 5920.0, 1e7, 7.5, 6.0

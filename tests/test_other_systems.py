@@ -130,6 +130,7 @@ def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
     assert json.loads(header)["entries"]
 
 
+@pytest.mark.slow
 def test_inspect_says_what_is_not_limited(run_cli, monkeypatch):
     formats = ROOT / "cases" / "formats"
     assert "limits" not in run_cli("inspect", formats / "table.mat").err

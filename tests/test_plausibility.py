@@ -185,6 +185,7 @@ def test_sizes_of_an_uncalibrated_test_are_not_judged() -> None:
     assert of_plausibility(rsgen.identify(volts, "k*x + k3*x**3 + c*v", observation).findings) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bouc_wen", "f16", "wire"])
 def test_measured_tests_are_not_doubted(name: str, measured_data: Callable[[str], Path]) -> None:
     folder = measured_data(name).parent

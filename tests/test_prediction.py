@@ -47,6 +47,7 @@ def test_a_held_out_level_is_scored_within_the_band(quintic: tuple[object, Predi
     assert len(item.frequency) < len(whole.held_out[0].frequency)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "expected"), [(None, []), ("k*x + c*v", ["doubt"])])
 @pytest.mark.parametrize("noise", [0.0, 0.03])
 def test_a_held_out_level_that_is_missed_casts_doubt(
@@ -126,6 +127,7 @@ def test_extrapolation_is_marked(quintic: tuple[object, Prediction]) -> None:
     assert (finding.code, finding["level"]) == ("curve-extrapolated", 60.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["coulomb", "bilinear"])
 def test_rough_laws_are_predicted_too(law: str) -> None:
     table = surface(law)

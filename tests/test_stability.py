@@ -68,6 +68,7 @@ def test_an_earlier_surface_is_identified():
     assert rsgen.compare(found, case.truth, case.accept).passed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_path):
     states = {entry.folder.name: entry.verdict["state"] for entry in read_results(HERE / version)}

@@ -248,9 +248,8 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     colours = level_colours()
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
-    force_law = identification.model.force
-    joint = remembers(force_law)
-    speed = not joint and _acts_on_velocity(force_law)
+    joint = remembers(identification.model.force)
+    speed = not joint and _acts_on_velocity(identification.model.force)
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
     velocity = curve.amplitude * 2 * np.pi * curve.frequency
     rate = choose_scale(velocity, "m/s")
@@ -290,8 +289,8 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     panels[0].legend(loc="best")
     if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))
-    if len(panels) > 1:
-        panels[1].set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
+    for axes in panels[1:]:
+        axes.set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
     colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -98,15 +99,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     ax
         Axes to draw on; None makes a figure.
     """
-    if not surface.response_held:
-        levels = choose_levels(_predicted(surface, prediction))
-        shown = surface.select(np.isin(surface.level, levels) & surface.settled)
-        forces = _forces(shown)
-    else:
-        curves_there = [curve.level for curve in prediction.curves if len(curve.frequency)]
-        levels = curves_there[:: -(-len(curves_there) // 6) or 1]
-        shown = surface.select(surface.settled)
-        forces = {level: level for level in levels}
+    levels, shown, forces = _shown_levels(surface, prediction)
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
@@ -161,6 +154,19 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
     text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
     return Drawing("responses", figure, caption, text, ax is None)
+
+
+def _shown_levels(
+    surface: ResponseSurface, prediction: Prediction
+) -> tuple[Sequence[float], ResponseSurface, dict[float, float]]:
+    """At most six levels, the points of them, and the force of each; where X was held, forces of curves."""
+    if not surface.response_held:
+        levels = choose_levels(_predicted(surface, prediction))
+        shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+        return levels, shown, _forces(shown)
+    drawn = [curve.level for curve in prediction.curves if len(curve.frequency)]
+    forces = drawn[:: -(-len(drawn) // 6) or 1]
+    return forces, surface.select(surface.settled), {force: force for force in forces}
 
 
 def _tested(

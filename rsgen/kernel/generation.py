@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import sympy
 
@@ -16,6 +17,9 @@ from rsgen.kernel.memory_rows import DEEPEST, MemoryRows
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
+
+if TYPE_CHECKING:
+    import jinja2
 
 __all__ = ["generate", "parameter_order"]
 
@@ -268,8 +272,6 @@ def _source(
     order: tuple[str, ...],
     locate_all: bool,
 ) -> str:
-    import jinja2  # only generation needs it
-
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
     symbols = [] if memory is None else [rate.symbol for rate in memory.rates]
     masing = [] if memory is None else [curve.symbol for curve in memory.curves]
@@ -287,16 +289,11 @@ def _source(
         _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, plain))
         for number, (z, form) in enumerate(zip(symbols, forms[1:], strict=True))
     ]
-    environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
-        loader=jinja2.FileSystemLoader(Path(__file__).parent.parent / "templates"),
-        undefined=jinja2.StrictUndefined,
-        keep_trailing_newline=True,
-    )
     rows = MemoryRows(len(states), len(curves))
     first = _FIXED_ROWS + (_EVENT_ROWS if located else 0)
     first_curve = first + 2 * len(states)
     forces = range(len(curves))
-    return environment.get_template(_TEMPLATE).render(
+    return _template().render(
         law=_comment(write(forms[0].expression)),
         parameters=[(f"p{number}", name) for number, name in enumerate(order)],
         names=[f"p{number}" for number in range(len(order))],
@@ -327,6 +324,18 @@ def _source(
         else "",
         **{name: _listed(letters, len(states)) for name, letters in _OF_STATES.items()},
     )
+
+
+def _template() -> jinja2.Template:
+    """Load the template of a kernel's source."""
+    import jinja2  # only generation needs it
+
+    environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
+        loader=jinja2.FileSystemLoader(Path(__file__).parent.parent / "templates"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(_TEMPLATE)
 
 
 def _listed(letters: str, count: int) -> str:

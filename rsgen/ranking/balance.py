@@ -309,9 +309,8 @@ def make_rows(
         # harmonics that were not measured make the matrix badly scaled: stay above round-off
         covariance[:, diagonal, diagonal] *= 1 + 1e-9
         root = np.empty_like(covariance)
-        root[:, order[:, None], order] = np.linalg.inv(
-            np.linalg.cholesky(covariance[:, order[:, None], order])
-        )
+        sorted_rows = covariance[:, order[:, None], order]
+        root[:, order[:, None], order] = np.linalg.inv(np.linalg.cholesky(sorted_rows))
         accelerated = inertia * series.real(motion.harmonics[part, : motion.order + 1])
         if balanced:
             rest = sample.force @ series.project + mass * accelerated

@@ -43,37 +43,35 @@ class Entries:
     terms: tuple[Term, ...]
     mass: float | None
 
-    def fit(
+    def search(
         self,
         rows: Rows,
         points: Points,
         *,
-        first: bool,
         known: Sequence[Fitted] = (),
         searched: int = 300,
         fitted: int = 20,
         alone: int = 6,
         looped: int = 8,
+        loops_alone: int = 3,
         together: int = 3,
         again: int = 3,
-    ) -> list[Fitted]:
-        """Search sums and fit the best of them with every parameter free; best first.
+    ) -> list[Guess]:
+        """Search sums and give the best of them, beside the laws that are given.
 
         Parameters
         ----------
         rows, points
             The balance, and the points that it is of.
-        first
-            True along the measured motion, where the noise is not yet known.
         known
             Candidates of the round before; the best ``again`` compete again.
         searched
             Points on which sums are searched: a coarse search needs fewer than a fit.
         fitted, alone
-            Candidates without memory that are fitted, and single laws among them, shown even where sums are
+            Candidates without memory, and single laws among them, shown even where sums are
             nearer.
-        looped
-            Candidates with memory that are fitted beside them: they take no place from the others.
+        looped, loops_alone
+            The same of candidates with memory: they take no place from the others.
         together
             Most laws of the library in a sum.
         """
@@ -81,13 +79,30 @@ class Entries:
         if self.terms or not guesses:
             few = points.spread(searched)
             trials = search_sums(rows.select(few), self.terms, self.mass, together)
-            plain = [trial for trial in trials if not trial.remembers]
-            single = [trial for trial in plain if len(trial.law.terms) <= 1][:alone]
-            near = [trial for trial in plain if trial not in single][: fitted - len(single)]
-            near += [trial for trial in trials if trial.remembers][:looped]
-            guesses += [_guess(trial, rows) for trial in (*near, *single)]
+            plain = _near([trial for trial in trials if not trial.remembers], fitted, alone)
+            loops = _near([trial for trial in trials if trial.remembers], looped, loops_alone)
+            guesses += [_guess(trial, rows) for trial in (*plain, *loops)]
         names = {_parts(guess.name) for guess in guesses}
         guesses += [fit.guess for fit in known[:again] if _parts(fit.guess.name) not in names]
+        return guesses
+
+    def fit(self, guesses: Sequence[Guess], rows: Rows, points: Points, *, first: bool) -> list[Fitted]:
+        """Fit candidates with every parameter free; best first.
+
+        Parameters
+        ----------
+        guesses
+            The candidates.
+        rows, points
+            The balance, and the points that it is of.
+        first
+            True along the measured motion, where the noise is not yet known.
+
+        Raises
+        ------
+        RsgenError
+            No candidate gives a finite balance.
+        """
         fits = [
             fit for guess in guesses if (fit := fit_rows(guess, rows, points.level, self.mass)) is not None
         ]
@@ -155,6 +170,12 @@ def start_guess(name: str, elements: tuple[Element, ...], points: Points, mass: 
     if mass is None:
         values["m"] = solution.mass
     return replace(guess, values=values)
+
+
+def _near(trials: Sequence[Trial], most: int, alone: int) -> list[Trial]:
+    """The first sums, and the first laws that stand alone, shown even where sums are nearer."""
+    single = [trial for trial in trials if len(trial.law.terms) <= 1][:alone]
+    return [trial for trial in trials if trial not in single][: most - len(single)] + single
 
 
 def _parts(name: str) -> frozenset[str]:

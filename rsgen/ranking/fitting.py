@@ -139,7 +139,10 @@ class _Balance:
         return residual, matrix
 
     def settle(self, values: Array) -> tuple[Array, Array, Array]:
-        """Give linear parameters their best values while the others stay; then as ``evaluate``."""
+        """Give linear parameters their best values while the others stay; then as ``evaluate``.
+
+        Slopes by the others, which grow with the linear ones, are those before.
+        """
         residual, matrix = self.evaluate(values)
         free = [i for i in range(len(values)) if i not in self.nonlinear]
         if not np.isfinite(residual).all() or not np.isfinite(matrix).all():
@@ -148,9 +151,7 @@ class _Balance:
         change = _solve(square[np.ix_(free, free)], right[free])
         settled = np.array(values)
         settled[free] += change
-        if not self.nonlinear:
-            return settled, residual - matrix @ change, matrix
-        return settled, *self.evaluate(settled)
+        return settled, residual - matrix[:, :, free] @ change, matrix
 
     def normal(self, values: Array, residual: Array, matrix: Array) -> tuple[Array, Array]:
         """Normal equations (q, q), (q,) of a Gauss-Newton step."""
@@ -161,6 +162,22 @@ class _Balance:
     def moved(self, values: Array) -> float:
         """What the changes of the background cost."""
         return float(np.sum((self.rows.background_weight * values[len(self.names) :]) ** 2))
+
+    def floats(self, values: Array) -> bool:
+        """Decide whether hardly anything but a loop holds the structure where it is.
+
+        A loop has no place of its own, so that such a law would explain any mean of the motion.
+        """
+        if not any(law.remembers for law in self.laws):
+            return False
+        x, v, a, step = (part[::_SPARSE] for part in self.rows.trajectory)
+        samples = [
+            law.sample(x, v, a, step, values[place])
+            for law, place in zip(self.laws, self.places, strict=True)
+        ]
+        mass = float(values[len(self.names) - 1]) if self.mass is None else self.mass
+        inertia = mass * np.sqrt(np.mean(a**2) / np.mean(x**2))
+        return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _HELD * inertia)
 
     def cost(self, values: Array, residual: Array) -> float:
         """Sum of squares; infinite where it overflows."""
@@ -217,28 +234,16 @@ def fit_rows(
             break
     if not np.isfinite(cost):
         return None
+    residual, matrix = balance.evaluate(place)
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
-    if _floats(guess.law, values, rows, mass):
+    if balance.floats(place):
         return None
     background = rows.background_at + place[len(names) :]
     fitted = replace(guess, values=values, background=background)
     unseen = _unseen(residual, matrix, rows, level, balance.normal(place, residual, matrix))
     return Fitted(fitted, residual, unseen, rows.compared, balance.moved(place))
-
-
-def _floats(law: ForceLaw, values: Mapping[str, float], rows: Rows, mass: float | None) -> bool:
-    """Decide whether hardly anything but a loop holds the structure where it is.
-
-    A loop has no place of its own, so that such a law would explain any mean of the motion.
-    """
-    if not law.remembers:
-        return False
-    x, v, a, step = (part[::_SPARSE] for part in rows.trajectory)
-    sample = law.sample(x, v, a, step, np.array([values[name] for name in law.parameters]))
-    inertia = (values["m"] if mass is None else mass) * np.sqrt(np.mean(a**2) / np.mean(x**2))
-    return bool(np.mean(sample.by_x) < _HELD * inertia)
 
 
 def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:

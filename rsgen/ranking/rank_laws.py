@@ -173,7 +173,8 @@ def _all_rounds(
     for some in dict.fromkeys((plain, terms)):
         entries = Entries(given, some, mass)
         try:
-            rounds += _rounds(observed, entries.fit(rows, observed.points, first=True), entries)
+            guesses = entries.search(rows, observed.points)
+            rounds += _rounds(observed, entries.fit(guesses, rows, observed.points, first=True), entries)
         except RsgenError as refused:
             fault = refused
         if rounds and min(each.left(observed.points) for each, _ in rounds) <= NOISE_LEAST:
@@ -288,14 +289,22 @@ def _trusted(fitted: Fitted, noise: Array, points: Points) -> NDArray[np.intp]:
 def _compared(
     points: Points, current: _Round, entries: Entries, known: Sequence[Fitted]
 ) -> tuple[_Round, list[Fitted]]:
-    """Fit the candidates; a few points that even the best cannot explain are left aside, at most twice."""
-    for last in (False, False, True):
-        known = entries.fit(current.rows, points.select(current.reference.chosen), first=False, known=known)
-        out = outlying(known[0], current.noise)
-        if last or not out.any():
+    """Fit the candidates; a few points that even the best cannot explain are left aside, at most twice.
+
+    Without these points the same candidates are near: they are fitted again and no others are searched.
+    """
+    chosen = points.select(current.reference.chosen)
+    # the law whose motion it is competes in any case
+    guesses = entries.search(current.rows, chosen, known=[current.leader, *known])
+    found = entries.fit(guesses, current.rows, chosen, first=False)
+    for _ in range(2):
+        out = outlying(found[0], current.noise)
+        if not out.any():
             break
         current = current.without(out)
-    return current, list(known)
+        chosen = points.select(current.reference.chosen)
+        found = entries.fit(guesses, current.rows, chosen, first=False)
+    return current, found
 
 
 def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: float) -> list[Finding]:

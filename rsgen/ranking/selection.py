@@ -5,9 +5,10 @@ Parameters in which a term is not linear take a few values each, and between the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from itertools import chain, combinations, product
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from rsgen.ranking.sums import Sum, Term, base_law
 __all__ = ["Trial", "search_sums"]
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 _RIDGE = 1e-10
 """Columns have unit size; beneath this share of it a combination of them is not compared."""
@@ -50,24 +52,29 @@ class Trial:
         return any(term.law.remembers for term in self.law.terms)
 
 
-@dataclass(frozen=True, slots=True)
-class _Variant:
-    """A term at one value of each parameter it is not linear in.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Variants:
+    """A term at some values of the parameters it is not linear in.
 
     Parameters
     ----------
     values
-        Of these parameters.
+        (variants, searched) of these parameters.
     reach
-        How far from each of them its slope is trusted: to half way to the next value.
+        (variants, searched) how far from each of them its slope is trusted: to half way to the next value.
     columns, slopes
-        Where the columns of coefficients and of slopes stand; slopes are those of a last coefficient of one.
+        (variants, linear), (variants, searched) where the columns of coefficients and of slopes stand; slopes
+        are those of a last coefficient of one.
     """
 
-    values: tuple[float, ...]
-    reach: tuple[float, ...]
-    columns: tuple[int, ...]
-    slopes: tuple[int, ...]
+    values: Array
+    reach: Array
+    columns: Places
+    slopes: Places
+
+    def select(self, chosen: Places) -> _Variants:
+        """Keep some of them."""
+        return _Variants(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
 
 class _Columns:
@@ -79,7 +86,7 @@ class _Columns:
         base = base_law().sample(x, v, a, step, np.zeros(2)).by_parameter
         blocks = [rows.of(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
         self.mass = mass
-        self.variants: dict[str, list[_Variant]] = {}
+        self.variants: dict[str, _Variants] = {}
         count = 3
         for term in terms:
             names = term.law.parameters
@@ -88,19 +95,24 @@ class _Columns:
                 [where.factor(size, speed) * value for value in where.values]
                 for where in term.search.values()
             ]
-            self.variants[term.name] = []
-            for trial in product(*ranges):
+            trials = list(product(*ranges))
+            places = count + np.arange(len(trials) * len(order)).reshape(len(trials), len(order))
+            self.variants[term.name] = _Variants(
+                np.array(trials).reshape(len(trials), len(ranges)),
+                np.array([[*map(_reach, ranges, trial)] for trial in trials]).reshape(
+                    len(trials), len(ranges)
+                ),
+                places[:, : len(term.linear)],
+                places[:, len(term.linear) :],
+            )
+            count += places.size
+            for trial in trials:
                 point = np.zeros(len(names))
                 point[names.index(term.linear[-1])] = 1.0
                 for name, value in zip(term.search, trial, strict=True):
                     point[names.index(name)] = value
                 sample = term.law.sample(x, v, a, step, point)
                 blocks.append(rows.of(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
-                reach = tuple(_reach(values, value) for values, value in zip(ranges, trial, strict=True))
-                middle, end = count + len(term.linear), count + len(order)
-                variant = _Variant(trial, reach, tuple(range(count, middle)), tuple(range(middle, end)))
-                self.variants[term.name].append(variant)
-                count = end
         compared = rows.compared
         matrix = np.concatenate(blocks, axis=2)[:, compared].reshape(-1, count)
         right = rows.right - (0.0 if mass is None else mass) * rows.inertia
@@ -150,9 +162,9 @@ def search_sums(
         alone = (sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen))
         return max(alone) <= 1
 
-    found: dict[frozenset[str], tuple[Trial, tuple[_Variant, ...]]] = {}
+    found: dict[frozenset[str], tuple[Trial, tuple[_Variants, ...]]] = {}
 
-    def consider(chosen: tuple[Term, ...], variants: Sequence[Sequence[_Variant]]) -> None:
+    def consider(chosen: tuple[Term, ...], variants: Sequence[_Variants]) -> None:
         result = _best(columns, Sum(chosen), variants)
         key = frozenset(term.name for term in chosen)
         if result is not None and (key not in found or result[0].misfit < found[key][0].misfit):
@@ -172,7 +184,7 @@ def search_sums(
             inside = {term.name for term in trial.law.terms}
             for term in terms:
                 if term.name not in inside and sensible((*trial.law.terms, term)):
-                    among = [*zip(trial.law.terms, ([each] for each in variants), strict=True)]
+                    among = [*zip(trial.law.terms, variants, strict=True)]
                     among.append((term, columns.variants[term.name]))
                     # one order, that of the library: a sum stands once
                     among.sort(key=lambda entry: place[entry[0].name])
@@ -187,26 +199,26 @@ def _reach(values: Sequence[float], value: float) -> float:
 
 
 def _best(
-    columns: _Columns, law: Sum, variants: Iterable[Sequence[_Variant]]
-) -> tuple[Trial, tuple[_Variant, ...]] | None:
-    """Solve for every combination of variants at once and take the best that is allowed."""
+    columns: _Columns, law: Sum, variants: Sequence[_Variants]
+) -> tuple[Trial, tuple[_Variants, ...]] | None:
+    """Solve for every combination of variants at once and take the best that is allowed, and its variants."""
     # c, k, mass: as _Columns has them
     base = {"c": 0}
     if law.has_spring:
         base["k"] = 1
     if columns.mass is None:
         base["m"] = 2
-    choices = list(product(*variants))
-    best: tuple[float, dict[str, float], tuple[_Variant, ...]] | None = None
+    # without a term there is one combination, of none
+    count = prod(len(each.values) for each in variants)
+    picks = np.indices([len(each.values) for each in variants]).reshape(len(variants), count)
+    choices = [each.select(pick) for each, pick in zip(variants, picks, strict=True)]
+    best: tuple[float, dict[str, float], int] | None = None
     # between its values a term is linearised; where that leads too far, it stays at the value
     for between in (True, False) if any(term.search for term in law.terms) else (False,):
-        index = np.array(
-            [
-                [*base.values(), *(i for v in choice for i in v.columns + (v.slopes if between else ()))]
-                for choice in choices
-            ]
-        )
-        misfit, coefficients = _solve(columns, index)
+        parts = [np.broadcast_to(np.array(list(base.values())), (count, len(base)))]
+        for choice in choices:
+            parts += [choice.columns, choice.slopes] if between else [choice.columns]
+        misfit, coefficients = _solve(columns, np.concatenate(parts, axis=1))
         named = _named(law, base, coefficients, choices, between)
         for group in law.dissipates:
             misfit[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
@@ -214,11 +226,12 @@ def _best(
             misfit[~_near(law, named, choices)] = np.inf
         i = int(np.argmin(misfit))
         if np.isfinite(misfit[i]) and (best is None or misfit[i] < best[0]):
-            best = float(misfit[i]), {name: float(value[i]) for name, value in named.items()}, choices[i]
+            best = float(misfit[i]), {name: float(value[i]) for name, value in named.items()}, i
     if best is None:
         return None
     left = max(best[0], 0.0)
-    return Trial(law, best[1], left, left + len(best[1]) * float(np.log(columns.rows))), best[2]
+    trial = Trial(law, best[1], left, left + len(best[1]) * float(np.log(columns.rows)))
+    return trial, tuple(choice.select(np.array([best[2]])) for choice in choices)
 
 
 def _solve(columns: _Columns, index: NDArray[np.intp]) -> tuple[Array, Array]:
@@ -235,19 +248,19 @@ def _named(
     law: Sum,
     base: dict[str, int],
     coefficients: Array,
-    choices: Sequence[tuple[_Variant, ...]],
+    choices: Sequence[_Variants],
     between: bool,
 ) -> dict[str, Array]:
     """Values (trials,) of every parameter by its name in the sum."""
     values = dict(zip(base, coefficients.T, strict=False))
     place = len(base)
-    for t, (term, names) in enumerate(zip(law.terms, law.names, strict=True)):
+    for choice, term, names in zip(choices, law.terms, law.names, strict=True):
         for i, name in enumerate(term.linear):
             values[names[name]] = coefficients[:, place + i]
         place += len(term.linear)
         last = coefficients[:, place - 1]
         for i, name in enumerate(term.search):
-            values[names[name]] = np.array([choice[t].values[i] for choice in choices])
+            values[names[name]] = choice.values[:, i]
             if between:
                 values[names[name]] = values[names[name]] + coefficients[:, place + i] / np.where(
                     last == 0, np.inf, last
@@ -256,11 +269,10 @@ def _named(
     return values
 
 
-def _near(law: Sum, named: dict[str, Array], choices: Sequence[tuple[_Variant, ...]]) -> NDArray[np.bool_]:
+def _near(law: Sum, named: dict[str, Array], choices: Sequence[_Variants]) -> NDArray[np.bool_]:
     """(trials,) True where every linearised parameter stays near the value it was linearised at."""
-    near = np.ones(len(choices), dtype=bool)
-    for t, (term, names) in enumerate(zip(law.terms, law.names, strict=True)):
+    near = np.ones(len(choices[0].values), dtype=bool)
+    for choice, term, names in zip(choices, law.terms, law.names, strict=True):
         for i, name in enumerate(term.search):
-            at, reach = np.array([(choice[t].values[i], choice[t].reach[i]) for choice in choices]).T
-            near &= np.abs(named[names[name]] - at) <= reach
+            near &= np.abs(named[names[name]] - choice.values[:, i]) <= choice.reach[:, i]
     return near

@@ -45,7 +45,7 @@ class Term:
         """The term, compiled for arrays."""
         return compile_law(self.source.added)
 
-    @property
+    @cached_property
     def linear(self) -> tuple[str, ...]:
         """Parameters in which the term is linear; the others move the part of the last one only."""
         return tuple(name for name in self.law.parameters if name not in self.search)

@@ -73,6 +73,15 @@ def _element(element: Element) -> dict[str, Any]:
     }
 
 
+def _printed(formula: PrintedFormula) -> dict[str, Any]:
+    return {
+        "what": formula.what,
+        "agrees": formula.agrees,
+        "formula": _formula(formula.formula, display=True),
+        "sentences": formula.sentences,
+    }
+
+
 def _drawing(drawing: Drawing) -> dict[str, Any]:
     return {"svg": inline_svg(drawing), "caption": drawing.caption, "alternative": drawing.alternative}
 
@@ -135,15 +144,7 @@ def render_page(
         "prediction_remarks": [full_sentence(found) for found in prediction.findings],
         "held_out_table": held_out_table(prediction.held_out),
         "elements": [_element(element) for element in subject.elements],
-        "printed": [
-            {
-                "what": formula.what,
-                "agrees": formula.agrees,
-                "formula": _formula(formula.formula, display=True),
-                "sentences": formula.sentences,
-            }
-            for formula in printed
-        ],
+        "printed": list(map(_printed, printed)),
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": estimate_table(identification),

@@ -26,6 +26,7 @@ from tests.attacks.surroundings import tried_here
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "attack",
     [around_files.reader_that_leaves, around_files.name_too_long, around_files.deleted_folder_relative],
@@ -69,6 +70,7 @@ def test_what_is_wrong_with_an_end_is_seen() -> None:
     assert "processes left" in Ended(0, "", "", 1.0, 3).fault(0)
 
 
+@pytest.mark.slow
 def test_a_process_that_stays_is_an_orphan(tmp_path: Path) -> None:
     stays = 'import subprocess; subprocess.Popen(["sleep", "60"], stdout=-3, stderr=-3)'
     ended = rsgen(command=[table.sys.executable, "-c", stays], env=environment(tmp_path))

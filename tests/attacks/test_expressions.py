@@ -25,6 +25,7 @@ def fraction(depth: int, inner: str = "x + b") -> str:
     return f"c/({text})"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [fraction(5), fraction(16), fraction(8, "c + abs(x)"), "tan(1e300)*x", "exp(1e300) + c*v", "x**(10**9)"],
@@ -36,6 +37,7 @@ def test_a_hard_text_has_an_answer(text: str) -> None:
     assert time.process_time() - begun < SECONDS
 
 
+@pytest.mark.slow
 def test_a_deep_fraction_is_integrated_as_it_is_written() -> None:
     """What is too long to become one fraction is left as it is, and its numbers are right."""
     found = derive("x*" + fraction(12).replace("x", "x**2"))

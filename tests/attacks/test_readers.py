@@ -36,6 +36,7 @@ def refusal(act: Callable[[], object]) -> str:
     return str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [form for form in ENDINGS if form not in ("uff", "surface")])
 def test_good_files_are_read(form: str, tmp_path: Path) -> None:
     """What is tampered with is whole before: an attack that meets a broken file shows nothing."""
@@ -54,6 +55,7 @@ def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
         readers._numbers(path, form)
 
 
+@pytest.mark.slow
 def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
     """HDF5 1.14 follows a list of free blocks that leads back to itself without end; its process is ended."""
     content = bytearray(good("surface", tmp_path))
@@ -68,6 +70,7 @@ def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
         load_surface(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "damage"),
     [("npz", in_archive), ("mat", in_variable), ("hdf5", in_chunk)],

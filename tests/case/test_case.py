@@ -358,6 +358,7 @@ SNIPPETS = [
 ]
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(TEXTS),
     st.lists(
@@ -412,6 +413,7 @@ def test_a_case_is_sent_to_a_process(name: str) -> None:
     assert all(file.is_file() for file in twin.data_files)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [*CASES, *FORMATS], ids=lambda path: path.stem)
 def test_the_schema_takes_what_is_loaded(path: Path) -> None:
     document = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -31,6 +31,7 @@ def faults(folder: Path, force: str, memory: str, truth: str) -> list[str]:
     return law_faults(load_case(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "memory", "truth"),
     [

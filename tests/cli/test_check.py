@@ -49,6 +49,7 @@ GOOD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -80,6 +81,7 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(
     assert reason in " ".join(ran.faults)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

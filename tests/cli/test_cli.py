@@ -93,12 +93,14 @@ def test_every_command_has_an_example(command: str, capsys: pytest.CaptureFixtur
     assert "--json" in text
 
 
+@pytest.mark.slow
 def test_the_shell_completes_commands_and_options() -> None:
     for words, number, expected in (("rsgen de", 1, "derive"), ("rsgen run --clu", 2, "--cluster")):
         completed = shell(_RSGEN_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(number))
         assert completed.stdout.split() == [expected]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["rsgen", "rsgen.cli"])
 def test_python_runs_it_as_a_module(module: str) -> None:
     words = [sys.executable, "-m", module]
@@ -145,6 +147,7 @@ def test_faulty_words_get_a_sentence(
     assert caught.err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_faulty_case_ends_with_2_and_no_traceback(
     fault: Fault, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -159,6 +162,7 @@ def test_a_faulty_case_ends_with_2_and_no_traceback(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_check_says_what_a_run_will_do(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("check", ROOT / "cases") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -201,6 +205,7 @@ ODD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [*ODD, "k*x*log(1 + abs(x))", "k*tan(x)", "k*x*abs(x)**0.5"])
 def test_check_refuses_what_run_would_refuse(
     law: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -290,6 +295,7 @@ def test_derive_reads_as_a_person_writes(capsys: pytest.CaptureFixture[str]) -> 
     assert "k1 + 3/4 kn1 X^2" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", ["k1*x + kn1*x**3 + c1*v", "k*x + mu*sign(v) + c*v", "k*x + masing(Min(kt*x, Fs))"]
 )
@@ -514,6 +520,7 @@ def test_the_same_input_gives_the_same_bytes(
         assert first[1] == count
 
 
+@pytest.mark.slow
 def test_short_commands_load_neither_figures_nor_compiler(tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
     table.write_text(

@@ -11,6 +11,7 @@ from rsgen.expression import parse
 BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
 
 
+@pytest.mark.slow
 def test_equations_of_states_are_shown(run_cli: Callable) -> None:
     said = run_cli("derive", *BOUC_WEN)
     assert said.code == 0

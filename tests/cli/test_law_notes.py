@@ -76,6 +76,7 @@ def test_a_simulation_refuses_values_that_make_no_law(
     assert not (tmp_path / "s.h5").exists()
 
 
+@pytest.mark.slow
 def test_a_simulation_without_a_settled_point_is_no_success(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -99,6 +100,7 @@ def test_a_state_without_its_equation_is_said(tmp_path: Path, capsys: pytest.Cap
     assert "its equation is missing" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_a_case_begins_with_a_law_with_memory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "joint.toml"
     equations = ("y = q*v - r*y*abs(v)", "z = a*v - b*abs(v)*z")

@@ -81,6 +81,7 @@ def _shell(redirections: str, words: str, **variables: str) -> subprocess.Comple
     )
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize(
     ("redirections", "words", "code", "error"),
@@ -100,6 +101,7 @@ def test_a_command_ends_well_whatever_its_streams_are(
     assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
 
 
+@pytest.mark.slow
 @posix
 def test_a_reader_that_left_does_not_change_the_code() -> None:
     done = _shell("| true; exit ${PIPESTATUS[0]}", "laws")

@@ -69,6 +69,7 @@ def test_json_has_null_and_the_closed_part_where_an_integral_is(capsys: pytest.C
     assert found["quadrature"] == "F*tanh(x/a)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [
@@ -143,6 +144,7 @@ def test_picture_says_its_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "Amplitude X [mm]" in texts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "pdf"])
 def test_picture_of_the_kind_its_name_says(kind: str, tmp_path: Path) -> None:
     path = tmp_path / f"k.{kind}"

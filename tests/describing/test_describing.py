@@ -227,6 +227,7 @@ ODD = (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, derandomize=True, deadline=None)
 @given(a=st.sampled_from(ODD), b=st.sampled_from(ODD), X=st.floats(0.1, 4), omega=st.floats(0.3, 3))
 def test_linear_in_the_element(a, b, X, omega):
@@ -374,6 +375,7 @@ SIZES = st.tuples(*[st.sampled_from((0.37, 0.81, 1.3, 1.9, -0.6, -1.4))] * 4)
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=QUIET)
 @given(law=FORCE, signs=SIZES)
 def test_random_laws(law, signs):

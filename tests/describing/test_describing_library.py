@@ -116,6 +116,7 @@ def random_points(names, seed=5, count=24):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "stiffness", "damping", "source", "closed"), TABLE)
 def test_table_of_laws(law, stiffness, damping, source, closed):
     derived = derive(law)
@@ -153,6 +154,7 @@ def test_table_is_as_long_as_promised():
 MEMORYLESS = [law for law in laws if not remembers(law.force)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", MEMORYLESS, ids=lambda law: law.name)
 def test_library_law_agrees_with_quadrature(law):
     derived = derive(law.formula)

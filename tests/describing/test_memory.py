@@ -43,6 +43,7 @@ CURVES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("virgin", "values", "closed"), CURVES)
 def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed):
     derived = derive(f"masing({virgin})")
@@ -131,6 +132,7 @@ def test_structural_damping():
     assert (derived.stiffness, derived.damping) == (symbol("k"), parse("eta*k/omega"))
 
 
+@pytest.mark.slow
 def test_dahl_and_maxwell_against_their_closed_solutions():
     dahl = derive(make_element("dahl", "z", {"z": "sigma*v*(1 - z*sign(v)/Fc)"}))
     X = np.geomspace(0.03, 20, 9)
@@ -156,6 +158,7 @@ def test_two_states_that_depend_on_each_other():
     assert found.damping == pytest.approx(whole.imag / OMEGA, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_bouc_wen_against_its_states_stepped_through_time():
     law = derive(make_element("joint", "k*x + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}))
     values = {"k": 1.0, "alpha": 1.3, "bg": 0.8, "bd": -1.1}
@@ -177,6 +180,7 @@ def test_bouc_wen_against_its_states_stepped_through_time():
 REMEMBERING = [law for law in laws if remembers(law.force) and law.name != "structural"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", REMEMBERING, ids=lambda law: law.name)
 def test_laws_of_the_library_against_their_loops(law):
     derived = derive(law)
@@ -200,6 +204,7 @@ def test_laws_of_the_library_against_their_loops(law):
     assert found.damping == pytest.approx(wanted[1], rel=1e-5 if law.memory else 1e-9)
 
 
+@pytest.mark.slow
 def test_pictures_of_loops_have_the_energy_beside_them():
     law = laws["dahl"]
     drawing = draw_derivation(derive(law), law.example)
@@ -212,6 +217,7 @@ def test_pictures_of_loops_have_the_energy_beside_them():
     assert "Energy of a cycle D" in drawing.alternative
 
 
+@pytest.mark.slow
 def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
     steps = derive("masing(Piecewise((x, x < b), (b + (x - b)/2, x < c), (b + (c - b)/2, True)))")
     late = derive("masing(k*Max(0, x - b))")
@@ -226,6 +232,7 @@ def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
     assert [str(limit.value) for limit in assumed.limits if limit.place == 0] == ["K", "0"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3"])
 def test_loops_that_do_not_close_are_refused(rate):
     with pytest.raises(ExpressionError, match="the loop of z does not close at X"):

@@ -34,6 +34,7 @@ def test_proof_visits_every_regime_often_enough() -> None:
     assert min(np.bincount(regimes, minlength=3)) >= LEAST_SETS // 4
 
 
+@pytest.mark.slow
 def test_formulas_of_pages_are_left_to_quadrature():
     derived = derive("abs(x - a)*abs(x - b)*abs(x - c)*abs(x - d)")
     assert not derived.closed_form

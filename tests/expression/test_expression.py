@@ -341,6 +341,7 @@ def sympy_value(expr: sympy.Expr) -> complex:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(FORMULAS)
 @example("(x + v)**2*k1 - Piecewise((x, abs(x) <= b), (b*sign(x), True))")
@@ -356,6 +357,7 @@ def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
     assert sympy_value(expr) == pytest.approx(expected, rel=ROUNDING, abs=ROUNDING)
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None, derandomize=True)
 @given(FORMULAS)
 @example("abs(x/b)**3*Min(x, b)/(2*(x + b))")
@@ -382,6 +384,7 @@ FUNNY = 'gamma( besselj( 1/0 0**0 oo inf nan zoo I E S( " \\'
 TOKENS = st.sampled_from([*WORDS.split(), *MORE.split(), *FUNNY.split(), "\n", "\t", "\0", " "])
 
 
+@pytest.mark.slow
 @settings(max_examples=1500, deadline=None, derandomize=True)
 @given(
     st.one_of(

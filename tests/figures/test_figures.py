@@ -70,6 +70,7 @@ def drawn(name: str) -> tuple[Drawing, bytes]:
 UNIT = re.compile(r"\[[^\]]+\]$")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawing_is_whole(name: str) -> None:
     drawing, _ = drawn(name)
@@ -117,6 +118,7 @@ def test_settings_of_the_caller_do_not_matter(name: str) -> None:
         assert DRAWINGS[name]().render("svg") == plain
 
 
+@pytest.mark.slow
 def test_figures_belong_to_no_window() -> None:
     import matplotlib.pyplot as plt
 
@@ -126,6 +128,7 @@ def test_figures_belong_to_no_window() -> None:
     assert plt.get_fignums() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "surface",
     [
@@ -197,6 +200,7 @@ def test_band_is_linear_propagation_of_the_covariance() -> None:
     np.testing.assert_allclose(damping, 1.959964 * np.sqrt(variance[0]), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_is_not_identifiable_leaves_the_points() -> None:
     from dataclasses import replace
 

@@ -131,6 +131,7 @@ def test_a_joint_slides_where_its_virgin_curve_ends() -> None:
         assert slip_limits(parse(law), values, 1e-3) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("largest", "slips"), [(0.9, 0), (30.0, 1)])
 def test_a_limit_that_the_test_does_not_determine_is_not_drawn(largest: float, slips: int) -> None:
     """A joint that sticks at all levels, and one that slides."""
@@ -201,6 +202,7 @@ def test_identified_and_true_loops_follow_masings_rule() -> None:
     np.testing.assert_allclose(force[0], jenkins(phase, 3 * SLIP), atol=5e-3 * FS)
 
 
+@pytest.mark.slow
 def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchmark(
     measured_data: Callable[[str], Path],
 ) -> None:

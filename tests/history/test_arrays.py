@@ -110,6 +110,7 @@ def test_faults_are_sentences(make: object, message: str) -> None:
         make(rs.history)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_no_record_ends_in_a_traceback(seed: int) -> None:
     """Any record of any test gives a surface or a sentence."""
@@ -138,6 +139,7 @@ def test_no_record_ends_in_a_traceback(seed: int) -> None:
             assert outcome.startswith(("time history: ", "<class 'rsgen.surface"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_no_record_makes_a_library_warn(seed: int) -> None:
     """Constant, tiny, huge, offset, single-precision and short records give a surface or a sentence."""

@@ -45,6 +45,7 @@ def decay(name: str, quantity: str = "displacement", duration: float = 15) -> np
     return {"displacement": x, "velocity": v, "acceleration": -(STIFFNESS * x + n(x, v)) / MASS}[quantity]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
 def test_a_free_decay_gives_the_describing_functions(name: str, quantity: str) -> None:
@@ -59,6 +60,7 @@ def test_a_free_decay_gives_the_describing_functions(name: str, quantity: str) -
     np.testing.assert_allclose(found.damping_ratio, found.damping / (2 * MASS * omega), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_bands_are_as_wide_as_the_noise_makes_them() -> None:
     clean = decay("linear", duration=8)
     pulls = []
@@ -81,6 +83,7 @@ def test_a_decay_of_a_few_percent_of_damping_is_followed(zeta: float) -> None:
     assert np.max(found.amplitude) > 3 * np.min(found.amplitude)
 
 
+@pytest.mark.slow
 def test_without_mass_all_is_per_mass_and_no_force_is_made_up() -> None:
     history = TimeHistory(RATE, None, decay("linear"), label="tap.csv")
     found = follow_decay(history)
@@ -89,6 +92,7 @@ def test_without_mass_all_is_per_mass_and_no_force_is_made_up() -> None:
         from_free_decay(history)
 
 
+@pytest.mark.slow
 def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     found = follow_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
     surface = from_free_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
@@ -98,6 +102,7 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     assert [finding.code for finding in surface.findings] == ["force-of-decay", "decay-taken"]
 
 
+@pytest.mark.slow
 def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:
     free = follow_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
 
@@ -112,6 +117,7 @@ def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:
     assert differ(-8e6)[0] > 1e-3
 
 
+@pytest.mark.slow
 def test_the_decay_begins_where_the_force_ends() -> None:
     quiet = decay("linear")
     force = np.concatenate([np.ones(1000), np.zeros(len(quiet))])
@@ -215,6 +221,7 @@ def test_a_decay_ends_above_its_floor() -> None:
     assert np.median(found.damping) == pytest.approx(1.8, rel=0.05)
 
 
+@pytest.mark.slow
 def test_clipped_samples_are_before_the_begin() -> None:
     x = decay("linear")
     found = follow_decay(TimeHistory(RATE, None, np.clip(x, -0.006, 0.006)), mass=MASS)

@@ -38,6 +38,7 @@ def multisine() -> np.ndarray:
     return sum(np.cos(2 * np.pi * k / 12 * TIME + phase) for k, phase in enumerate(phases, start=60))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize(
     ("force", "reason"),

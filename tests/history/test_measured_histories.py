@@ -64,6 +64,7 @@ def hysteresis(X: np.ndarray) -> np.ndarray:
     return 2 / samples * total / X
 
 
+@pytest.mark.slow
 def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(
     measured_data: Callable[[str], Path],
 ) -> None:

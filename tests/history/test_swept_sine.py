@@ -40,6 +40,7 @@ def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> T
     return TimeHistory(rate, level * np.cos(law.phase_at(t)), np.sin(law.phase_at(t)))
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     kind=st.sampled_from(["linear", "logarithmic"]),
@@ -120,6 +121,7 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
     assert np.mean(np.abs(taken) ** 2) == pytest.approx(4 * width / rate, rel=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None:
     # the receptance of a linear oscillator is known; at rate/(half width)^2 = 5 it is shifted by a half width
@@ -206,6 +208,7 @@ def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHisto
     return sweep(o, level, law, stop, 200.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cubic", [8e6, -8e6])
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -263,6 +266,7 @@ def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     assert np.mean(surface.settled[np.abs(surface.frequency - 10) > 0.5]) > 0.95
 
 
+@pytest.mark.slow
 def test_another_mode_in_the_band_is_found() -> None:
     law, rate, n = SweepLaw("linear", 6.0, 0.1), 400.0, 40000
     force = np.cos(law.phase_at(np.arange(n) / rate))

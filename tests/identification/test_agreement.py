@@ -81,6 +81,7 @@ def codes(table: ResponseSurface, law: Model | str) -> dict[str, str]:
     return {finding.code: finding.severity for finding in identify(table, law).findings}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "combined", "coulomb"])
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 def test_a_wrong_law_is_found_by_levels_that_disagree(law: str, noise: float) -> None:
@@ -92,6 +93,7 @@ def test_a_wrong_law_is_found_by_levels_that_disagree(law: str, noise: float) ->
     assert {"parts-disagree", "intervals-widened"} <= {finding.code for finding in wrong.findings}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "apart"), [("cubic", False), ("combined", True)])
 def test_one_step_agrees_with_levels_really_identified_apart(law: str, apart: bool) -> None:
     table = noisy(surface(law), NOISE, 4)

@@ -35,6 +35,7 @@ def errors(identification, values: dict[str, float]) -> dict[str, float]:
     return {e.name: abs(e.value / values[e.name] - 1) for e in identification.refined}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "quintic", "combined"])
 def test_amplitudes_alone_give_every_parameter(law):
     found = identify(without_phase(surface(law)), model(law))
@@ -56,6 +57,7 @@ def test_both_sides_of_a_fold_need_no_branch_to_be_named():
     assert max(errors(found, {**values, "m": 1.5}).values()) < 1e-2
 
 
+@pytest.mark.slow
 def test_standard_errors_without_phase():
     table, distances = surface("cubic"), []
     for seed in range(8):

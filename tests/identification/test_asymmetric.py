@@ -66,6 +66,7 @@ def full() -> ResponseSurface:
     return table()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tested", ["plain", "amplitudes", "background", "response control"])
 def test_a_fundamental_gives_every_value_but_the_sign(full, tested):
     measured, observation = fundamental(full), None
@@ -105,6 +106,7 @@ def test_the_second_harmonic_gives_the_sign():
     assert "sign-not-identifiable" not in codes(found)
 
 
+@pytest.mark.slow
 def test_two_stiffnesses_are_told_apart_but_not_their_sides():
     law, values = "Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 7000.0, "k7": 5000.0, "c": 3.8}
     found = identify(fundamental(table(law, values)), law)
@@ -112,6 +114,7 @@ def test_two_stiffnesses_are_told_apart_but_not_their_sides():
     assert "mirror-image-fits" in codes(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "even"), [(QUADRATIC, "k2"), ("k*x + k3*x**3 + c*v + F0", "F0"), ("k*x + c*v + F0", "F0")]
 )
@@ -131,6 +134,7 @@ def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
         assert "not-converged" not in codes(found)
 
 
+@pytest.mark.slow
 def test_the_interval_of_an_even_force_that_is_not_there_contains_zero():
     # the square of k2 is as often above zero as below, and beyond its standard error in a sixth of the tables
     exact = table("k*x + c*v", {"k": 5920.0, "c": 7.5})
@@ -146,6 +150,7 @@ def test_forces_are_not_drawn_without_a_law_where_the_mean_must_be_large(full):
     assert identify(fundamental(full), QUADRATIC).restoring is None
 
 
+@pytest.mark.slow
 def test_a_ranking_tries_asymmetric_laws_on_fundamentals(full):
     ranking = rank(fundamental(full, 0.003), ["k*x + c*v", QUADRATIC])
     assert ranking.best.model.parameters == ("c", "k", "k2", "k3")

@@ -40,6 +40,7 @@ def cubic() -> ResponseSurface:
     return surface("cubic")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "psi", "a", "b"),
     [
@@ -66,6 +67,7 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
     )
 
 
+@pytest.mark.slow
 def test_a_law_with_a_jump_is_polished_beside_a_background():
     seen = among_others(surface("coulomb"), PSI, FLEXIBILITY, 0)
     found = identify(seen, model("coulomb"), Observation(background="constant"))
@@ -89,6 +91,7 @@ def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
     assert found.frequency_range[1] <= 11.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "ratio", "band"), [(8.9, 0.03, (8.5, 11.5)), (11.2, 0.01, (9.2, 11.0))]
 )
@@ -122,6 +125,7 @@ def test_standard_errors_allow_for_the_background(cubic):
     assert 0.67 < spread < 1.33
 
 
+@pytest.mark.slow
 def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
     (proposal,) = (f for f in identify(seen, model("cubic")).findings if f.code == "background-possible")
@@ -197,6 +201,7 @@ def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
     assert np.max(np.abs(along / seen.amplitude[rows] - 1)) < 0.01
 
 
+@pytest.mark.slow
 def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
     seen = noisy(with_offset(cubic), 0.01, 3)
     without = identify(seen, model("cubic"), Observation(background="phase"))

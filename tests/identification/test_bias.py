@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from rsgen.identification.least_squares import Linearisation, fit, remove_bias
 
 
+@pytest.mark.slow
 def test_the_bias_of_squared_noise_is_removed() -> None:
     """Points of y = p x^2 / 2 with noise on both: what curves in x takes the noise of x for a smaller p."""
     noise, true, runs, count = 0.15, 2.0, 300, 160

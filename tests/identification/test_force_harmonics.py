@@ -31,6 +31,7 @@ def distorted(even: float = 0.0, turn: float = 0.0, cut: int = 8, low: float = 1
     return rs.ResponseSurface(np.repeat([1.0, 2.0, 3.0], 40), frequency, harmonics, x, sweep="rest")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("even", [0.0, 0.03])
 def test_recorded_harmonics_of_the_force_make_the_balance_exact(even):
     surface = distorted(even)

@@ -45,6 +45,7 @@ def test_first_order_bias_is_predicted(law: str) -> None:
         assert seen == pytest.approx(bias, rel=0.02, abs=1e-6 * abs(truth(law)[first.name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "quintic", "piecewise", "combined"])
 def test_the_papers_way_comes_near(law: str) -> None:
     found = identify(surface(law), model(law))
@@ -52,6 +53,7 @@ def test_the_papers_way_comes_near(law: str) -> None:
     assert [r.level for r in found.resonances] == sorted(r.level for r in found.resonances)
 
 
+@pytest.mark.slow
 def test_bilinear_stiffnesses_come_from_the_two_peaks() -> None:
     found = {e.name: e.value for e in identify(surface("bilinear"), model("bilinear")).paper}
     # k6 Xp^2 = k7 Xn^2 gives the ratio; Eq. (22), about zero mean, is too stiff for both
@@ -83,6 +85,7 @@ def test_forces_in_another_unit_scale_every_parameter() -> None:
         assert b.value == pytest.approx(1000 * a.value, rel=SCALED)
 
 
+@pytest.mark.slow
 def test_a_turned_time_origin_changes_nothing() -> None:
     table = surface("bilinear")
     turn = np.exp(1j * np.random.default_rng(5).uniform(0, 6, len(table)))
@@ -160,6 +163,7 @@ def test_confounded_parameters_are_named() -> None:
     assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_wrong_law_is_said_to_be_wrong() -> None:
     found = identify(noisy(surface("quintic"), 0.002, 1), model("coulomb"))
     assert "law-does-not-fit" in {finding.code for finding in found.findings}
@@ -172,6 +176,7 @@ def test_too_few_points_are_refused_in_a_sentence() -> None:
         identify(surface("cubic"), model("cubic", hold_out=(5.0,)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "combined", "bilinear"])
 def test_intervals_of_exact_data_allow_for_the_error_of_the_simulator(law: str) -> None:
     found = identify(surface(law, accuracy=1e-5), model(law))
@@ -180,6 +185,7 @@ def test_intervals_of_exact_data_allow_for_the_error_of_the_simulator(law: str) 
         assert abs(estimate.value - truth(law)[estimate.name]) < 3 * estimate.standard_error, estimate
 
 
+@pytest.mark.slow
 def test_a_force_without_a_law_is_drawn_from_zero_or_over_both_sides() -> None:
     assert identify(surface("cubic"), model("cubic")).restoring.displacement[0] == 0
     table = surface("bilinear")
@@ -224,6 +230,7 @@ def test_a_spring_driven_until_its_symmetry_breaks_is_found(relative: float) -> 
     assert "not-converged" not in {finding.code for finding in found.findings}
 
 
+@pytest.mark.slow
 def test_an_odd_law_may_move_about_one_of_two_wells() -> None:
     values = {"k": -500.0, "kn": 5e6, "c": 3.0}
     table = surface("cubic", np.linspace(1, 12, 4), np.linspace(1, 8, 21), values=values)
@@ -259,6 +266,7 @@ def test_sentences_print_displacements_as_drawings_do() -> None:
     assert "X up to 2.09 mm, levels up to 500 mN" in sentence(found["b"].finding)
 
 
+@pytest.mark.slow
 def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
     # most of the misfit is noise: neighbours are alike all the same
     table = noisy(surface("combined", np.linspace(1, 12, 12)), 0.05, 1)

@@ -57,6 +57,7 @@ def line_through(noise: float, seed: int, spoilt: int = 0):
     return linearise, np.stack([seen_x, np.zeros(60)], axis=1)
 
 
+@pytest.mark.slow
 def test_noise_on_both_sides_does_not_bias_the_slope() -> None:
     # ordinary least squares would find 2/(1 + 0.2^2/var(x)) = 1.35
     found = [fit(*reordered(line_through(0.2, seed))).parameters[1] for seed in range(200)]

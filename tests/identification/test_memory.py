@@ -35,6 +35,7 @@ def test_bouc_wen_is_identified() -> None:
     assert found.residual < 1e-5
 
 
+@pytest.mark.slow
 def test_a_jenkins_element_is_identified() -> None:
     """A slider that sticks at the lowest level and slips at the others."""
     kt, Fs = 1e4, 8.0
@@ -45,6 +46,7 @@ def test_a_jenkins_element_is_identified() -> None:
     assert found.residual < 1e-3
 
 
+@pytest.mark.slow
 def test_a_law_that_runs_away_beyond_the_test_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Dahl's friction far below its limit has no softening in X, as every Iwan joint has."""
     size, omega = (p.ravel() for p in np.meshgrid(np.geomspace(1e-4, 3e-3, 6), np.linspace(63, 94, 7)))

@@ -77,6 +77,7 @@ def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency
     np.testing.assert_allclose(table.mass, MASS, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_intervals_cover_what_they_say_under_noise():
     at = np.array([0.01, 0.02, 0.03])
     surface = SURFACE.select(np.abs(SURFACE.frequency - 9.95) < 0.9)
@@ -257,6 +258,7 @@ def test_a_motion_across_two_sensors_is_remarked():
     assert rsgen.modal_table(SURFACE).findings == ()
 
 
+@pytest.mark.slow
 def test_intervals_contain_curves_that_no_spline_follows_exactly():
     """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
     X, f = np.meshgrid(np.geomspace(1e-3, 3e-2, 15), np.linspace(8.6, 10.6, 13), indexing="ij")

@@ -58,6 +58,7 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
     return at, parameters, nuisance + 0.003, problem.observed.fitted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forward", ["balance", "simulator"])
 @pytest.mark.parametrize("phase", [True, False])
 @pytest.mark.parametrize("kind", BACKGROUNDS)

@@ -85,6 +85,7 @@ AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", AWKWARD)
 @pytest.mark.parametrize("law", [CUBIC, "k*x + k2*x**2 + c*v + F*sign(v)"])
 def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
@@ -92,6 +93,7 @@ def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
     assert len(found.refined) == len(found.model.parameters) + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("background", ["none", "neighbour+offset"])
 def test_one_frequency_gives_a_result_without_a_warning(table, background):
     one = tampered(table, frequency=lambda f: 0 * f + 10.0)

@@ -85,6 +85,7 @@ def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
     assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
 
 
+@pytest.mark.slow
 def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     distances = []
     for seed in range(8):

@@ -74,12 +74,14 @@ def test_the_table_holds_values_intervals_and_units(found: Identification) -> No
     assert html.count("<tr>") == 1 + len(found.refined)
 
 
+@pytest.mark.slow
 def test_a_parameter_without_effect_is_marked_and_has_no_number() -> None:
     found = identify(cubic_surface(), "k1*x + kn1*x**3 + c1*v + kq*(Max(x - 10, 0) + Min(x + 10, 0))")
     line = next(line for line in str(found).splitlines() if line.startswith("kq"))
     assert line.split() == ["kq", "N/m", "no-effect"]
 
 
+@pytest.mark.slow
 def test_a_dimensionless_parameter_has_no_unit() -> None:
     found = identify(cubic_surface(), "k1*x + kn1*abs(x)**p*sign(x) + c1*v")
     assert found["p"].unit == ""

@@ -53,6 +53,7 @@ def identified(text: str, added: dict[str, float], level: tuple[float, float], n
     return found, BASE | added | {"m": MASS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-2])
 @pytest.mark.parametrize(
     ("text", "added"),
@@ -76,6 +77,7 @@ def test_values_come_back_with_their_signs(text: str, added: dict[str, float], n
         assert error < limit, (estimate, true[estimate.name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["", " + Ff*tanh(v/w)"])
 def test_a_saturation_that_is_never_reached_is_no_number(friction: str) -> None:
     added = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if friction else {})
@@ -88,6 +90,7 @@ def test_a_saturation_that_is_never_reached_is_no_number(friction: str) -> None:
         assert abs(by_name[name].value - true[name]) < 4.5 * by_name[name].standard_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["2000*Max(0, x - b)", "Max(0, ks*x - F0)", "2e5*x**3"])
 def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
     elements = (make_element("base", "5000*x + 4*v"), make_element("added", law))

@@ -45,6 +45,7 @@ def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
     assert found["left"] < 0.3 * found["misfit"]
 
 
+@pytest.mark.slow
 def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
     """Loops of dry joints, fitted by polynomials: no single term mends it, another law does."""
     size, omega = (
@@ -72,6 +73,7 @@ def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
     assert "free to follow the amplitude" in sentence(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])
 def test_noise_is_judged_by_its_size(noise: float, expected: str) -> None:
     assert severity(findings(noisy(surface("cubic"), noise, 5)), "misfit-large") == expected
@@ -100,6 +102,7 @@ def test_a_missing_term_sets_no_level_apart() -> None:
     assert "level-apart" not in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
 def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: str) -> None:
     # a flexibility of modes above, relative to the static one of the mode
@@ -132,6 +135,7 @@ def test_a_missing_term_is_no_missing_background(table: ResponseSurface) -> None
     assert "background-missing" not in findings(table, "k*x + c*v")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [0, 1, 2], ids=["displacement", "velocity", "acceleration"])
 def test_equal_largest_responses_are_those_of_an_overloaded_sensor(
     table: ResponseSurface, order: int
@@ -196,6 +200,7 @@ def test_a_result_without_parameters_is_doubted() -> None:
     assert severity({f.code: f for f in unknown.findings}, "nothing-identifiable") == "doubt"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [9, 12, 16, 20, 40])
 def test_few_points_hide_no_wrong_damper(count: int) -> None:
     found = findings(_one_level(count), "k*x + c*v")

@@ -53,6 +53,7 @@ def test_one_well_of_two_is_drawn_where_the_mass_moves() -> None:
     assert np.abs(found.stiffness_force - exact).max() < WANTED * np.abs(exact).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relative", [3e-4, 1e-2])
 def test_a_little_noise_does_little(relative: float) -> None:
     table = noisy(surface("bilinear"), relative, 1)

@@ -43,6 +43,7 @@ def read_case(path: Path) -> ResponseSurface:
     return read_measurement(test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
 def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: Callable[..., Any]) -> None:
     (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -66,6 +67,7 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: 
     assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
 
+@pytest.mark.slow
 def test_units_and_names_tell_what_is_what() -> None:
     table = proposed(FORMATS / "table.csv")
     assert table["frequency"] == {"column": "frequency_Hz"}
@@ -118,6 +120,7 @@ def test_layouts_of_texts(
     assert len(read_case(case)) > 1
 
 
+@pytest.mark.slow
 def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
     shown = run_cli("inspect", FORMATS / "steps.h5").out
     for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
@@ -128,6 +131,7 @@ def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
     assert found["test"]["test.time"] == {"rate_column": "rate"}
 
 
+@pytest.mark.slow
 def test_faulty_files_are_a_sentence(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
@@ -138,6 +142,7 @@ def test_faulty_files_are_a_sentence(tmp_path: Path, run_cli: Callable[..., Any]
     assert not (tmp_path / "b.toml").exists()
 
 
+@pytest.mark.slow
 def test_names_in_a_file_stay_text(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.h5"
     evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
@@ -185,6 +190,7 @@ def test_universal_files_of_others(name: str, measured_data: Callable[[str], Pat
         assert contents.entries[0].order == "rising"
 
 
+@pytest.mark.slow
 def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Path]) -> None:
     from rsgen.measurement.sandbox import read_binary
 
@@ -197,6 +203,7 @@ def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Pat
     np.testing.assert_allclose(first[1][0].values, second[1][0].values, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None:
     f16 = proposed(measured_data("f16/F16Data_SineSw_Level1.mat"))
     assert f16["time"] == {"rate_column": "Fs"}
@@ -500,6 +507,7 @@ def test_the_header_of_labview_is_understood(tmp_path: Path) -> None:
     assert table["response"] == {"quantity": "acceleration", "unit": "m/s^2", "samples": "Sensor 1"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "units",
     [

@@ -156,6 +156,7 @@ def test_levels_side_by_side_are_read(
     assert is_right(surface)
 
 
+@pytest.mark.slow
 def test_force_and_response_of_each_level_in_variables(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     arrays: dict[str, np.ndarray] = {"f": FREQUENCY}
     for level in (2, 10, 1):
@@ -276,6 +277,7 @@ def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[
     assert "next: Look up the units" in found
 
 
+@pytest.mark.slow
 def test_thousands_of_parts_are_paired_in_no_time() -> None:
     names = [f"{part}_{number}" for part in ("re", "im") for number in range(1500)]
     entries = [Entry(name, (9,), "float64") for name in [*names, *names]]

@@ -47,6 +47,7 @@ def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str,
     return gates
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("every", [False, True], ids=["events where needed", "events everywhere"])
 def test_force_of_the_kernel_is_the_force_of_the_law(law: str, every: bool) -> None:

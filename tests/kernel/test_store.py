@@ -112,6 +112,7 @@ def compiled_once() -> tuple[str, tuple[bytes, str]]:
     return source, compile_source(source, "rsgen_kernel_damaged")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_kernel_is_compiled_again(
     own_cache: Path,
@@ -184,6 +185,7 @@ def test_a_planted_kernel_is_never_loaded(
         assert store.cache_fault() is not None
 
 
+@pytest.mark.slow
 def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
     source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
     expected = _one_step_further(source)
@@ -204,6 +206,7 @@ def test_a_cached_kernel_needs_no_compiler(own_cache: Path) -> None:
         assert done.stdout.strip() == expected
 
 
+@pytest.mark.slow
 def test_without_a_place_for_the_cache_kernels_still_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

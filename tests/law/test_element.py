@@ -130,6 +130,7 @@ def test_switches_inside_functions_are_listed():
     assert not form.pieces[0].switches
 
 
+@pytest.mark.slow
 def test_pieces_contain_no_switching_functions_of_the_state():
     for law in LAWS:
         for piece in normal_form(parse(law)).pieces:
@@ -143,6 +144,7 @@ def test_saturation_of_positive_parameters_has_two_switches():
     assert {s.threshold for s in form.switches} == {parse("F/k"), parse("-F/k")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "word"),
     [

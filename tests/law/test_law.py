@@ -143,6 +143,7 @@ WAYS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
 def test_a_law_is_identified_however_it_is_given(way):
     true = {"k": 5921.8, "k3": 2e5, "c": 7.54}

@@ -64,6 +64,7 @@ def test_picture_takes_example_values(tmp_path: Path) -> None:
     assert "Fc = 1, Fs = 2, vs = 0.5" in (tmp_path / "law.svg").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_every_law_has_a_picture(law: Law) -> None:
     drawing = draw_derivation(derive(law), law.example)

@@ -55,6 +55,7 @@ def _motion(third: float, count: int = 4) -> Motion:
     return Motion(np.geomspace(1.0, 5.0, count), harmonics)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("third", [0.05, 0.6])
 def test_a_masing_loop_is_that_of_its_sliders(third: float) -> None:
     """With a third harmonic this large the motion has minor loops."""
@@ -85,6 +86,7 @@ def test_a_masing_loop_is_that_of_its_sliders(third: float) -> None:
     assert np.abs(fine).max() < 1e-4 * np.abs(project(stepped, 1)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STATES)
 def test_the_loop_of_states_is_the_one_in_time(name: str) -> None:
     """Against DOP853 over three periods; the error falls with the square of the step."""
@@ -122,6 +124,7 @@ def test_the_loop_of_states_is_the_one_in_time(name: str) -> None:
         assert errors[1] < errors[0] / 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*STATES, *CURVES])
 def test_slopes_of_a_loop_are_differences(name: str) -> None:
     """By every parameter and every coordinate of the motion, to the order of a corner in a sample."""

@@ -159,6 +159,7 @@ def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.recursive(LEAVES, grown, max_leaves=7))
 def test_every_formula_gives_sound_markup(formula: str) -> None:

@@ -77,6 +77,7 @@ def values(force) -> dict[str, float]:
     return {s.name: known[s.name] for s in force.free_symbols if s.name not in "xv"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_wordings_have_one_normal_form_and_one_kernel(name):
     first, *others = map(law, FAMILIES[name])
@@ -96,6 +97,7 @@ def test_wordings_have_one_character(name):
     assert len({(kind.parameters, kind.linear, kind.scaled) for kind in kinds}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_wordings_have_the_same_steady_states(name):
     force, frequency = np.repeat([5.0, 20.0, 30.0], 12), np.tile(np.linspace(8, 14, 12), 3)
@@ -177,6 +179,7 @@ def word(kind: str, state: str, edge: str, pick: random.Random) -> str:
 KINDS = ("gap", "stop", "saturation", "drag", "friction", "reach")
 
 
+@pytest.mark.slow
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(
     parts=st.lists(

@@ -99,6 +99,7 @@ def table_of_a_sheet(units: bool) -> list[list[Any]]:
     return [["Test", 12], [], *heads, *rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [True, False], ids=["row of units", "units in titles"])
 def test_a_workbook_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., Any], units: bool) -> None:
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
@@ -119,6 +120,7 @@ def test_a_workbook_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., 
     assert lost.names["first"] == "row 9"
 
 
+@pytest.mark.slow
 def test_sheets_are_levels_and_stored_values_are_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     """A sheet a level, a formula with the value that Excel stored, one without, texts in place of numbers."""
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
@@ -156,6 +158,7 @@ def test_sheets_are_levels_and_stored_values_are_read(tmp_path: Path, run_cli: C
 # ---------------------------------------------------------------- TDMS
 
 
+@pytest.mark.slow
 def test_a_tdms_file_in_kilonewton_and_g(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
     path = tmp_path / "a.tdms"
@@ -206,6 +209,7 @@ def test_a_spectrum_of_tdms(tmp_path: Path, unit: dict[str, str]) -> None:
 # ---------------------------------------------------------------- LabVIEW's text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "separator", "decimal", "encoding"),
     [("One", "Tab", ",", "utf-16"), ("Multi", "Comma", ".", "cp1252"), ("No", "Tab", ".", "utf-8")],
@@ -242,6 +246,7 @@ def test_measurement_files_of_labview(
         np.testing.assert_allclose(found.response, MOTION[:count], rtol=ROUND_OFF, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_real_measurement_file_of_labview(measured_data: Callable[[str], Path]) -> None:
     path = measured_data("frid_decay/decay_f_42p05_ampl_2p0_0.lvm")
     entries = {entry.path: entry for entry in list_contents(path).entries}
@@ -421,6 +426,7 @@ LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
 ) + b"]>"  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("xml", "reason"),
     [
@@ -462,6 +468,7 @@ def test_a_tdms_file_that_declares_more_than_it_has(tmp_path: Path, count: int) 
     assert time.monotonic() - begin < SECONDS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["tdms", "xlsx", "lvm", "wav"])
 def test_files_that_are_cut_off_are_refused(tmp_path: Path, form: str) -> None:
     made = io.BytesIO()

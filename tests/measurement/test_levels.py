@@ -60,6 +60,7 @@ def codes(surface: ResponseSurface) -> dict[str, str]:
     return {finding.code: finding.severity for finding in surface.findings}
 
 
+@pytest.mark.slow
 def test_each_entry_is_a_level(tmp_path: Path) -> None:
     """Eight runs at held amplitudes were grouped by like force into 25 levels."""
     path = held_runs(tmp_path / "a.mat")

@@ -52,6 +52,7 @@ def surface_of(name: str) -> ResponseSurface:
 # ---------------------------------------------------------------- one test in every format
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "digits"),
     [("csv-table", PRINTED), ("mat-v73", ROUND_OFF), ("npz-matrix", ROUND_OFF), ("uff-frf", 1e-11)],
@@ -116,6 +117,7 @@ def test_addresses(tmp_path: Path, ending: str) -> None:
         assert found[0][0].unit == "Hz"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("address", "message"),
     [
@@ -146,6 +148,7 @@ def measured(path: Path, **keys: Any) -> MeasuredTest:
     return MeasuredTest((path,), **known | keys)
 
 
+@pytest.mark.slow
 def test_sides_of_a_matrix_become_rows(tmp_path: Path) -> None:
     path = tmp_path / "grid.npz"
     f, force = np.array([5.0, 6.0, 7.0]), np.array([1.0, 2.0])
@@ -189,6 +192,7 @@ def measured_response(test: MeasuredTest, column: str) -> MeasuredTest:
     )
 
 
+@pytest.mark.slow
 def test_response_in_a_file_of_its_own(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", f=[1.0, 2.0], F=[3.0, 3.0])
     np.savez(tmp_path / "b.npz", x=[4.0, 5.0])
@@ -224,6 +228,7 @@ def test_hash_of_each_file_is_checked(tmp_path: Path) -> None:
         read_measurement(measured(path, sha256=("0" * 64,)))
 
 
+@pytest.mark.slow
 def test_cells_and_structs_of_matlab_73(tmp_path: Path) -> None:
     """MATLAB 7.3 keeps cells and struct arrays as references to arrays in a hidden group."""
     path = tmp_path / "cells.mat"
@@ -306,6 +311,7 @@ def test_binary_universal_records(order: str, width: int) -> None:
         assert arrays(content + b"\n    -1\n") == [[0.5, 1.5], [1, 2]]
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=300, derandomize=True, deadline=None)
 def test_changed_universal_files_never_break_the_reader(data: st.DataObject) -> None:
@@ -397,6 +403,7 @@ def deep(file: h5py.File, folder: Path) -> None:
     file["/".join("x" * 40)] = np.ones(4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trap", [external, soft, virtual, raw, declared, text, opaque, reference, deep])
 def test_traps_in_hdf5_are_refused(tmp_path: Path, trap: Callable[[h5py.File, Path], None]) -> None:
     path = tmp_path / "trap.h5"
@@ -440,6 +447,7 @@ ADDRESSES: dict[str, list[int | str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="work and memory of a process are counted as Linux does")
 @pytest.mark.usefixtures("_warm")
 @pytest.mark.parametrize("entry", CORPUS, ids=lambda entry: entry["id"])
@@ -462,6 +470,7 @@ def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
     assert child_memory() - base < MEMORY_KB
 
 
+@pytest.mark.slow
 def test_a_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:
     path = tmp_path / "bomb.mat"
     scipy.io.savemat(path, {"x": np.zeros((1, 9_000_000))}, do_compression=True)

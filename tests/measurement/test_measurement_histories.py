@@ -74,6 +74,7 @@ def write(path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mat", ".npz", ".csv"])
 def test_histories_come_as_written(tmp_path: Path, ending: str) -> None:
     path = write(tmp_path / f"a{ending}")
@@ -121,6 +122,7 @@ def test_integers_of_a_recorder_are_scaled(tmp_path: Path) -> None:
     assert got.response.tolist() == (counts * 2.0).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
@@ -217,6 +219,7 @@ def test_long_histories_are_read_quickly_and_once(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- real files, where they are
 
 
+@pytest.mark.slow
 def test_ground_vibration_test(measured_data: Callable[[str], Path]) -> None:
     files = tuple(measured_data(f"f16/F16Data_SineSw_Level{k}.mat") for k in (1, 3))
     test = MeasuredTest(
@@ -237,6 +240,7 @@ def test_ground_vibration_test(measured_data: Callable[[str], Path]) -> None:
     assert (low.level, high.level) == (4.8, 28.8)
 
 
+@pytest.mark.slow
 def test_nested_struct_of_a_lock_in(measured_data: Callable[[str], Path]) -> None:
     path = measured_data("nlbeam/forced_data.mat")
 
@@ -260,6 +264,7 @@ def test_nested_struct_of_a_lock_in(measured_data: Callable[[str], Path]) -> Non
     assert len(np.unique(surface.frequency.round(6))) == 40
 
 
+@pytest.mark.slow
 def test_input_and_output_in_files_of_their_own(measured_data: Callable[[str], Path]) -> None:
     test = MeasuredTest(
         (measured_data("bouc_wen/uval_sinesweep.mat"),),

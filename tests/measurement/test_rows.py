@@ -57,6 +57,7 @@ def test_a_number_gone_wrong_still_refuses_the_file(tmp_path: Path, cell: str) -
         read_columns(path, Layout(delimiter=";"), ["f", "x"])
 
 
+@pytest.mark.slow
 def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path: Path) -> None:
     force, response = tmp_path / "a.npz", tmp_path / "b.npz"
     np.savez(force, f=[1.0, 2.0, np.nan, 4.0], F=[1.0, 1.0, 1.0, 1.0])

@@ -68,6 +68,7 @@ def write(path: Path, *sets: dict[str, Any]) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     """What pyuff wrote is read in SI; inspect says what it is in the words of ISO 7626."""
     header = pyuff.prepare_151(
@@ -94,6 +95,7 @@ def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[
     np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("said", "scale", "factor"), [(3, {"scale": "rms"}, 2**0.5), (1, {"factor": 2.0}, 2.0), (2, {}, 1.0)]
 )
@@ -138,6 +140,7 @@ def test_amplitudes_of_spectra_are_what_the_file_says(
         read_measurement(test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("said", "axes", "reason"),
     [

@@ -93,6 +93,7 @@ def codes(surface: ResponseSurface) -> list[str]:
     return [finding.code for finding in surface.findings if finding.code.startswith("unit")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "length", "force"),
     [
@@ -139,6 +140,7 @@ def test_displacements_in_mm_and_mn_without_labels(tmp_path: Path) -> None:
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, receptance, rtol=PRINTED)
 
 
+@pytest.mark.slow
 def test_axis_labels_win_over_data_set_164(tmp_path: Path) -> None:
     path = tmp_path / "a.uff"
     labelled = axis(12, "Acceleration", "g"), axis(13, "Force", "kN")
@@ -149,6 +151,7 @@ def test_axis_labels_win_over_data_set_164(tmp_path: Path) -> None:
     assert (entry.unit, entry.unit_source) == ("g/kN", "axis label")
 
 
+@pytest.mark.slow
 def test_a_label_of_one_axis_alone(tmp_path: Path) -> None:
     path = tmp_path / "a.uff"
     path.write_text(
@@ -170,6 +173,7 @@ def test_a_unit_in_the_case_wins_over_the_file(tmp_path: Path) -> None:
     assert codes(surface) == []
 
 
+@pytest.mark.slow
 def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
     path = tmp_path / "a.uff"
     parts = [
@@ -198,6 +202,7 @@ def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
     assert "mm/s^2/N" in proposal.doubts["test.response.quantity"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -250,6 +255,7 @@ def test_a_unit_that_is_none_of_the_quantity_is_not_taken(tmp_path: Path) -> Non
     assert codes(surface) == ["unit-of-file-unusable"]
 
 
+@pytest.mark.slow
 def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
     """A free decay in inches, and the same in metres."""
     t = np.arange(2000) / 200
@@ -278,6 +284,7 @@ def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
     assert codes(surfaces[1]) == ["unit-of-file"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "labels", "unit", "source"),
     [

@@ -92,6 +92,7 @@ def test_a_sensor_without_mean_leaves_the_mean_to_the_law() -> None:
         assert found[name].value == pytest.approx(true, rel=1e-8), name
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth() -> None:
     """One per cent of noise in force and response, 16 periods: 95 % intervals, 12 runs of five parameters."""
     within = []

@@ -112,6 +112,7 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Cal
     assert again.code == 0, again
 
 
+@pytest.mark.slow
 def test_python_has_the_same_with_text_and_frame(folder: Path) -> None:
     case = rsgen.load_case(folder / "lines.toml")
     spectra = rsgen.read(case)

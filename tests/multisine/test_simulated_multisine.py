@@ -27,6 +27,7 @@ def simulated(name: str, level: tuple[float, ...] = (3.0, 5.0, 8.0), **more: Any
     return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), [("cubic", 1e-9), ("friction", 1e-4), ("corner", 1e-4)])
 def test_parameters_come_back(name: str, within: float) -> None:
     law, values = LAWS[name]
@@ -93,6 +94,7 @@ def test_friction_moves_as_its_exact_pieces_do() -> None:
     assert abs(state[0] - start[0]) < 3e-5 * size
 
 
+@pytest.mark.slow
 def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong() -> None:
     spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
     assert len(spectra) == 6

@@ -31,7 +31,7 @@ from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
 from tests.oracles.memory import two_masses
-from tests.ranking.test_ranking import BASE, NOISE, measured
+from tests.ranking.test_ranking import BASE, MEMORYLESS, NOISE, measured
 from tests.surfaces import MASS, changed, model, truth
 
 Noisy = Callable[[ResponseSurface, float, int], ResponseSurface]
@@ -60,18 +60,19 @@ def test_the_law_is_found_where_friction_nearly_sticks(noise: float, noisy: Nois
     table = simulated(
         "kb*Max(0, x) + Ff*sign(v)", np.linspace(8.5, 12, 36), kb=0.5 * STIFFNESS, Ff=0.15 * FORCE
     )
-    ranking = rank(noisy(table, noise, 1) if noise else table, BASE)
+    ranking = rank(noisy(table, noise, 1) if noise else table, MEMORYLESS)
     assert ranking.fits
     assert ranking.candidates[0].name == "bilinear-spring + coulomb"
     assert ranking.candidates[0].held_out_error < max(1.2 * noise, 1e-5)
 
 
+@pytest.mark.slow
 def test_few_bad_points_decide_nothing() -> None:
     table = measured("cubic")
     chosen = np.random.default_rng(1).choice(len(table), len(table) // 40, replace=False)
     factor = np.ones(len(table))
     factor[chosen] = 3.0
-    ranking = rank(changed(table, force=table.force * factor), BASE)
+    ranking = rank(changed(table, force=table.force * factor), MEMORYLESS)
     assert ranking.fits
     assert ranking.candidates[0].name == "cubic-spring"
     assert ranking.noise == pytest.approx(NOISE, rel=0.2)
@@ -84,17 +85,18 @@ def test_motions_that_the_simulation_misses_decide_nothing() -> None:
     # the lowest level just overcomes the preload, where a force more or less is everything
     speed = 2 * np.pi * 10 * AMPLITUDE
     table = simulated("F0*sign(x) + cq*v*abs(v)", np.linspace(9, 13, 40), F0=0.2 * FORCE, cq=DAMPING / speed)
-    ranking = rank(table, BASE)
+    ranking = rank(table, MEMORYLESS)
     assert ranking.fits
     assert ranking.candidates[0].name == "preload + quadratic-damper"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["sign", "sense"])
 @pytest.mark.parametrize("law", ["cubic", "coulomb"])
 def test_a_structure_that_feeds_the_exciter_is_doubted(law: str, fault: str) -> None:
     table = measured(law)
     spoilt = -table.harmonics if fault == "sign" else np.conj(table.harmonics)
-    ranking = rank(changed(table, harmonics=spoilt), BASE)
+    ranking = rank(changed(table, harmonics=spoilt), MEMORYLESS)
     assert not ranking.fits
     assert "structure-feeds-exciter" in codes(ranking)
     assert ("mass-negative" in codes(ranking)) == (fault == "sign")
@@ -115,6 +117,7 @@ def test_what_speaks_against_a_ranking_is_its_verdict(fault: str) -> None:
     assert "rejected" not in str(right)
 
 
+@pytest.mark.slow
 def test_a_background_does_not_reverse_a_sensor() -> None:
     table = measured("cubic")
     spoilt = changed(table, harmonics=-table.harmonics)
@@ -156,6 +159,7 @@ def test_everything_doubted_has_a_next_step() -> None:
         assert next_step(Finding(code, "doubt", "p", names=names)).endswith(".")
 
 
+@pytest.mark.slow
 def test_one_frequency_does_not_determine_the_mass() -> None:
     table = measured("cubic")
     one = table.select(table.frequency == table.frequency[12])
@@ -164,6 +168,7 @@ def test_one_frequency_does_not_determine_the_mass() -> None:
     assert rank(one, Model(BASE.elements, MASS)).candidates
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_few_points_are_said_to_be_few() -> None:
     table = measured("cubic")
@@ -186,14 +191,15 @@ def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
     # of those that tie the one with fewest parameters is named: not the law whose motion it is
-    rank(add_noise(two_masses(), NOISE, 1), BASE)
+    rank(add_noise(two_masses(), NOISE, 1), MEMORYLESS)
     assert len(seen) == 1
     assert all(judged == named for judged, named in seen)
 
 
+@pytest.mark.slow
 def test_a_sum_stands_once_whatever_its_order() -> None:
     for law in ("combined", "bilinear"):
-        ranking = rank(measured(law), BASE)
+        ranking = rank(measured(law), MEMORYLESS)
         sums = [frozenset(candidate.name.split(" + ")) for candidate in ranking.candidates]
         assert len(sums) == len(set(sums))
         order = [term.name for term in library_terms()]
@@ -202,11 +208,12 @@ def test_a_sum_stands_once_whatever_its_order() -> None:
             assert places == sorted(places)
 
 
+@pytest.mark.slow
 def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     # a stop that the highest level alone reaches: the others cannot predict it
     law = "kk*Max(0, x - b)"
     table = simulated(law, np.linspace(9, 14, 40), kk=2 * STIFFNESS, b=1.08 * AMPLITUDE)
-    ranking = rank(noisy(table, NOISE, 1), BASE)
+    ranking = rank(noisy(table, NOISE, 1), MEMORYLESS)
     assert ranking.candidates[0].name == "one-sided-stop"
     assert "levels-predicted-worse" in codes(ranking)
     well = rank(measured("cubic"), BASE)

@@ -126,6 +126,7 @@ class Outline(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
+@pytest.mark.slow
 def test_page_needs_no_network_and_runs_nothing(drawings: list[Any]) -> None:
     text = page(drawings)
     outline = Outline(text)
@@ -161,6 +162,7 @@ def test_page_can_be_found_through(drawings: list[Any]) -> None:
     assert all("lang" in element for element in outline.all("html"))
 
 
+@pytest.mark.slow
 def test_same_input_same_bytes(drawings: list[Any]) -> None:
     again = draw_all(cubic_subject(), SURFACE, IDENTIFICATION, PREDICTION)
     assert page(drawings) == page(again)
@@ -297,6 +299,7 @@ def test_misprint_of_equation_20_is_caught() -> None:
     assert place == pytest.approx(1e3 * X[np.argmax(missing)], rel=0.01)
 
 
+@pytest.mark.slow
 def test_equation_22_is_too_stiff_by_nine_per_cent() -> None:
     model, identification = identified("Piecewise((k6*x, x > 0), (k7*x, True))", {"k6": 4000.0, "k7": 8000.0})
     verdict = checked(model, identification, "(k6 + k7)/2")

@@ -138,6 +138,7 @@ def test_what_is_none_of_a_result_has_no_verdict() -> None:
         rsgen.verdict_of(IDENTIFICATION, None, wrong)
 
 
+@pytest.mark.slow
 def test_a_rejected_page_marks_its_numbers() -> None:
     text = page_of(1.0, DOUBT, ERROR).replace("\u00a0", " ")
     begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
@@ -152,6 +153,7 @@ def test_a_rejected_page_marks_its_numbers() -> None:
     assert "the result is rejected" in text
 
 
+@pytest.mark.slow
 def test_a_doubtful_page_says_so_and_others_do_not() -> None:
     text = page_of(None, DOUBT)
     assert 'class="verdict doubtful">Doubtful: look before' in text
@@ -200,6 +202,7 @@ def test_an_entry_that_is_no_verdict_is_no_result(tmp_path: Path, entry: Any) ->
     assert read_result(place / "result.json") is None
 
 
+@pytest.mark.slow
 def test_index_and_table_show_the_verdict_of_every_case(tmp_path: Path) -> None:
     for name, tolerance, findings in (
         ("fine", 1.0, ()),

@@ -66,6 +66,7 @@ def made() -> dict[str, str]:
     }
 
 
+@pytest.mark.slow
 def test_every_finding_that_is_made_has_a_sentence_and_no_other_sentence_is_there() -> None:
     codes = made()
     assert len(codes) > 20
@@ -192,6 +193,7 @@ def tell_finding(code, severity):
     assert grave_codes(ast.parse(source)) == set("acdefghjkmnop")
 
 
+@pytest.mark.slow
 def test_every_finding_that_may_decide_a_verdict_has_a_next_step() -> None:
     trees = {path: ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
     grave = {code: path.name for path, tree in trees.items() for code in grave_codes(tree)}
@@ -218,6 +220,7 @@ def test_a_code_has_one_next_step() -> None:
     assert sorted(codes) == sorted(set(codes))
 
 
+@pytest.mark.slow
 def test_no_severity_is_changed_after_a_finding_is_made() -> None:
     # the scan above would not see it
     for path in sorted(PACKAGE.rglob("*.py")):

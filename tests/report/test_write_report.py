@@ -21,6 +21,7 @@ def found() -> rsgen.Identification:
     return rsgen.identify(SURFACE, cubic_model())
 
 
+@pytest.mark.slow
 def test_a_report_needs_a_surface_and_a_result_only(tmp_path: Path, found: rsgen.Identification) -> None:
     by_place, by_name = tmp_path / "new" / "joint", tmp_path / "named" / "joint"
     rsgen.write_report(by_place, SURFACE, found)
@@ -39,6 +40,7 @@ def test_a_report_needs_a_surface_and_a_result_only(tmp_path: Path, found: rsgen
     assert "notebook" not in page
 
 
+@pytest.mark.slow
 def test_a_title_is_shown_as_text(tmp_path: Path, found: rsgen.Identification) -> None:
     rsgen.write_report(tmp_path, SURFACE, found, title="<b>Joint</b>", source="our lab")
     page = (tmp_path / "report.html").read_text()
@@ -65,6 +67,7 @@ def test_parts_that_make_no_report_are_named(tmp_path: Path, parts: list[object]
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_case_brings_the_truth_when_no_comparison_is_given(
     tmp_path: Path, found: rsgen.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -29,6 +29,7 @@ LAWS = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @LAWS
 def test_harmonic_balance_with_loops_of_its_own_agrees(oscillator: Oscillator, f0: float) -> None:
     F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
@@ -48,6 +49,7 @@ def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator: Osci
     np.testing.assert_allclose(free.harmonics[:, 1], X, rtol=1e-5)
 
 
+@pytest.mark.slow
 @LAWS
 def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator: Oscillator, f0: float) -> None:
     grid = {"level": np.array([1.0, 8.0]), "frequency": f0 * np.linspace(0.85, 1.15, 7), "accuracy": 1e-5}

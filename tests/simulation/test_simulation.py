@@ -36,6 +36,7 @@ def test_points_come_level_by_level() -> None:
         assert np.allclose(again.harmonics, surface.harmonics, rtol=0, atol=1e-4 * surface.amplitude.max())
 
 
+@pytest.mark.slow
 def test_up_and_down_differ_between_the_folds_only() -> None:
     frequency = np.arange(9, 14, 0.05)
     up, down = (

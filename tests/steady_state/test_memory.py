@@ -125,6 +125,7 @@ def _on_the_loop(
     return np.concatenate([[x, v], forces]), modes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 @pytest.mark.parametrize("law", [JENKINS, IWAN], ids=["jenkins", "iwan with 20 sliders"])
 def test_masing_laws_agree_with_sliders(law: tuple[np.ndarray, np.ndarray], accuracy: float) -> None:

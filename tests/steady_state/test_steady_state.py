@@ -285,6 +285,7 @@ def test_what_never_settles_has_an_outcome_and_no_numbers() -> None:
     assert np.isnan(falling.peak).all()
 
 
+@pytest.mark.slow
 def test_period_two_is_recognised() -> None:
     # the one-sided stop at twice its natural frequency: the classical period doubling of an impact oscillator
     o = oscillator("k*x + c*v + Max(kw*x, 0)", k=600.0, c=1.0, kw=6e5)

@@ -39,6 +39,7 @@ def test_a_slow_machine_and_a_busy_one_take_longer(monkeypatch: pytest.MonkeyPat
     assert expect(cubic()).total == pytest.approx(3 * quiet.total)
 
 
+@pytest.mark.slow
 def test_a_law_that_was_compiled_before_is_simulated_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rsgen.kernel.store._loaded", {})
     case = cubic()
@@ -50,6 +51,7 @@ def test_a_law_that_was_compiled_before_is_simulated_sooner(monkeypatch: pytest.
     assert expect(case).seconds["surface"] < first - 1
 
 
+@pytest.mark.slow
 def test_laws_with_memory_take_longer_with_what_is_searched(tmp_path: Path) -> None:
     """As measured: 3, 7 and 11 s where cubic takes half a second; four sliders 13 s at 328 points."""
     times = [

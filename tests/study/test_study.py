@@ -149,6 +149,7 @@ def _hang_in_the_middle(out: str) -> None:
         time.sleep(60)
 
 
+@pytest.mark.slow
 @posix
 def test_a_killed_run_leaves_the_earlier_result(tmp_path: Path) -> None:
     with replaced_folder(tmp_path, "case") as folder:
@@ -537,6 +538,7 @@ def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: C
     assert found["kn"] < 0 < found["cn"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["first", "second"])
 def test_a_worker_has_the_settings_of_its_own_time(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RSGEN_PROBE", value)

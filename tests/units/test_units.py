@@ -173,6 +173,7 @@ POWERS = st.dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(POWERS)
 def test_the_text_of_a_dimension_reads_back(powers: dict[str, Fraction]) -> None:
@@ -180,6 +181,7 @@ def test_the_text_of_a_dimension_reads_back(powers: dict[str, Fraction]) -> None
     assert read_unit(str(dimension)).dimension == dimension
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(POWERS, POWERS)
 def test_dimensions_form_a_group(first: dict[str, Fraction], second: dict[str, Fraction]) -> None:

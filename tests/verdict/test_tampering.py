@@ -43,6 +43,7 @@ DOUBTED = [
 """Case, tampering, and codes of findings that must decide, all of them."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "wrong", "codes"), DOUBTED)
 def test_one_thing_wrong_is_doubted(tmp_path: Path, name: str, wrong: str, codes: set[str]) -> None:
     outcome = judge(BY_NAME[wrong].make(name, QUICK).write(tmp_path))
@@ -50,6 +51,7 @@ def test_one_thing_wrong_is_doubted(tmp_path: Path, name: str, wrong: str, codes
     assert codes <= set(outcome.deciding)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "turned"),
     [({"factor": -1.0}, np.pi), ({"quantity": "velocity"}, np.pi / 2), ({}, 0.0)],
@@ -82,6 +84,7 @@ def test_noise_is_no_sweep(tmp_path: Path) -> None:
     assert "no sweep found in the force" in outcome.refusal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["combined", "coulomb", "cubic", "joint", "quintic"])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_nothing_wrong_is_not_doubted(tmp_path: Path, name: str, noise: float) -> None:
