@@ -24,6 +24,7 @@ import numpy as np
 import rsgen
 from benchmarks.sections import write_section
 from rsgen.law.element import make_element
+from rsgen.law.memory import with_equations
 from rsgen.oscillator import Model, Oscillator
 from rsgen.ranking import rank
 from rsgen.simulation import SimulatedTest

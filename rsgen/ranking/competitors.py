@@ -55,7 +55,6 @@ class Entries:
         looped: int = 8,
         loops_alone: int = 3,
         together: int = 3,
-        again: int = 3,
     ) -> list[Guess]:
         """Search sums and give the best of them, beside the laws that are given.
 
@@ -64,7 +63,7 @@ class Entries:
         rows, points
             The balance, and the points that it is of.
         known
-            Candidates of the round before; the best ``again`` compete again.
+            Candidates that compete in any case.
         searched
             Points on which sums are searched: a coarse search needs fewer than a fit.
         fitted, alone
@@ -82,9 +81,8 @@ class Entries:
             plain = _near([trial for trial in trials if not trial.remembers], fitted, alone)
             loops = _near([trial for trial in trials if trial.remembers], looped, loops_alone)
             guesses += [_guess(trial, rows) for trial in (*plain, *loops)]
-        names = {_parts(guess.name) for guess in guesses}
-        guesses += [fit.guess for fit in known[:again] if _parts(fit.guess.name) not in names]
-        return guesses
+        again = [fit.guess for fit in known]
+        return list({_parts(guess.name): guess for guess in (*again, *guesses)}.values())
 
     def fit(self, guesses: Sequence[Guess], rows: Rows, points: Points, *, first: bool) -> list[Fitted]:
         """Fit candidates with every parameter free; best first.

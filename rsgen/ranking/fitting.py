@@ -263,7 +263,8 @@ def _normal(residual: Array, matrix: Array, rows: Rows) -> tuple[Array, Array]:
 
 def _solve(matrix: Array, right: Array) -> Array:
     """Solve scaled normal equations, with the smallest step where they are singular."""
-    size = np.sqrt(np.diag(matrix))
+    # a difference of normal equations may fall below zero by round-off
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     size = np.where(size > 0, size, 1.0)
     inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=_SINGULAR, hermitian=True)
     return np.asarray(inverse @ (right / size)) / size

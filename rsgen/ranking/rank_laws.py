@@ -54,6 +54,9 @@ Array = NDArray[np.float64]
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 
+_AGAIN = 3
+"""Best candidates of a round that compete in the next, too: a search is coarser than a fit."""
+
 _START_ORDER = 3
 """Harmonics while only a background to start from is sought."""
 
@@ -173,7 +176,8 @@ def _all_rounds(
     for some in dict.fromkeys((plain, terms)):
         entries = Entries(given, some, mass)
         try:
-            guesses = entries.search(rows, observed.points)
+            known = rounds[-1][1][:_AGAIN] if rounds else []
+            guesses = entries.search(rows, observed.points, known=known)
             rounds += _rounds(observed, entries.fit(guesses, rows, observed.points, first=True), entries)
         except RsgenError as refused:
             fault = refused
@@ -294,8 +298,8 @@ def _compared(
     Without these points the same candidates are near: they are fitted again and no others are searched.
     """
     chosen = points.select(current.reference.chosen)
-    # the law whose motion it is competes in any case
-    guesses = entries.search(current.rows, chosen, known=[current.leader, *known])
+    # the law whose motion it is competes in any case, and so do the best of the round before
+    guesses = entries.search(current.rows, chosen, known=[current.leader, *known[:_AGAIN]])
     found = entries.fit(guesses, current.rows, chosen, first=False)
     for _ in range(2):
         out = outlying(found[0], current.noise)
@@ -304,7 +308,10 @@ def _compared(
         current = current.without(out)
         chosen = points.select(current.reference.chosen)
         found = entries.fit(guesses, current.rows, chosen, first=False)
-    return current, found
+    name = current.leader.guess.name
+    # fitted without the points aside; it may have been dropped
+    leader = next((fit for fit in found if fit.guess.name == name), current.leader)
+    return replace(current, leader=leader), found
 
 
 def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: float) -> list[Finding]:
