@@ -109,7 +109,7 @@ _SEEN = {
     "swept-sine": "the frequency of the force moves; else",
     "stepped-sine": "the frequency of the force moves in steps; else",
     "multisine": "the force repeats and has many lines; else",
-    "ring-down": "the force is a blow; else",
+    "ring-down": "the force is a blow, or ends; else",
 }
 """What the values of the force show."""
 

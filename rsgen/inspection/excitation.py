@@ -32,6 +32,14 @@ _LIKE = 0.1
 """Peaks of a sine differ from cycle to cycle by less than this share, with noise."""
 _MARGIN = 0.2
 """Share of the rms value about zero in which noise makes no cycles."""
+_ENDED = 0.2
+"""Share of the largest amplitude below which there is no force but noise."""
+_ENDS = 0.75
+"""A force that ends before this share of its record was switched off, so that the decay is seen."""
+_PIECE = 8
+"""Cycles that are measured together, against noise."""
+_ONE = 1.02
+"""Longest over shortest of them where the frequency is one."""
 _BLOCKS = 60
 """Parts of a record whose amplitudes are compared."""
 _LOUD = 0.3
@@ -48,12 +56,15 @@ def excitation_of(history: TimeHistory) -> str:
     force = force - force.mean()
     if kind_of_force(force) in ("constant", "blow"):
         return "ring-down" if force.any() else ""
-    instants = _cycles(force)
+    driven, ends = _driven(force)
+    instants = _cycles(driven)
     if len(instants) < _FEWEST:
         return ""
+    if ends and _is_one_frequency(instants):
+        return "ring-down"
     duration = np.diff(instants)
     irregular = float(np.median(np.abs(np.diff(np.log(duration)))))
-    if (irregular > _REGULAR or _beats(force, instants)) and _repeats(force):
+    if (irregular > _REGULAR or _beats(driven, instants)) and _repeats(force):
         return "multisine"
     if irregular > _REGULAR:
         return ""
@@ -68,6 +79,22 @@ def _cycles(force: Array) -> Array:
     up = np.flatnonzero((side[known][1:] > 0) & (side[known][:-1] < 0)) + 1
     at = known[up]
     return np.asarray(at - (force[at] - margin) / (force[at] - force[at - 1]))
+
+
+def _driven(force: Array) -> tuple[Array, bool]:
+    """Give the part of a force between quiet ends, and whether it ends long before its record."""
+    if len(force) < 4 * _BLOCKS:
+        return force, False
+    loud = _loudness(force)
+    active = np.flatnonzero(loud > _ENDED * loud.max())
+    length = len(force) // _BLOCKS
+    return force[active[0] * length : (active[-1] + 1) * length], bool(active[-1] < _ENDS * _BLOCKS)
+
+
+def _is_one_frequency(instants: Array) -> bool:
+    pieces = np.diff(instants[::_PIECE])
+    low, high = np.quantile(pieces, [0.1, 0.9])
+    return bool(high < _ONE * low)
 
 
 def _beats(force: Array, instants: Array) -> bool:

@@ -23,6 +23,7 @@ from rsgen.inspection.clues import (
 )
 from rsgen.inspection.column_levels import levels_in_columns
 from rsgen.inspection.guess import Guess
+from rsgen.inspection.siblings import siblings_of
 from rsgen.inspection.time_histories import SECONDS, propose_history
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.tree import Contents, Entry
@@ -103,4 +104,5 @@ def propose(contents: Contents) -> Proposal | None:
         needed = {key: value for key, value in found.items() if value != getattr(Layout(), key)}
         if needed:
             guess.tables = {"test": guess.tables["test"], "test.layout": needed, **guess.tables}
-    return Proposal(guess.tables, guess.doubts)
+    others = siblings_of(contents.file)
+    return Proposal(guess.tables, guess.doubts | ({"test.file": others} if others else {}))

@@ -74,6 +74,14 @@ def blow() -> np.ndarray:
     return force
 
 
+def released() -> np.ndarray:
+    return np.asarray(np.where(seconds(20) < 8, sine(np.full(int(20 * RATE), 10.0)), 0))
+
+
+def swept_with_an_end() -> np.ndarray:
+    return np.concatenate([sweep(), np.zeros(10_000)])
+
+
 def noise_of(count: int, cut: float = 1.0) -> np.ndarray:
     white = np.random.default_rng(2).normal(size=count)
     return white if cut == 1 else np.asarray(scipy.signal.lfilter(*scipy.signal.butter(4, cut), white))
@@ -105,6 +113,8 @@ def slow_random_force() -> np.ndarray:
         (lambda: multisine(9, 11, 10, 3), "multisine"),
         (lambda: multisine(2, 100, 2, 2), "multisine"),
         (blow, "ring-down"),
+        (released, "ring-down"),
+        (swept_with_an_end, "swept-sine"),
         (random_force, ""),
         (slow_random_force, ""),
     ],

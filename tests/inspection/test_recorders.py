@@ -15,6 +15,7 @@ import scipy.signal
 from rsgen.cli.inspect_command import proposal_text
 from rsgen.cli.trial_reading import Trial, try_proposal
 from rsgen.inspection import list_contents, propose
+from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
 from rsgen.surface import ResponseSurface
 
 MASS, DAMPING, STIFFNESS = 1.5, 8.0, 6000.0
@@ -196,3 +197,41 @@ def test_points_of_a_modal_test_are_no_levels(
     else:
         assert tables["response"]["complex"] == "*/ordinate"
         assert len(tables["level"]["values"]) == len(points)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("run_2N.csv", "run_4N.csv", "run_10N.csv"), 'name = "run_{level}N.csv"'),
+        (("v2_run1_4N.csv", "v2_run1_8N.csv"), 'name = "v2_run1_{level}N.csv"'),
+        (("Level1.csv", "Level3.csv"), 'name = "Level{level}.csv", unit = "label"'),
+        (("run_2N.csv", "other_4N.csv", "run_4N.txt"), ""),
+    ],
+)
+def test_files_of_other_levels_are_named(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
+    """What the comment says reads all of them."""
+    for name in names:
+        rows = "".join(f"{f:g},{abs(x):.9g}\n" for f, x in zip(FREQUENCY, RECEPTANCE, strict=True))
+        (tmp_path / name).write_text(f"f_Hz,x_m\n{rows}", encoding="utf-8")
+    proposal = propose(list_contents(tmp_path / names[0]))
+    assert proposal is not None
+    comment = proposal.doubts.get("test.file", "")
+    assert comment.endswith(said)
+    assert bool(comment) is bool(said)
+    if said:
+        assert all(name in comment for name in names[1:])
+        rule = {"name": said.split('"')[1]} | ({"unit": "label"} if "label" in said else {})
+        test = MeasuredTest(
+            files=tuple(tmp_path / name for name in names),
+            frequency="f_Hz",
+            force=None if "N" in said else Signal(amplitude="x_m", unit="N", factor=1000.0),
+            response=Signal(amplitude="x_m"),
+            quantity="displacement",
+            phase_known=False,
+            level=LevelRule(**rule),
+        )
+        surface = read_measurement(test)
+        assert isinstance(surface, ResponseSurface)
+        if "label" not in said:
+            numbers = [float(name.rpartition("_")[2].removesuffix("N.csv")) for name in names]
+            assert surface.levels.tolist() == sorted(numbers)
