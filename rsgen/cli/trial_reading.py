@@ -12,10 +12,8 @@ from rsgen.errors import CaseError, RsgenError
 from rsgen.finding import Finding
 from rsgen.inspection import Contents, Proposal
 from rsgen.inspection.corrections import with_control, with_quantity, with_sense
-from rsgen.inspection.excitation import dies_away, excitation_of
 from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
-from rsgen.measurement.histories import read_histories
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
@@ -116,6 +114,10 @@ _SEEN = {
 
 def _try_history(file: Path, proposal: Proposal) -> Trial:
     """Recognise the excitation of records by their values, and read them so."""
+    # what takes histories apart loads scipy.optimize, which a look at a table does not need
+    from rsgen.inspection.excitation import dies_away, excitation_of
+    from rsgen.measurement.histories import read_histories
+
     histories = read_histories(_test(file, proposal))
     driven = "test.force" in proposal.tables or "test.base" in proposal.tables
     if not driven and not all(dies_away(history.response) for history in histories):
