@@ -180,6 +180,15 @@ class Balance:
         residual = spectra.mean_force - mass * inertia - law_force
         return cls(residual, by_parameter, by_mass, np.array([part[2] for part in parts]))
 
+    @staticmethod
+    def damping(lines: Lines, law: ForceLaw, values: Array, mass: float) -> Array:
+        """(r, H+1) power of the force that goes with the velocity [N^2]; NaN of a law with memory."""
+        if law.remembers:
+            return np.full(lines.used.shape, np.nan)
+        pairs = zip(lines.spectra.mean_force, lines.spectra.mean_response, strict=True)
+        forces = [_Along(lines, law, values, mass, i).damping(*pair) for i, pair in enumerate(pairs)]
+        return np.asarray(np.abs(np.stack(forces)) ** 2)
+
     def noise(self, lines: Lines, law: ForceLaw, values: Array, mass: float) -> NoiseOfBalance:
         """Evaluate the law along every period, for the variance of the balance and the bias of the law."""
         spectra = lines.spectra
@@ -280,14 +289,7 @@ class _Along:
     def _sample(self, response: ComplexArray, *, slopes: bool) -> tuple[ForceSample, float, ComplexArray]:
         """Sample of the law, mean [m], spectra (2 + p, extended + 1) of its force and its slopes."""
         lines, law, values = self.lines, self.law, self.values
-        whole = np.array(self.unseen)
-        whole[: len(response)][self.taken] = response[self.taken]
-        motion = Motion(np.array([lines.spectra.omega0]), whole[None])
-        mean = float(whole[0].real)
-        x, v, a = motion.waveforms(lines.samples)
-        step = motion.interval(lines.samples)
-        if not lines.spectra.mean_known:
-            x, mean = _centred(law, x - mean, v, a, step, values)
+        whole, x, v, a, step, mean = self._waves(response)
         sample = law.sample(x, v, a, step, values)
         self._stiffness, self._damping = float(np.mean(sample.by_x)), float(np.mean(sample.by_v))
         force = np.broadcast_to(sample.force, x.shape)
@@ -303,6 +305,25 @@ class _Along:
         if self.low.any():
             self._follow(columns, by_x, by_v, whole)
         return sample, mean, self._spectrum(np.concatenate([force, columns]))
+
+    def _waves(self, response: ComplexArray) -> tuple[ComplexArray, Array, Array, Array, Array, float]:
+        """Lines (extended + 1,) of the motion, its x, v, a (1, s), their step [s], and the mean [m]."""
+        lines, whole = self.lines, np.array(self.unseen)
+        whole[: len(response)][self.taken] = response[self.taken]
+        motion = Motion(np.array([lines.spectra.omega0]), whole[None])
+        mean = float(whole[0].real)
+        x, v, a = motion.waveforms(lines.samples)
+        step = motion.interval(lines.samples)
+        if not lines.spectra.mean_known:
+            x, mean = _centred(self.law, x - mean, v, a, step, self.values)
+        return whole, x, v, a, step, mean
+
+    def damping(self, force: ComplexArray, response: ComplexArray) -> ComplexArray:
+        """(H+1,) of the force that goes with the velocity, n(x, v) - n(x, 0) [N], of a law without memory."""
+        self.mean(force, response)
+        _, x, v, a, step, _ = self._waves(response)
+        moving, still = (self.law.sample(x, rate, a, step, self.values).force for rate in (v, 0 * v))
+        return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(response)]
 
     def _follow(self, columns: Array, by_x: Array, by_v: Array, whole: ComplexArray) -> None:
         """Add to slopes (p+1, s) what the law's own motion, which follows parameters and mass, adds."""

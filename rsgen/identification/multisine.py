@@ -13,7 +13,7 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification.findings import make_estimates, names_of, units_of
 from rsgen.identification.fit import Solution
-from rsgen.identification.line_balance import Lines, lines_of
+from rsgen.identification.line_balance import Balance, Lines, lines_of
 from rsgen.identification.line_fit import (
     LineFit,
     chance_of_noise,
@@ -43,6 +43,9 @@ __all__ = [
 
 _TAKEN = 0.5
 """A delay that takes up more than this share of a misfit is there."""
+_HIDES = 0.1
+"""Share of the damping force beyond which what a law leaves may be damping: a parameter is then off by as
+much, and no interval says so."""
 _POOR, _MEANINGLESS = 0.05, 0.2
 """Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
 
@@ -177,6 +180,7 @@ def _judge(
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
+    findings += _damping_findings(lines, law, fit, misfit, noise)
     findings += _delay_findings(lines, fit, misfit, model.mass)
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if model.observation.calibrated:
@@ -297,6 +301,23 @@ def _delay_findings(lines: Lines, fit: LineFit, misfit: float, given: float | No
         return []
     numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
+
+
+def _damping_findings(
+    lines: Lines, law: ForceLaw, fit: LineFit, misfit: float, noise: float
+) -> list[Finding]:
+    """Find a misfit that is no noise, is small beside the force, and is not small beside the damping.
+
+    At a resonance the damping alone balances a sine; of all lines of a multisine the springs and the mass
+    balance most, so that damping which a law lacks leaves little and goes into the damping that it has.
+    """
+    if misfit > _POOR or times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1):
+        return []
+    share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
+    left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
+    if not (share > 0 and left > _HIDES * share):
+        return []
+    return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
 
 
 def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:

@@ -80,6 +80,16 @@ def test_a_law_that_lacks_a_term_is_refuted_from_accelerations() -> None:
     assert not found.verdict.usable
 
 
+def test_friction_that_a_law_lacks_is_missed_in_the_damping() -> None:
+    """It leaves three per cent of the force, and makes the viscous damping a sixth too large."""
+    spectra = recorded(*motions("friction"), periods=6, noise=0.002, seed=0)
+    found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v")
+    assert found["c"].value > 1.15 * 4.0
+    assert found.residual < 0.05
+    assert "misfit-beside-damping" in [finding.code for finding in found.findings]
+    assert not found.verdict.usable
+
+
 def test_noise_below_the_driven_lines_moves_nothing() -> None:
     """There the law itself gives the motion: the same parameters as without noise, however large it is."""
     force, response = (np.repeat(one[:, None], 6, axis=1) for one in motions("smooth"))

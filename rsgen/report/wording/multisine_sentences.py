@@ -38,6 +38,10 @@ say_plainly(
             "part is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines "
             "in turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
         ),
+        "misfit-beside-damping": (
+            "what the law leaves is {share:.2p} of its damping force: damping that it lacks, such as "
+            "friction, would leave little of the whole force, and stand in the damping that it has"
+        ),
         "record-not-predicted": (
             "no periodic response of the identified law was found under the force of the held-out level "
             "{level:.3q}"
@@ -85,6 +89,10 @@ NEXT_STEPS.update(
         ),
         "response-copies-force": (
             "Check which channel is the response, and that the lines reach the resonance."
+        ),
+        "misfit-beside-damping": (
+            "Try another law of damping beside the one you have, such as F*sign(v) or c2*v*abs(v), and take "
+            "the one with the smaller misfit; the damping is not known better than this share."
         ),
         "record-not-predicted": _WITH_IT,
         "record-missed": _WITH_IT,
