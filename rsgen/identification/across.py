@@ -8,14 +8,14 @@ take part in it; so z is the measured motion, in proportion to the response, har
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.identification.data import Points
 from rsgen.identification.forward import Response
@@ -148,7 +148,10 @@ def places_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Place, .
 
 
 class MeasuredAcross:
-    """Force at the response from a law at two places, along measured motions in proportion to the response.
+    """Force at the response from a law at two places, along the measured motion across.
+
+    It goes with the response in the proportion that was measured, as a prediction needs it, and a law that
+    misses. Once its noise is weighed it is the one that was measured, whatever the response is taken to be.
 
     Parameters
     ----------
@@ -167,54 +170,107 @@ class MeasuredAcross:
 
     def __init__(self, law: LawAtTwoPlaces, response: Motion, across: Motion, *, mass_free: bool) -> None:
         self._law, self._omega, self._mass_free = law, response.omega, mass_free
-        self._columns = response.harmonics.shape[1]
+        self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(SAMPLES_SWITCHED if law.switched else SAMPLES, least)
         self._step = response.interval(self.samples)
+        self._measured = across.waveforms(self.samples)
         self._response, self._across = (
             _per_metre(motion, response.harmonics[:, 1]).waveforms(self.samples)
             for motion in (response, across)
         )
+        self._near = response.harmonics[:, 1]
+        sensors = self._near, self._near - across.harmonics[:, 1]
+        self._sensors = [_sine(self._omega, motion, self.samples) for motion in sensors]
+        self._noise: Array | None = None
 
-    def __call__(self, values: Array, mass: float, size: Array) -> Response:
-        """Evaluate at (p,) values, a mass [kg] and (n,) amplitudes [m] of the response."""
-        here, there = self._sample(values, size)
+    def weigh(self, values: Array, mass: float, force: Array) -> None:
+        """Follow the motion across as it was measured, and count its noise as the law at (p,) values does.
+
+        The motion across is a difference of two sensors, near x and far, each with noise in proportion to
+        its motion. Noise of the near one moves the balance F = D x + n_a by D + n_a', where the fit, to which
+        the motion across is as measured, expects D; that of the far one by n_a'. What both add to the noise
+        of the measured (n,) force |F| counts. The weights stay from here on: no value gains by larger ones.
+        """
+        self._noise, size, phase = np.ones(len(force)), np.abs(self._near), np.angle(self._near)
+        own = self(values, mass, size, phase).force_slope * np.exp(1j * phase)
+        near, far = (self._moved(values, motion) for motion in self._sensors)
+        more = np.abs(own + near) ** 2 - np.abs(own) ** 2 + np.abs(far) ** 2
+        self._noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
+
+    def forget_noise(self) -> None:
+        """Let the motion across go with the response again."""
+        self._noise = None
+
+    def _moved(self, values: Array, motion: Waves) -> ComplexArray:
+        """(n,) change of the force across with a part of the motion, by its logarithm."""
+        high, low = (
+            project(self._law.sample_both(waves, waves, self._step, values)[1].force, 1)
+            for waves in (_plus(self._measured, motion, sign * _STEP) for sign in (1, -1))
+        )
+        return np.asarray((high - low) / (2 * _STEP))
+
+    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
+        """Evaluate at (p,) values, a mass [kg], (n,) amplitudes [m] and phases [rad] of the response."""
+        phase = None if self._noise is None else phase
+        here, there = self._sample(values, size, phase)
+        back = np.ones(len(size), dtype=complex) if phase is None else np.exp(-1j * phase)
         inertia = -(self._omega**2) * size
-        force = project(here.force + there.force, 1) + mass * inertia
-        slope = mass * inertia + self._slope(here, there, values, size)
-        columns = [project(a + b, 1) for a, b in zip(here.by_parameter, there.by_parameter, strict=True)]
+        joint = project(there.force, 1) * back
+        force = project(here.force, 1) + joint + mass * inertia
+        slope = mass * inertia + self._slope(here, there, values, size, phase)
+        columns = [
+            project(a, 1) + project(b, 1) * back
+            for a, b in zip(here.by_parameter, there.by_parameter, strict=True)
+        ]
         if self._mass_free:
             columns.append(inertia.astype(complex))
         force_by = np.stack(columns, axis=1) if columns else np.zeros((len(size), 0), dtype=complex)
         harmonics = np.zeros((len(size), self._columns), dtype=complex)
         harmonics[:, 1] = size
         none = np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex)
-        return Response(force, harmonics, slope, harmonics, force_by, none, np.isfinite(force))
+        valid = np.isfinite(force)
+        made = Response(force, harmonics, slope, harmonics, force_by, none, valid)
+        if phase is None:
+            return made
+        return replace(made, force_phase=-1j * joint, force_noise=self._noise)
 
-    def _sample(self, values: Array, size: Array) -> tuple[ForceSample, ForceSample]:
+    def _sample(self, values: Array, size: Array, phase: Array | None) -> tuple[ForceSample, ForceSample]:
         """Both parts of the law at amplitudes (n,) [m] of the response."""
-        return self._law.sample_both(
-            _times(self._response, size), _times(self._across, size), self._step, values
-        )
+        across = _times(self._across, size) if phase is None else self._measured
+        return self._law.sample_both(_times(self._response, size), across, self._step, values)
 
     def _slope(
-        self, here: ForceSample, there: ForceSample, values: Array, size: Array
+        self, here: ForceSample, there: ForceSample, values: Array, size: Array, phase: Array | None
     ) -> NDArray[np.complex128]:
         """(n,) derivative of the force of the law by the logarithm of the amplitude."""
-        if not (here.by_memory or there.by_memory):
+        parts = [(here, self._response), *([(there, self._across)] if phase is None else [])]
+        if not any(sample.by_memory for sample, _ in parts):
             total = np.zeros_like(here.force)
-            for sample, motion in ((here, self._response), (there, self._across)):
+            for sample, motion in parts:
                 x, v, _ = _times(motion, size)
                 total += sample.by_x * x + sample.by_v * v
             return project(total, 1)
         # a loop changes with the whole motion before it
         high, low = (
             sum(
-                (project(part.force, 1) for part in self._sample(values, size * factor)), np.zeros(1, complex)
+                (project(part.force, 1) for part in self._sample(values, size * factor, phase)[: len(parts)]),
+                np.zeros(1, complex),
             )
             for factor in (1 + _STEP, 1 - _STEP)
         )
         return np.asarray((high - low) / (2 * _STEP))
+
+
+def _sine(omega: Array, fundamental: ComplexArray, samples: int) -> Waves:
+    """One period of sines (n,) [m]."""
+    return Motion(omega, np.stack([np.zeros_like(fundamental), fundamental], axis=1)).waveforms(samples)
+
+
+def _plus(motion: Waves, other: Waves, times: float) -> Waves:
+    """Sum of two motions, the second ``times`` as large."""
+    x, v, a = (one + times * two for one, two in zip(motion, other, strict=True))
+    return x, v, a
 
 
 def _per_metre(motion: Motion, fundamental: NDArray[np.complex128]) -> Motion:

@@ -44,7 +44,8 @@ class Descent:
     def predict(self, parameters: Array, nuisance: Array) -> Response:
         """Ask the forward model at (q,) parameters and (n, k) nuisances."""
         values, mass, _ = self.problem.split(parameters)
-        return self.forward(values, mass, np.exp(nuisance[:, 0]))
+        phase = nuisance[:, 1] if self.problem.observed.phase_known else None
+        return self.forward(values, mass, np.exp(nuisance[:, 0]), phase)
 
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
         """Compare prediction and measurement, with slopes, in units of the expected noise."""

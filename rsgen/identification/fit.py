@@ -15,6 +15,7 @@ from rsgen.identification.forward import Forward, HarmonicBalance
 from rsgen.identification.least_squares import Regression, fit
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
+from rsgen.identification.systematic import is_systematic
 from rsgen.identification.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
@@ -188,6 +189,10 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     if descent.scale is None:
         influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
         regression = replace(regression, influence=influence)
+    if response.force_noise is not None:
+        influence, half = np.array(regression.influence), (regression.influence.shape[1] + 1) // 2
+        influence[:, [0, half]] /= response.force_noise[:, None, None]
+        regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     # without a phase the points get the one in which the fundamental of the mode is real
     known = problem.observed.phase_known
@@ -237,6 +242,14 @@ def fit_balance(
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
+    if isinstance(forward, MeasuredAcross) and observed.phase_known and found.noise > NOISY:
+        forward.weigh(*problem.split(found.parameters)[:2], np.abs(mode.force))
+        weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
+        if is_systematic(mode, weighed):
+            # a misfit of the law is no noise: where it is, points count by their force
+            forward.forget_noise()
+        else:
+            found = weighed
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):

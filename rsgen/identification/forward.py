@@ -57,6 +57,10 @@ class Response:
         [N]; None where none were given.
     load_orders
         (L,) which harmonic each of them is a part of.
+    force_phase
+        (n,) derivative of the force by the phase of the reference; None where all of it follows the response.
+    force_noise
+        (n,) noise of the balance of forces, relative to that of the force alone; None where it is that.
     """
 
     force: ComplexArray
@@ -69,6 +73,8 @@ class Response:
     force_load: ComplexArray | None = None
     harmonics_load: ComplexArray | None = None
     load_orders: NDArray[np.intp] | None = None
+    force_phase: ComplexArray | None = None
+    force_noise: Array | None = None
 
 
 class Forward(Protocol):
@@ -83,8 +89,11 @@ class Forward(Protocol):
     exact_slopes: bool
     """Whether slopes are those of every call; else they stay for many."""
 
-    def __call__(self, values: Array, mass: float, size: Array) -> Response:
-        """Predict at (p,) values, a mass [kg] and (n,) sizes."""
+    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
+        """Predict at (p,) values, a mass [kg], (n,) sizes and phases [rad] of the reference.
+
+        A force that follows the response alone does not depend on the phase.
+        """
         ...
 
 
@@ -296,7 +305,7 @@ class HarmonicBalance:
         self._about_rest = about_rest and 0 in self.harmonics
         self._last: tuple[Array, Array, int, Response] | None = None
 
-    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
         parameters = np.append(values, mass)
         if self._about_rest:

@@ -29,7 +29,6 @@ from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.left_out import left_out_findings
 from rsgen.identification.mass_ratios import identify_ratios
-from rsgen.identification.misfit import is_systematic
 from rsgen.identification.multisine import identify_multisine
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.phase_resonance import resonance_findings, with_loop_error
@@ -44,6 +43,7 @@ from rsgen.identification.result import (
 )
 from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.start import start_fit, with_phase
+from rsgen.identification.systematic import is_systematic
 from rsgen.identification.tolerances import NOISY, QUICK
 from rsgen.law import LawLike
 from rsgen.law.remarks import law_remarks

@@ -15,23 +15,15 @@ from rsgen.identification.fit import Fit, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
-from rsgen.identification.tolerances import CHANCE, NOTICEABLE, QUICK
+from rsgen.identification.systematic import is_systematic
+from rsgen.identification.tolerances import NOTICEABLE, QUICK
 from rsgen.law.numeric import compile_law
 from rsgen.observation import OFFSET
 from rsgen.surface import ResponseSurface
 
-__all__ = ["free_curves_leave", "is_systematic", "misfit_findings", "severity_of"]
+__all__ = ["free_curves_leave", "misfit_findings", "severity_of"]
 
 Array = NDArray[np.float64]
-
-_SYSTEMATIC = 0.3
-"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
-
-_PAIRS = 6
-"""Pairs of neighbours below which their correlation says nothing."""
-
-_PARTS = 2
-"""Real and imaginary part: so many independent numbers a pair has, whatever was recorded."""
 
 _POOR = 0.05
 """A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
@@ -80,32 +72,6 @@ _OTHERWISE = frozenset({"another-quantity", "not-passive"})
 
 _REACH = 5.0
 """Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
-
-
-def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
-    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
-
-    Of all levels, or of one.
-    """
-    pairs = points.neighbours
-    counted = regression.used if level is None else regression.used & (points.level == level)
-    pairs = pairs[counted[pairs].all(axis=1)]
-    if len(pairs) < _PAIRS:
-        return False
-    first, second = (regression.residual[side] for side in pairs.T)
-    # (M,) of force, fundamental and harmonics, real and imaginary parts
-    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
-    counts = power > NOTICEABLE**2 / 2
-    product = np.mean(first * second, axis=0)[counts]
-    if not counts.any():
-        return False
-    each, together = np.max(product / power[counts]), product.sum() / power[counts].sum()
-    return bool(each > _by_chance(len(pairs)) or together > _by_chance(_PARTS * len(pairs)))
-
-
-def _by_chance(pairs: int) -> float:
-    """Correlation of so many pairs that noise hardly reaches (Fisher, Metron 1, 1921: atanh r is normal)."""
-    return max(_SYSTEMATIC, float(np.tanh(CHANCE / np.sqrt(pairs - 3))))
 
 
 def relative_misfit(fit: Fit) -> float:

@@ -12,9 +12,9 @@ from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
 from rsgen.identification.forward import Forward
 from rsgen.identification.least_squares import Regression, fit, solve_scaled
-from rsgen.identification.misfit import is_systematic
 from rsgen.identification.modal_splines import SplineBasis, SplineMode
 from rsgen.identification.observed import Observed
+from rsgen.identification.systematic import is_systematic
 from rsgen.identification.tolerances import NOISY
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines"]

@@ -92,7 +92,7 @@ class SplineMode:
         self._basis, self._mass_free, self._inertia = basis, mass_free, omega**2
         self._factors = [np.ones(len(omega)), *(1j * omega**order for order in orders)]
 
-    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Predict at (2 f,) coefficients, a mass [kg] and (n,) amplitudes [m]."""
         shape, slope = self._basis(size)
         by = np.concatenate([factor[:, None] * shape for factor in self._factors], axis=1)

@@ -282,21 +282,30 @@ class Observed:
         seen_slope = response.harmonics_slope[:, 1] + b * response.force_slope
         seen_by = response.harmonics_by[:, 1] + b[:, None] * response.force_by
         terms = shape.slopes(values) * self.fitted
+        by_phase = 0j if response.force_phase is None else response.force_phase
         units: list[NDArray[Any]]
         if logarithmic:
             units = [response.force, seen]
             rests = [np.log(force / response.force), np.log(fundamental / seen)]
-            turns = [np.full(len(points), 1j)] * 2
+            turns = [1j + by_phase / response.force, np.full(len(points), 1j)]
         else:
             units = [np.abs(points.force), points.amplitude]
             rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
-            turns = [1j * force / units[0], 1j * fundamental / units[1]]
+            turns = [(1j * force + by_phase) / units[0], 1j * fundamental / units[1]]
+        # psi turns the force that was measured alone
+        psi = np.full(len(points), 1j) if logarithmic else 1j * force / units[0]
         by_psi = np.zeros_like(terms)
-        by_psi[:, :1] = -turns[0][:, None] * self.fitted[:1]
+        by_psi[:, :1] = -psi[:, None] * self.fitted[:1]
         by_force = np.hstack([response.force_by / units[0][:, None], by_psi])
         by_seen = np.hstack([seen_by, terms * response.force[:, None]]) / units[1][:, None]
+        noise = np.ones(len(points)) if response.force_noise is None else response.force_noise
         return [
-            _Row(rests[0], response.force_slope / units[0], turns[0], by_force),
+            _Row(
+                rests[0] / noise,
+                response.force_slope / units[0] / noise,
+                turns[0] / noise,
+                by_force / noise[:, None],
+            ),
             _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 

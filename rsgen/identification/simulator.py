@@ -90,7 +90,7 @@ class Simulator:
         """Take the derivatives anew at the next call."""
         self._slopes = None
 
-    def __call__(self, values: Array, mass: float, size: Array) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Predict at (p,) values, a mass [kg] and (n,) forces [N]; derivatives are of the first call."""
         parameters = np.append(values, mass)
         if self._slopes is None:
