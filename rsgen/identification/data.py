@@ -94,12 +94,20 @@ class Points:
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
-        """(k, 2) pairs next to each other in frequency within one level and sweep."""
+        """(k, 2) pairs next to each other in frequency within one level and sweep.
+
+        Points that have their level and sweep to themselves, as on a backbone, are next to each other in
+        amplitude.
+        """
         order = np.lexsort((self.omega, self.sweep, self.level))
         same = (self.level[order][1:] == self.level[order][:-1]) & (
             self.sweep[order][1:] == self.sweep[order][:-1]
         )
-        return np.stack([order[:-1][same], order[1:][same]], axis=1)
+        paired = np.concatenate([[False], same]) | np.concatenate([same, [False]])
+        alone = order[~paired] if len(order) else order
+        chain = alone[np.argsort(self.amplitude[alone], kind="stable")]
+        first = np.concatenate([order[:-1][same], chain[:-1]])
+        return np.stack([first, np.concatenate([order[1:][same], chain[1:]])], axis=1)
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Points:
         """Keep some points."""

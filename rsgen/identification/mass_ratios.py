@@ -62,9 +62,11 @@ def identify_ratios(
     if isinstance(law, LawAtTwoPlaces) or law.remembers or not at_resonance_alone(points):
         return None
     masses = [assumed_mass(points, ratio) for ratio in (LIGHT, DAMPED)]
-    if not np.all(np.isfinite(masses)):
+    if not min(masses) > 0:
         return None
-    light, damped = (identify(surface, replace(model, mass=mass)) for mass in masses)
+    # an assumed mass has no scale that could contradict that of the test
+    scaled = replace(model, observation=replace(model.observation, calibrated=True))
+    light, damped = (identify(surface, replace(scaled, mass=mass)) for mass in masses)
     powers = _powers(points, law, np.array(light.solution))
     if powers is None:
         return None
@@ -141,6 +143,8 @@ class _Ratios:
         rest = [f for f in light.findings if id(f) not in before and f.code not in _OF_THE_MASS]
         sizes = plausibility_findings(self.surface, calibrated=self.model.observation.calibrated)
         rest += [finding for finding in sizes if finding.code in _OF_THE_MASS]
+        if not self.model.observation.calibrated:
+            rest.append(Finding("not-calibrated", "info"))
         resonances = tuple(
             replace(r, stiffness=float("nan"), damping_ratio=float("nan")) for r in light.resonances
         )

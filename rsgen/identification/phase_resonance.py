@@ -25,11 +25,11 @@ __all__ = [
 ]
 
 _QUADRATURE = 0.2
-"""Points at phase resonance: cotangent of a lag 11 degrees from a quarter period, farther than loops hold."""
+"""Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
 
-_COMMON = 0.577
-"""Largest cotangent of a lag that all points of a loop may share, 30 degrees from a quarter period: a delay
-that nobody corrected says as little of the mass as a quarter period does."""
+_COMMON = 0.52
+"""Farthest from a quarter period of a lag that all points of a loop may share, 30 degrees [rad]: a delay that
+nobody corrected says as little of the mass as a quarter period does."""
 
 _OFF = 2
 """At least as many points off resonance determine a mass, one on either side or two slices."""
@@ -48,11 +48,9 @@ works leave as much. One value for the whole test, for they are the same at ever
 def in_quadrature(points: Points) -> NDArray[np.bool_]:
     """(n,) True where the response lags the force by nearly a quarter period, or what all points share."""
     stiffness = points.force / points.harmonics[:, 1]
-    cotangent = stiffness.real / np.abs(stiffness.imag)
-    common = float(np.median(cotangent))
-    if not abs(common) < _COMMON:
-        common = 0.0
-    return np.asarray(np.abs(cotangent - common) < _QUADRATURE)
+    lag = np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2
+    common = float(np.median(lag))
+    return np.asarray(np.abs(lag - (common if abs(common) < _COMMON else 0.0)) < _QUADRATURE)
 
 
 def at_resonance_alone(points: Points) -> bool:

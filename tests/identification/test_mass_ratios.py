@@ -118,3 +118,22 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: f
         exact = rsgen.modal_table(locked(noise=0.0), mass=MASS).at(modal.amplitude).stiffness_per_mass
         assert np.all(modal.stiffness_per_mass_lower < exact)
         assert np.all(exact < modal.stiffness_per_mass_upper)
+
+
+def test_a_test_without_scale_has_its_ratios():
+    found = rsgen.identify(locked(), LAW, rsgen.Observation(calibrated=False))
+    assert found["k"].finding["low"] < VALUES["k"] / MASS < found["k"].finding["high"]
+    assert "not-calibrated" in [finding.code for finding in found.findings]
+
+
+@pytest.mark.parametrize("mass", [MASS, None])
+@pytest.mark.parametrize("law", ["k*x + c*v", "k*x + k3*x**3"])
+def test_a_wrong_law_on_a_backbone_is_doubted(law: str, mass: float | None):
+    """One point a level has no neighbour in frequency: its neighbour is the next amplitude."""
+    truth = {"k": 5920.0, "k3": 3e5, "c": 3.8, "Ff": 0.6}
+    surface = locked(LAW + " + Ff*sign(v)", noise=0.003, **truth)
+    assert rsgen.identify(surface, LAW + " + Ff*sign(v)", mass=mass).verdict.state == "identified"
+    found = rsgen.identify(surface, law + " + Ff*sign(v)" * ("c*v" in law), mass=mass)
+    assert found.verdict.state in ("doubtful", "rejected")
+    frictionless = rsgen.identify(surface, LAW, mass=mass)
+    assert "law-does-not-fit" in [finding.code for finding in frictionless.verdict.decided_by]
