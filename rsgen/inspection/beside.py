@@ -6,8 +6,16 @@ import re
 from collections.abc import Iterator, Mapping
 
 from rsgen.inspection.clues import VALUES
+from rsgen.measurement.column_titles import is_unit
 
-__all__ = ["name_beside", "plain_unit", "unit_beside"]
+__all__ = ["name_beside", "plain_unit", "unit_beside", "unit_within", "without_unit"]
+
+_WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")
+"""A unit in brackets amid a title: "Force (N) Mag"."""
+_LAST = re.compile(r"(?<=\S)\s+(\S{1,12})\Z")
+"""A unit as the last word of a title: "Acceleration g"."""
+_NO_UNIT = ("", "-", "1", "%")
+"""What stands in a row of units and says nothing at the end of a title."""
 
 _UNITS = ("unit", "units", "Unit", "Units")
 _NAMES = ("name", "Name", "SignalName", "ChannelName", "channel_name", "label", "Label", "Title")
@@ -33,6 +41,31 @@ def plain_unit(unit: str) -> str:
     """
     text = unit.strip()
     return next((plain for pattern, plain in _SPELLED if pattern.fullmatch(text)), unit)
+
+
+def unit_within(title: str) -> str:
+    """Give the unit in brackets amid a title, or as its last word; "" where there is none.
+
+    Examples
+    --------
+    >>> unit_within("Acc1 (g) Mag"), unit_within("Force N"), unit_within("H (f) real"), unit_within("g")
+    ('g', 'N', '', '')
+    """
+    found = [match[1] for pattern in (_WITHIN, _LAST) for match in pattern.finditer(title)]
+    return next((unit for unit in found if is_unit(unit) and unit not in _NO_UNIT), "")
+
+
+def without_unit(title: str) -> str:
+    """Take off the unit that ``unit_within`` gives.
+
+    Examples
+    --------
+    >>> without_unit("Acc1 (g) Mag"), without_unit("Force N")
+    ('Acc1 Mag', 'Force')
+    """
+    unit = unit_within(title)
+    bracketed = _WITHIN.sub(lambda match: "" if match[1] == unit else match[0], title)
+    return bracketed if bracketed != title or not unit else title[: -len(unit)].rstrip()
 
 
 def unit_beside(path: str, texts: Mapping[str, str]) -> str:

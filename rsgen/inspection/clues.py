@@ -129,11 +129,14 @@ PHASE = Clue(lambda entry: _PHASE_NAMED(entry) or entry.unit in _DEGREES)
 SPREAD = _named(
     r"std|sigma|var|error|coheren|kohären|temperature|number|(?<![a-z])(coh|temp|humidity|averages|date|rpm_set)(?![a-z])"
 )
-QUOTIENT = _named(r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d)|/\s?f\Z")
+QUOTIENT = _named(
+    r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d|\()|/\s?f\Z"
+    r"|(frequency|freq\.?) response|transfer function|frequenzgang|übertragungsfunktion"
+)
 _LEAD = _named(r"lead")
 _LAG = _named(r"lag")
 RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
-DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
+DECIBEL = re.compile(r"(?<![a-z\d])db(?![a-z])", re.IGNORECASE)
 
 REAL = Clue(lambda entry: not entry.dtype.startswith("complex"))
 LONG = Clue(lambda entry: entry.size > 1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rsgen.inspection.clues import OVER_FORCE
 from rsgen.inspection.proposal import Proposal
 from rsgen.measurement.signals import QUANTITIES
 from rsgen.surface import ResponseSurface
@@ -51,10 +52,14 @@ def with_quantity(surface: ResponseSurface, proposal: Proposal) -> Proposal | No
         and not name.endswith("base")
         and "not in the file" in proposal.doubts.get(f"{name}.unit", "")
     ]
-    if not places or any("per_force" in proposal.tables[name] for name in places):
+    if not places:
         return None
-    found = _changed(proposal, places, {"quantity": shown[0]}, "by its phase; no name or unit says so")
-    units = {name: found.tables[name] | {"unit": QUANTITIES[shown[0]]} for name in places}
+    per = {name: "/N" if "per_force" in proposal.tables[name] else "" for name in places}
+    doubts = {key: doubt for key, doubt in proposal.doubts.items() if not key.endswith(".quantity")}
+    what = OVER_FORCE[shown[0]] if any(per.values()) else shown[0]
+    why = f"{what} by its phase; no name or unit says so"
+    found = _changed(replace(proposal, doubts=doubts), places, {"quantity": shown[0]}, why)
+    units = {name: found.tables[name] | {"unit": f"{QUANTITIES[shown[0]]}{per[name]}"} for name in places}
     return replace(found, tables=found.tables | units)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from rsgen.inspection.beside import name_beside, plain_unit, unit_beside
+from rsgen.inspection.beside import name_beside, plain_unit, unit_beside, unit_within
 from rsgen.inspection.clues import (
     SPREAD,
     USABLE,
@@ -58,7 +58,8 @@ class Guess:
 def _completed(entry: Entry, texts: Mapping[str, str]) -> Entry:
     """Give an entry its unit, spelled as a case does, and its name from the texts beside it."""
     named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
-    unit = named.unit or unit_beside(entry.path, texts) or unit_in(last_name(named))
+    name = last_name(named)
+    unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or unit_within(name)
     return replace(named, unit=plain_unit(unit))
 
 

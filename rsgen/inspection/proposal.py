@@ -14,7 +14,9 @@ from rsgen.inspection.clues import (
     IS_FORCE,
     IS_MOTION,
     LONG,
+    PHASE,
     POSITIVE,
+    QUOTIENT,
     RATE,
     REAL,
     TIME,
@@ -47,16 +49,27 @@ class Proposal:
     doubts: dict[str, str] = field(default_factory=dict)
 
 
+def _is_log(guess: Guess) -> bool:
+    """Whether the rows are readings of amplitudes, with the instants at which they were taken."""
+    frequency = REAL & LONG & VARIES & POSITIVE & Clue(lambda entry: entry.unit in HERTZ)
+    if not any(frequency(entry) for entry in guess.free):
+        return False
+    forces = [entry for entry in guess.free if (REAL & LONG & IS_FORCE)(entry)]
+    # samples of a force have both signs
+    return any((LONG & PHASE)(e) for e in guess.free) or (bool(forces) and all(map(POSITIVE, forces)))
+
+
 def _abscissa(guess: Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
     """Take the time, the sampling rate or the frequency."""
     tabled = REAL & LONG & VARIES & POSITIVE
-    time = guess.take(EVEN & Clue(lambda entry: entry.unit in SECONDS) & ~FREQUENCY)
+    of_time = EVEN & Clue(lambda entry: entry.unit in SECONDS) & ~FREQUENCY
+    time = None if _is_log(guess) else guess.take(of_time)
     if time is not None:
         return time, None, None
     frequency = guess.take(
         tabled & Clue(lambda entry: entry.unit in HERTZ),
         # "f_re_N" is a force
-        tabled & FREQUENCY & ~IS_FORCE & ~IS_MOTION,
+        tabled & FREQUENCY & ~IS_FORCE & ~IS_MOTION & ~QUOTIENT,
         tabled & ANGULAR,
     )
     if frequency is not None:

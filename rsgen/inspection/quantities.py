@@ -42,9 +42,9 @@ def quantity_of(guess: Guess, entry: Entry, table: dict[str, Any], place: str) -
         guess.doubts[f"{place}.unit"] = (
             f"the file says {entry.unit!r}; put its meaning into factor" if entry.unit else unknown(entry)
         )
-        if DECIBEL.search(entry.unit):
+        if DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry)):
             # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
-            table["unit"] = entry.unit
+            table["unit"] = entry.unit or "dB"
             guess.doubts[f"{place}.unit"] = "decibels are not read: write linear numbers into the file"
     per = bool(known) and target.endswith("/N")
     quotient = QUOTIENT(entry) or "over force" in entry.remark

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from rsgen.inspection.beside import without_unit
 from rsgen.inspection.clues import PHASE, QUOTIENT, REAL, Clue, complex_parts, last_name
 from rsgen.measurement.column_titles import split_title
 from rsgen.measurement.tree import Entry
@@ -23,6 +24,7 @@ _OF_PHASE = re.compile(
 )
 _MANNER = re.compile(
     r"ampl?(?:itude)?|mag(?:nitude)?|abs|betrag|value|wert|peak|pk|rms|eff|of|von|the|in|signal"
+    r"|re(?:al)?|im(?:ag)?(?:inary)?|part|teil"
 )
 """Words that do not say which channel a column is of."""
 _UNIT_BEHIND = re.compile(r"[_ ]([A-Za-zµ]{1,4})(?:[/_]s\^?2?)?\Z")
@@ -89,6 +91,7 @@ def words_of(entry: Entry) -> tuple[str, ...]:
     (('tip',), ('x', '1'))
     """
     name, unit = split_title(last_name(entry))
+    name = without_unit(name)
     behind = _UNIT_BEHIND.search(name)
     if behind and unit.startswith(behind[1]):
         name = name[: behind.start()]
@@ -111,8 +114,10 @@ def fundamentals(entries: Sequence[Entry]) -> tuple[list[Entry], dict[int, list[
             rest = (
                 f"{title[: found.start()].rstrip(' _-.,(')} {title[found.end() :].lstrip(' _-.,)')}".strip()
             )
-            if words_of(replace(entry, title=rest)) or _HARMONIC.sub("", title).strip(" _-[]()"):
-                orders[rest].setdefault(int(found["behind"] or found["before"]), entry)
+            order = int(found["behind"] or found["before"])
+            # "H1_re" is a part of a frequency response
+            if order and words_of(replace(entry, title=rest)):
+                orders[rest].setdefault(order, entry)
     higher: dict[int, list[Entry]] = defaultdict(list)
     renamed: dict[str, Entry] = {}
     for rest, members in orders.items():

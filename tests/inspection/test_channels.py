@@ -282,3 +282,92 @@ def test_harmonics_are_not_taken_for_sensors(tmp_path: Path, order: str) -> None
     assert "harmonics 2, 3" in trial.proposal.doubts["test.response.amplitude"]
     surface = surface_of(trial)
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, np.tile(RECEPTANCE, 2), rtol=1e-6)
+
+
+MOBILITY = 1j * OMEGA * RECEPTANCE
+HEADS = {
+    # brackets of the unit amid the title
+    "amid": (
+        "Frequency (Hz),Force (N) Mag,Force (N) Phase,Acc1 (g) Mag,Acc1 (g) Phase",
+        lambda level: (np.abs(force(level)), degrees(force(level)), *polar(acceleration("one", level) / G)),
+        {"unit": "g"},
+    ),
+    # units as last words
+    "last": (
+        "Linear Hz,Force N,Phase Force deg,Accel g,Phase Accel deg",
+        lambda level: (np.abs(force(level)), degrees(force(level)), *polar(acceleration("one", level) / G)),
+        {"unit": "g"},
+    ),
+    # no unit at all: the quantity is that of the phases
+    "transfer": (
+        "Frequency,H(f) Tip+Z/Shaker+Z real,H(f) Tip+Z/Shaker+Z imag,Coherence,Level",
+        lambda level: (*parts(-(OMEGA**2) * RECEPTANCE), 0 * OMEGA + 0.99, 0 * OMEGA + level),
+        {"unit": "m/s^2/N", "per_force": True},
+    ),
+    "estimates": (
+        "f_Hz,H1_re,H1_im,H2_re,H2_im,F_N",
+        lambda level: (*parts(MOBILITY), *parts(0.4 * MOBILITY), 0 * OMEGA + level),
+        {"unit": "m/s/N", "per_force": True},
+    ),
+    "scanning": (
+        "Frequency [ Hz ],FRF Vib Velocity / Ref1 Force Magnitude [ (m/s)/N ],"
+        "FRF Vib Velocity / Ref1 Force Phase [ deg ],Level [N]",
+        lambda level: (*polar(MOBILITY), 0 * OMEGA + level),
+        {"unit": "(m/s)/N", "per_force": True},
+    ),
+    "spectra": (
+        "Frequency (Hz),Frequency Response H1(Response;Force) - Real Part [(m/s²)/N],"
+        "Frequency Response H1(Response;Force) - Imag Part [(m/s²)/N],Autospectrum(Force) [N]",
+        lambda level: (*parts(-(OMEGA**2) * RECEPTANCE), 0 * OMEGA + level),
+        {"unit": "(m/s^2)/N", "per_force": True},
+    ),
+    # a log of readings, with the instants at which they were taken
+    "log": (
+        "f [Hz],No.,Time [s],Temp [°C],F [N],acc_x [g],acc_x phase [°],gamma2",
+        lambda level: (
+            np.arange(17), 3.0 * np.arange(17), 0 * OMEGA + 20, 0 * OMEGA + level,
+            *polar(acceleration("one", level) / force(level) * level / G), 0 * OMEGA + 0.98,
+        ),
+        {"unit": "g"},
+    ),
+}  # fmt: skip
+
+
+def polar(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.abs(values), degrees(values)
+
+
+def parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return values.real, values.imag
+
+
+@pytest.mark.parametrize("name", HEADS)
+@pytest.mark.parametrize("seed", [None, 4])
+def test_headers_of_other_programs(tmp_path: Path, name: str, seed: int | None) -> None:
+    head, values, said = HEADS[name]
+
+    def columns(level: float) -> dict[str, np.ndarray]:
+        return dict(zip(head.split(","), (FREQUENCY, *values(level)), strict=True))
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, "\t", seed))
+    assert said.items() <= tables["response"].items()
+    surface = surface_of(trial)
+    # the first response in the order of the file
+    ratio = surface.harmonics[:, 1] / surface.force / (0.4 if "H2_re" in tables["response"].values() else 1)
+    np.testing.assert_allclose(ratio, np.tile(RECEPTANCE, 2), rtol=1e-6)
+
+
+def test_a_level_in_decibels_is_refused_by_its_title(tmp_path: Path) -> None:
+    """All positive, they were read as metres."""
+
+    def columns(level: float) -> dict[str, np.ndarray]:
+        x = level * RECEPTANCE
+        found = (FREQUENCY, 0 * OMEGA + level, 20 * np.log10(np.abs(x) * 1e6), degrees(x))
+        return dict(zip(("f_Hz", "F_N", "x1_dB", "phase1_deg"), found, strict=True))
+
+    path = write(tmp_path / "a.csv", columns, ",", None)
+    contents = list_contents(path)
+    proposal = propose(contents)
+    assert proposal is not None
+    assert "decibels" in proposal.doubts["test.response.unit"]
+    assert "logarithmic" in try_proposal(contents, proposal).fault
