@@ -277,7 +277,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("nothing-identifiable", "doubt"))
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
-    about = (*about, *resonance_findings(kept, model.mass), *left_out_findings(refined, estimates))
+    about = (*about, *resonance_findings(kept, model.mass, law), *left_out_findings(refined, estimates))
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, calibrated=model.observation.calibrated)
     if any(finding.code == "harmonics-across-left-out" and finding.severity == "doubt" for finding in about):

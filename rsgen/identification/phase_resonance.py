@@ -9,6 +9,7 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
+from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import two_modes
 
@@ -64,11 +65,18 @@ def assumed_mass(points: Points, ratio: float) -> float:
     return float(np.median(np.abs(stiffness.imag) / points.omega**2)) / (2 * ratio)
 
 
-def resonance_findings(points: Points, mass: float | None) -> tuple[Finding, ...]:
-    """Doubt a mass [kg] that was not given where all points lie at phase resonance."""
+def resonance_findings(points: Points, mass: float | None, law: ForceLaw) -> tuple[Finding, ...]:
+    """Say what a mass [kg] that was not given rests on where all points lie at phase resonance.
+
+    A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right.
+    With others it rests on errors of the lag.
+    """
     if mass is not None or not at_resonance_alone(points):
         return ()
-    return (Finding("mass-at-resonance", "doubt", "m", quantities(points=len(points))),)
+    numbers = quantities(points=len(points))
+    if law.remembers:
+        return (Finding("mass-by-loops", "warning", "m", numbers),)
+    return (Finding("mass-at-resonance", "doubt", "m", numbers),)
 
 
 def of_one_mode(findings: tuple[Finding, ...], points: Points) -> tuple[Finding, ...]:

@@ -76,6 +76,8 @@ def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
     found = rsgen.identify(locked(law, noise=0.003, **truth), law)
     for name, value in {**truth, "m": MASS}.items():
         assert abs(found[name].value - value) < 4 * found[name].standard_error, name
+    assert "mass-by-loops" in [finding.code for finding in found.findings]
+    assert "mass-at-resonance" not in [finding.code for finding in found.findings]
 
 
 def test_a_friction_force_is_no_ratio_and_a_law_with_two_springs_has_a_ratio_for_each():

@@ -38,6 +38,10 @@ say_plainly(
             "is; the damping and the ratio of stiffness to mass are identified, no more. Give the mass under "
             "[system], or measure one slice off resonance, to have the stiffness itself"
         ),
+        "mass-by-loops": (
+            "all {points:.0f} points lie at phase resonance: the mass follows only from loops of the law, "
+            "whose area has the stiffness in it, and is as right as the law"
+        ),
         "ratio-to-mass": (
             "{parameter}: only {parameter}/m is identifiable at phase resonance: {ratio:.6q}, 95 % interval "
             "{low:.6q} to {high:.6q} for damping ratios up to {damping:.2p}"
