@@ -8,6 +8,7 @@ from typing import Any
 
 from rsgen.inspection.clues import (
     ANGULAR,
+    BASE,
     BOTH_SIGNS,
     DRIVE,
     FEW,
@@ -206,7 +207,8 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
     table = _Table(sensors.found, sensors.loose)
     base = None if named else find_base(table.free, table.loose)
     if base is not None:
-        table.free.remove(base.sensor)
+        # other directions of the base are no responses
+        table.free = [s for s in table.free if s is not base.sensor and not BASE(s.main)]
     force = None if base else _force(guess, table)
     responses = _with_loose_phase(_responses(guess, table), table)
     # one device writes all phases in one sense
@@ -216,6 +218,11 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
         write_base(guess, base, shared)
     else:
         guess.tables["test.force"] = _force_table(guess, force, shared)
+    if not base and not force and responses and BASE(responses[0].main):
+        guess.doubts["test.force.nominal"] = (
+            "no force, and the only motion is that of a base: write that of the mass into the file, such as "
+            "transmissibility times base"
+        )
     level = _level(guess, named, bool(base or force), runs[2] if runs else 0)
     if force is not None and not level and FEW(force.main) and force.places[0][0] == "amplitude":
         of_force = guess.tables["test.force"]

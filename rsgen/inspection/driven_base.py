@@ -48,7 +48,10 @@ def find_base(sensors: Sequence[Sensor], loose: Sequence[Entry] = ()) -> Base | 
     if len(motions) < 2:
         return None
     if len(named) < len(motions) and named:
-        return Base(named[0])
+        # of three directions the driven one moves most
+        driven = max(named, key=lambda s: s.main.high or 0.0)
+        less = [s.main.title or s.main.path for s in named if s is not driven]
+        return Base(driven, f"it moves more than {', '.join(less)}" if less else "")
     steered = [s for s in motions if CONTROL(s.main)]
     if 0 < len(steered) < len(motions):
         return Base(steered[0], "no force was found, and this name says what was controlled")

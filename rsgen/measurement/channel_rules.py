@@ -104,6 +104,11 @@ def _base_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
         yield "base", "is driven, but there is a force; leave one of them out"
     if test.per_force or test.control in ("response", "continuation"):
         yield "base", "is driven by its motion; per_force and a held response need a force"
+    if test.base.response == "absolute" and not test.phase_known:
+        yield (
+            "base.response",
+            "is 'absolute', and no phases were recorded; the motion relative to the base needs them",
+        )
     if test.base.signal.channels is None and test.base.quantity is None:
         yield "base.quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"
     elif test.history is not None:

@@ -371,3 +371,46 @@ def test_a_level_in_decibels_is_refused_by_its_title(tmp_path: Path) -> None:
     assert proposal is not None
     assert "decibels" in proposal.doubts["test.response.unit"]
     assert "logarithmic" in try_proposal(contents, proposal).fault
+
+
+ON_A_TABLE = ("f [Hz]", "Base X [g]", "Base Y [g]", "Base Z [g]", "Tip [g]", "Tip phase [deg]")
+
+
+def base_columns(level: float) -> dict[str, np.ndarray]:
+    """Frequency, the base in X, Y and Z, of which Z is driven, and the mass by amplitude and phase."""
+    base = [level / G * share + 0 * OMEGA for share in (0.01, 0.02, 1)]
+    return dict(zip(ON_A_TABLE, (FREQUENCY, *base, *polar(level / G * TRANSMISSIBILITY)), strict=True))
+
+
+def test_the_driven_direction_of_a_base_is_the_one_that_moves(tmp_path: Path) -> None:
+    tables, trial = tried(write(tmp_path / "a.csv", base_columns, ",", None))
+    assert tables["base"]["amplitude"] == "Base Z [g]"
+    assert "Base X [g], Base Y [g]" in trial.proposal.doubts["test.base.quantity"]
+    assert tables["response"]["amplitude"] == "Tip [g]"
+    surface = surface_of(trial)
+    exact = MASS * np.tile(RECEPTANCE, 2)
+    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6)
+
+
+def test_absolute_motion_on_a_base_needs_phases(tmp_path: Path) -> None:
+    """Without them the motion relative to the base was a difference of amplitudes."""
+
+    def columns(level: float) -> dict[str, np.ndarray]:
+        found = base_columns(level)
+        return {title: found[title] for title in ("f [Hz]", "Base Z [g]", "Tip [g]")}
+
+    contents = list_contents(write(tmp_path / "a.csv", columns, ",", None))
+    proposal = propose(contents)
+    assert proposal is not None
+    assert proposal.tables["test.base"]["amplitude"] == "Base Z [g]"
+    assert "no phases were recorded" in try_proposal(contents, proposal).fault
+
+
+def test_a_transmissibility_beside_its_base_is_no_response(tmp_path: Path) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        found = base_columns(level)
+        ratio = dict(zip(("Transmissibility", "Phase [deg]"), polar(TRANSMISSIBILITY), strict=True))
+        return {title: found[title] for title in ("f [Hz]", "Base Z [g]")} | ratio
+
+    _, trial = tried(write(tmp_path / "a.csv", columns, ",", None))
+    assert "write that of the mass" in trial.proposal.doubts["test.force.nominal"]
