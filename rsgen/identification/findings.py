@@ -213,7 +213,7 @@ class Findings:
         found += of_one_mode(self.surface.findings, self.points)
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
-        elif feeds_exciter(self.points):
+        elif feeds_exciter(self.points) and not any(f.code == "base-misread" for f in self.surface.findings):
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))

@@ -67,7 +67,7 @@ _MOVED = 3.0
 _NAMED = 0.01
 """A background that moves no parameter by a hundredth changes no engineering number."""
 
-_OTHERWISE = frozenset({"another-quantity", "not-passive"})
+_OTHERWISE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
 
 _REACH = 5.0

@@ -25,6 +25,7 @@ from rsgen.measurement.sources import Sources, derivatives, read_sources, with_a
 from rsgen.measurement.title_units import contradiction
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
+from rsgen.surface.driven_base import base_findings
 from rsgen.surface.phase_lag import lag_findings
 from rsgen.surface.plausibility import quantity_findings
 from rsgen.units import quantity, sensor_unit
@@ -352,8 +353,12 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
     sense = None if test.history is not None else "lag" if test.sources[-1].signal.lags else "lead"
     quantity = cast("str", test.quantity)
-    passive = passivity_findings(surface, sense, quantity)
     # a force per mass and a motion relative to the base are made of several measured quantities
-    other = quantity_findings(surface, quantity) if test.base is None else []
+    other = tuple(quantity_findings(surface, quantity)) if test.base is None else ()
+    if test.base is not None:
+        absolute = test.base.response == "absolute"
+        other = base_findings(surface, absolute=absolute, senses=test.history is None)
+    # a base that was misread feeds or mirrors by that
+    passive = () if test.base is not None and other else passivity_findings(surface, sense, quantity)
     lag = lag_findings(surface)
     return replace(surface, findings=(*surface.findings, *passive, *other, *lag))

@@ -235,8 +235,9 @@ def plausibility_findings(
     mass, damping
         As for ``Sizes``, where they are known.
     """
-    other = [finding for finding in surface.findings if finding.code == "another-quantity"]
-    if not other:
+    other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread")]
+    # a force per mass and a motion relative to the base are made of several measured quantities
+    if not (other or surface.base):
         yield from (other := list(quantity_findings(surface)))
     # the sizes of another quantity say nothing of units
     if calibrated and not other:

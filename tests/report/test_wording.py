@@ -22,6 +22,7 @@ CHOICES = {
     "size-unusual": {"quantity": "mass", "side": "above"},
     "size-impossible": {"quantity": "velocity", "side": "above", "mistake": "milli, inch"},
     "another-quantity": {"is": "+1"},
+    "base-misread": {"is": "swapped"},
     "decay-taken": {"after": "drive"},
 }
 """Findings whose names are chosen from a list."""

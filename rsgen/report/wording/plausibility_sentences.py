@@ -105,7 +105,29 @@ def _(found: Finding) -> str:
     )
 
 
+_MISREAD = {
+    "sense-response": "the phase of the response read in the other sense (phase_sense of [test.response])",
+    "sense-base": "the phase of the base read in the other sense (phase_sense of [test.base])",
+    "sense-both": "the phases of base and response read in the other sense (phase_sense of both)",
+    "sign": "the response, or the base, with the other sign (factor = -1)",
+    "swapped": "base and response exchanged: the columns are swapped",
+    "reference": 'response = "{}" under [test.base]',
+}
+"""Mistakes in reading a driven base, as the case undoes them."""
+
+
+@says("base-misread")
+def _(found: Finding) -> str:
+    undone = _MISREAD[found.names["is"]].format(found.names["response"])
+    then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
+    return (
+        "as the case reads them, base and response are not those of a mass on springs and dampers that take "
+        f"energy: any law leaves {misfit}, or feeds energy; with {undone}, {then}"
+    )
+
+
 NEXT_STEPS |= {
+    "base-misread": "Look the two channels up in the notes of the test, correct the case, and run it again.",
     "size-impossible": (
         "Look up the units of force, response and frequency in the notes of the test, correct them in the "
         "case, and run it again."

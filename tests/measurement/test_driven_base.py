@@ -1,0 +1,89 @@
+"""Mistakes in reading a driven base: each is named by what it breaks, whatever the law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+
+CASE = """
+schema = 1
+name   = "base"
+title  = "Driven base"
+
+[[element]]
+name  = "all"
+force = "k*x + k3*x**3 + c*v"
+
+[test]
+kind = "measured"
+file = "a.csv"
+
+[test.frequency]
+column = 1
+
+[test.level]
+column = 2
+unit   = "m/s^2"
+
+[test.base]
+quantity    = "acceleration"
+real        = {base}
+imaginary   = {base} + 1
+phase_sense = "{base_sense}"
+response    = "{read}"
+
+[test.response]
+quantity    = "acceleration"
+real        = {seen}
+imaginary   = {seen} + 1
+phase_sense = "{seen_sense}"
+factor      = {factor}
+"""
+RIGHT = {"base": 3, "seen": 5, "base_sense": "lead", "seen_sense": "lead", "factor": 1}
+
+
+def findings(folder: Path, recorded: str, **said: object) -> list:
+    """Read the exact answers of a cubic spring per unit mass; phases count from a generator, not the base."""
+    frequency = np.tile(np.linspace(11, 22, 30), 2)
+    omega, level = 2 * np.pi * frequency, np.repeat([0.3, 1.0], 30)
+    z = level * 1e-3 / (1 - (frequency / 17) ** 2 + 0.15j) * np.exp(1j * (0.7 + 0.35 * frequency))
+    force = (1e4 + 0.75 * 2.5e9 * np.abs(z) ** 2 + 2j * omega - omega**2) * z
+    base, relative = -force, -(omega**2) * z
+    seen = relative + base if recorded == "absolute" else relative
+    columns = [frequency, level, base.real, base.imag, seen.real, seen.imag]
+    np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", fmt="%.9g")
+    keys = RIGHT | {"read": recorded} | said
+    text = CASE.replace("{base} + 1", str(keys["base"] + 1)).replace("{seen} + 1", str(keys["seen"] + 1))
+    (folder / "case.toml").write_text(text.format(**keys))
+    found = rs.read(rs.load_case(folder / "case.toml")).findings
+    return [f for f in found if f.code in ("base-misread", "not-passive", "another-quantity")]
+
+
+@pytest.mark.parametrize("recorded", ["absolute", "relative"])
+@pytest.mark.parametrize(
+    ("said", "mistake"),
+    [
+        ({}, ""),
+        ({"seen_sense": "lag"}, "sense-response"),
+        ({"base_sense": "lag"}, "sense-base"),
+        ({"base_sense": "lag", "seen_sense": "lag"}, "sense-both"),
+        ({"base": 5, "seen": 3}, "swapped"),
+        ({"factor": -1}, "sign"),
+        ({"read": "other"}, "reference"),
+    ],
+)
+def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mistake):
+    if said.get("read") == "other":
+        said = {"read": "relative" if recorded == "absolute" else "absolute"}
+    found = findings(tmp_path, recorded, **said)
+    assert [f.code for f in found] == (["base-misread"] if mistake else [])
+    for finding in found:
+        assert (finding.names["is"], finding.severity) == (mistake, "error")
+        # undone, the equation holds to what four powers of the amplitude and the digits of the file leave
+        assert finding["then"] < 1e-6
+        if mistake == "reference":
+            assert finding.names["response"] == recorded
