@@ -157,7 +157,7 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     panels[0].legend(loc="best")
     for axes in panels[-1:] if ax is None else panels:
         axes.set_xlabel("Frequency [Hz]")
-    caption = "What the law leaves of the balance at each line: where it stands above the noise, it is none."
+    caption = "What the law leaves of the balance at each line; above the noise it is misfit of the law."
     return Drawing("line-misfit", figure, caption, " ".join(texts), ax is None)
 
 
