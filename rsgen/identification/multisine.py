@@ -182,6 +182,9 @@ def _judge(
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
     findings += _damping_findings(lines, law, fit, misfit, noise)
     findings += _delay_findings(lines, fit, misfit, model.mass)
+    if (lines.first > 1).any():
+        below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
+        findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if model.observation.calibrated:
         ratios = [one.damping_ratio for one in approximations if one.damping_ratio > 0]

@@ -208,8 +208,8 @@ NEXT_STEPS.update(
             "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
         ),
         "structure-feeds-exciter": (
-            "Read the phase in the other sense (test.response.phase_sense), or give test.response.factor the "
-            "other sign."
+            "Read the phase of a table in the other sense (test.response.phase_sense), or give "
+            "test.response.factor the other sign; a time history has no phase that is read."
         ),
         "not-passive": (
             "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "

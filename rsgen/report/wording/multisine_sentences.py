@@ -21,6 +21,10 @@ say_plainly(
             "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
             "off the misfit is {left:.2p} in place of {misfit:.2p}"
         ),
+        "motion-by-law": (
+            "below {below:.3q} noise hides the response, or would be most of the noise of the motion: there "
+            "the motion along which the law is evaluated is the law's own"
+        ),
         "record-feeds-exciter": (
             "the structure would feed energy into the exciter: force or response is reversed, or they are "
             "mixed up"
