@@ -241,6 +241,16 @@ def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model
     )
 
 
+def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
+    """The shapes that fit as well, as splines without errors of their own."""
+    splines = []
+    for weight, other, found in modal.others:
+        values, mass, _ = other.split(found)
+        none = np.zeros((len(values) + 1,) * 2)
+        splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, none, 1)))
+    return tuple(splines)
+
+
 def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
     """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
     tested = modal.seen.tested
@@ -271,7 +281,9 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     sure = not (modal.assumed or surface.per_mass)
     return ModalTable(
         amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
-        splines=ModalSplines(modal.basis, modal.orders, values, mass, covariance, found.freedom),
+        splines=ModalSplines(
+            modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
+        ),
         known=known,
         tested=tested,
         mass=mass if sure else float("nan"),

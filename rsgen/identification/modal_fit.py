@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (3, 16))
 """Degrees and intervals that are tried: a constant for a linear mode, as many pieces as a corner needs."""
 
-_POWERS = (0, 1, 2)
+_POWERS = (0, -1, 1, 2)
 """Of the amplitude, that are tried as the coordinate of the splines; zero is the logarithm."""
 
 _TRIED = 300
@@ -52,6 +52,9 @@ _POINTS_A_COEFFICIENT = 2
 _APART = 0.05
 """Amplitudes within five per cent count as one, noise included: a coefficient needs one of its own."""
 
+_UNLIKELY = 1e-3
+"""Shapes so much less likely than the best are left out: together they move no interval."""
+
 _FLOOR = 1e-12
 """Misfits below are round-off, and one is as good as the other."""
 
@@ -74,7 +77,8 @@ class SeenMode:
 class ModeProblem:
     """What is fitted: coefficients of the splines, the mass where it is free, the background.
 
-    ``given`` is a mass that stays; it is ``assumed`` where k/m and c are all that is wanted.
+    ``given`` is a mass that stays; it is ``assumed`` where k/m and c are all that is wanted. ``others`` are
+    other shapes that fit as well: weight, problem, and its solution.
     """
 
     seen: SeenMode
@@ -82,6 +86,7 @@ class ModeProblem:
     orders: tuple[int, ...]
     given: float | None
     assumed: bool = False
+    others: tuple[tuple[float, ModeProblem, Array], ...] = ()
 
     @property
     def observed(self) -> Observed:
@@ -160,7 +165,29 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
     if len(seen.background):
         return trial(seen, shape, orders)
     # a sum of two may stand for one of three, as a curved spline for a more curved one
-    return trial(seen, _richer(shape, room), orders if len(orders) == 1 else trials[-1])
+    chosen = trial(seen, _richer(shape, room), orders if len(orders) == 1 else trials[-1])
+    return replace(chosen, others=_others([trial(some, each, orders) for each in shapes]))
+
+
+def _others(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProblem, Array], ...]:
+    """Weigh shapes by exp(-AIC/2), their probability of being nearest to the truth; the likely ones.
+
+    Where a curved one is the best, all only approximate, the best in each coordinate as well as the next.
+    """
+    solved = [(*trial.solve(), trial) for trial in trials]
+    best = min(solved, key=lambda each: each[1])
+    if best[2].basis.degree >= _CURVED:
+        of_power = [[each for each in solved if each[2].basis.power == power] for power in _POWERS]
+        likely = [min(some, key=lambda each: each[1]) for some in of_power]
+        weights = np.ones(len(likely))
+    else:
+        weights = np.exp([-0.5 * (each[1] - best[1]) for each in solved])
+        likely = [each for each, weight in zip(solved, weights, strict=True) if weight > _UNLIKELY]
+        weights = weights[weights > _UNLIKELY]
+    return tuple(
+        (float(weight), trial, found)
+        for weight, (found, _, trial) in zip(weights / weights.sum(), likely, strict=True)
+    )
 
 
 def _different(amplitude: Array) -> int:

@@ -4,8 +4,8 @@ At one amplitude X the structure acts as a linear one, F/X = k(X) - m omega^2 + 
 resonance it matters how c depends on the frequency: a force that does not depend on the rate, as of joints
 and friction, has omega c = c_0(X), a linear damper omega c = omega c_1(X), a drag v|v| omega c = omega^2
 c_2(X). With B-splines for k and c_j all is linear in their coefficients and in the mass, so that it is one
-more forward model, which is given the amplitude. Smooth springs are polynomials of X^2, drag and gaps of X;
-logarithms give friction, c ~ 1/X, and a spring that hardens over decades the same room.
+more forward model, which is given the amplitude. Smooth springs are polynomials of X^2, drag and gaps of X,
+friction of 1/X; logarithms give a spring that hardens over decades the same room everywhere.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BELOW = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineBasis:
-    """B-splines of u = X^power, of u = ln X where that is zero; ``knots`` [of u] and ``degree``."""
+    """B-splines of a given degree, with knots in u = X^power; -X^power if that is negative, ln X if zero."""
 
     knots: Array
     degree: int
@@ -59,7 +59,7 @@ class SplineBasis:
     def lowest(self) -> float:
         """Smallest amplitude [m] that points have shown."""
         first = float(self.knots[0])
-        return float(np.exp(first) if not self.power else first ** (1 / self.power)) * (1 + _MARGIN)
+        return float(np.exp(first) if not self.power else abs(first) ** (1 / self.power)) * (1 + _MARGIN)
 
     def __call__(self, amplitude: Array) -> tuple[Array, Array]:
         """(n, f) functions at amplitudes [m], and their derivatives by ln X; constant beyond the ends."""
@@ -73,8 +73,8 @@ class SplineBasis:
 
 
 def _place(amplitude: ArrayLike, power: int) -> Array:
-    """Coordinate u of amplitudes [m]."""
-    return np.asarray(np.log(amplitude) if not power else np.power(amplitude, power))
+    """Coordinate u of amplitudes [m], which grows with them."""
+    return np.asarray(np.log(amplitude) if not power else np.copysign(np.power(amplitude, power), power))
 
 
 class SplineMode:
@@ -131,6 +131,9 @@ class ModalSplines:
         (q + 1, q + 1) of the values and of the mass; a given mass has none.
     freedom
         Degrees of freedom of the noise that the covariance rests on.
+    others
+        Splines of other shapes that fit as well, each with its weight (these make one): where they differ,
+        as in gaps between amplitudes, points do not determine k and c.
     """
 
     basis: SplineBasis
@@ -139,9 +142,24 @@ class ModalSplines:
     mass: float
     covariance: Array
     freedom: int
+    others: tuple[tuple[float, ModalSplines], ...] = ()
 
     def at(self, amplitude: Array) -> tuple[Array, Array, Array]:
-        """k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3); X in m."""
+        """k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3); X in m.
+
+        To that of noise comes the spread of the other shapes (Burnham and Anderson, Model Selection and
+        Multimodel Inference, 2002, Sec. 4.3).
+        """
+        k, c, errors = self._alone(amplitude)
+        for weight, other in self.others:
+            k_other, c_other, _ = other._alone(amplitude)
+            mass = np.full(len(k), other.mass - self.mass)
+            apart = np.nan_to_num(np.stack([k_other - k, c_other - c, mass], axis=1))
+            errors = errors + weight * apart[:, :, None] * apart[:, None, :]
+        return k, c, errors
+
+    def _alone(self, amplitude: Array) -> tuple[Array, Array, Array]:
+        """What this shape says, with the covariance of noise."""
         shape, _ = self.basis(amplitude)
         parts = self.values.reshape(-1, self.basis.count) @ shape.T
         k = parts[0]

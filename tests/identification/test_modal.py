@@ -288,3 +288,31 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     # as above; the seven of a run depend on each other, so that they count as three
     least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
     assert all(hit >= least for hit in hits.values()), (hits, count)
+
+
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("k*x + c*v + Ff*sign(v)", {"k": 5920.0, "c": 2.0, "Ff": 0.6}),
+        ("c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+         {"c": 3.0, "k4": 5920.0, "k5": 9000.0, "b": 0.012}),
+    ],
+)  # fmt: skip
+def test_intervals_hold_between_the_amplitudes_that_were_tested(law, values):
+    """A gap in the amplitudes, or a corner of k(X), is not known better than shapes that fit alike agree."""
+    test = rsgen.SimulatedTest(level=np.linspace(1, 12, 39), frequency=[8, 16], control="phase", harmonics=3)
+    exact = rsgen.simulate(rsgen.Oscillator(1.5, law, values), test)
+    tested, between = exact.select(np.arange(0, 39, 2)), exact.select(np.arange(1, 39, 2))
+    true = {
+        "stiffness_per_mass": between.omega**2,
+        "damping": np.abs(between.force) / between.omega / between.amplitude,
+    }
+    inside = {name: [] for name in true}
+    for seed in range(16):
+        table = rsgen.modal_table(noisy(tested, 0.01, seed), mass=1.5).at(between.amplitude)
+        for name, column in true.items():
+            low, high = (getattr(table, f"{name}_{end}") for end in ("lower", "upper"))
+            inside[name].append((low < column) & (column < high))
+    for name, each in inside.items():
+        assert np.mean(each) > 0.9, name
+        assert np.mean(each, axis=0).min() > 0.5, name
