@@ -314,7 +314,9 @@ def _damping_findings(
     At a resonance the damping alone balances a sine; of all lines of a multisine the springs and the mass
     balance most, so that damping which a law lacks leaves little and goes into the damping that it has.
     """
-    if misfit > _POOR or times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1):
+    # of one period nobody can tell a misfit from noise
+    by_chance = np.isfinite(noise) and times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1)
+    if misfit > _POOR or by_chance:
         return []
     share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
     left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))

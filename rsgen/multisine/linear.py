@@ -183,7 +183,8 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
         if np.count_nonzero(chosen) < _FEWEST:
             raise MeasurementError(
                 f"multisine: level {level:g} N: {np.count_nonzero(chosen)} excited lines in the band; at "
-                f"least {_FEWEST} are needed"
+                f"least {_FEWEST} are needed: in a wider band; or force and response are swapped, for a "
+                "force has about as much at all its lines"
             )
         found.append(
             _of_level(spectra, float(level), rows, chosen, np.asarray(excited[rows].any(axis=0)), inside)

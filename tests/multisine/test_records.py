@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, RsgenError
 from rsgen.history import TimeHistory, from_multisine
 from rsgen.report.wording import sentence
 
@@ -53,6 +53,13 @@ def test_a_force_in_another_unit_than_its_levels_is_doubted(factor: float) -> No
     assert not rsgen.identify(wrong, "k*x + c*v").verdict.usable
     unnamed = [TimeHistory(RATE, one.force, one.response) for one in records(4, factor=factor)]
     assert "multisine-levels-disagree" not in codes(from_multisine(unnamed))
+
+
+def test_swapped_columns_are_not_believed() -> None:
+    swapped = [TimeHistory(RATE, one.response, one.force) for one in records(4)]
+    assert not rsgen.identify(from_multisine(swapped), "k*x + c*v").verdict.usable
+    with pytest.raises(RsgenError, match="wider band; or force and response are swapped"):
+        rsgen.best_linear(from_multisine(records(4)), (9.0, 9.5))
 
 
 def test_sizes_that_no_test_has_are_doubted() -> None:
