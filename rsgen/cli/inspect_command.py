@@ -66,7 +66,8 @@ def _row(entry: Entry) -> tuple[str, ...]:
         return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
     more = ", ..." if entry.size > len(entry.first) else ""
     values = ", ".join(entry.first) + more
-    about = entry.remark or ("" if entry.path.endswith(entry.title) else entry.title)
+    title = "" if entry.path.endswith(entry.title) or entry.title in entry.remark else entry.title
+    about = ", ".join(filter(None, (title, entry.remark)))
     if about:
         values += f"  ({about[:_UNITS_OF_DOUBT]})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values

@@ -28,11 +28,13 @@ from rsgen.inspection.clues import (
     of_size,
     unit_for,
 )
+from rsgen.inspection.column_levels import level_in, without_level
 from rsgen.inspection.driven_base import find_base
 from rsgen.inspection.guess import Guess, run_of
 from rsgen.inspection.motions import write_base, write_motions
 from rsgen.inspection.quantities import place_of, unit_of_force
 from rsgen.inspection.sensors import Sensor, find_sensors, fundamentals, is_of_another
+from rsgen.measurement.address import natural_order
 from rsgen.measurement.tree import Entry
 from rsgen.units.quantities import UNKNOWN
 
@@ -90,6 +92,13 @@ def _other_points(guess: Guess, star: str) -> str:
     return f"left out: {', '.join(names[:_NAMED])}{again}; a case reads one point, whose entries are levels"
 
 
+def _titles_of_runs(guess: Guess) -> list[str]:
+    """Give the titles of all runs in the order in which these are read."""
+    star = guess.run[1] if guess.run else ""
+    alike = [e for e in guess.contents.entries if e.title and not e.fault and fnmatchcase(e.path, f"{star}*")]
+    return [e.title for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
+
+
 def _level(guess: Guess, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
     """Give the table of the level; empty where the forces make the levels."""
     if guess.levels:
@@ -99,6 +108,13 @@ def _level(guess: Guess, level: Entry | None, driven: bool, runs: int) -> dict[s
         return {"column": guess.address(level)} | unit
     if driven:
         return {}
+    titles = _titles_of_runs(guess) if runs else []
+    said = [level_in(title) for title in titles]
+    if len(said) == runs and runs and all(said):
+        others = dict.fromkeys(without_level(title) for title in titles)
+        differ = f", which are of {' and of '.join(others)}" if len(others) > 1 else ""
+        guess.doubts["test.level.values"] = f"by the titles of the entries{differ}"
+        return {"values": said}
     if runs:
         guess.doubts["test.level.values"] = "write the force amplitude of each"
         return {"values": [f"{UNKNOWN} N"] * runs}

@@ -11,13 +11,36 @@ from rsgen.measurement.address import natural_order
 from rsgen.measurement.column_titles import split_title, unit_in
 from rsgen.measurement.tree import Entry
 
-__all__ = ["levels_in_columns"]
+__all__ = ["level_in", "levels_in_columns", "without_level"]
 
 _LEVEL = re.compile(
     r"(?:(?<![A-Za-z])(?:F|force|level|Kraft|Stufe)\s?[=: ]\s?)?"
     r"(?<![\d.,])(\d{1,9}(?:[.,]\d{1,9})?)[\s_]?([munk]?N|lbf)(?![A-Za-z])"
 )
 """The amount of a force in a name. A number without one may as well be that of a sensor."""
+
+
+def level_in(text: str) -> str:
+    """Give the amount of a force in a text as a case writes it, "" where there is none.
+
+    Examples
+    --------
+    >>> level_in("receptance, 2,5 N, up"), level_in("BEAM 2 +Z")
+    ('2.5 N', '')
+    """
+    found = _LEVEL.search(text)
+    return f"{found[1].replace(',', '.')} {found[2]}" if found else ""
+
+
+def without_level(text: str) -> str:
+    """Take the amount of a force out of a text.
+
+    Examples
+    --------
+    >>> without_level("receptance, 2 N, up, measured")
+    'receptance, up, measured'
+    """
+    return _LEVEL.sub("", text).replace(", ,", ",").strip(" ,_-")
 
 
 def levels_in_columns(entries: Sequence[Entry], *, tree: bool = False) -> tuple[list[Entry], list[str]]:
@@ -50,7 +73,7 @@ def levels_in_columns(entries: Sequence[Entry], *, tree: bool = False) -> tuple[
             continue
         if found.end() <= entry.path.rfind("/") or entry.title in ("", entry.path):
             address = f"{entry.path[: found.start(1)]}*{entry.path[found.end(1) :]}"
-            families[address].append((f"{found[1].replace(',', '.')} {found[2]}", entry))
+            families[address].append((level_in(found[0]), entry))
     by_levels: dict[tuple[str, ...], dict[str, Entry]] = defaultdict(dict)
     for address, members in families.items():
         if tree:

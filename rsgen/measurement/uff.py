@@ -405,5 +405,5 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
             remark=remark_of(
                 head.function, (ordinate[0], over[0]), (head.place, head.reference), head.ordinate.label, said
             ),
-            title=head.place,
+            title=head.place or head.title,
         )  # fmt: skip

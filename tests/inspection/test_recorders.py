@@ -14,6 +14,7 @@ import scipy.signal
 
 from rsgen.cli.inspect_command import proposal_text
 from rsgen.cli.trial_reading import Trial, try_proposal
+from rsgen.export import save_frf
 from rsgen.inspection import list_contents, propose
 from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
 from rsgen.surface import ResponseSurface
@@ -197,6 +198,23 @@ def test_points_of_a_modal_test_are_no_levels(
     else:
         assert tables["response"]["complex"] == "*/ordinate"
         assert len(tables["level"]["values"]) == len(points)
+
+
+def test_receptances_that_were_written_come_back_with_their_levels(tmp_path: Path) -> None:
+    level = np.repeat([2.0, 10.0], len(FREQUENCY))
+    response = level * np.tile(RECEPTANCE, 2)
+    surface = ResponseSurface(
+        level=level, frequency=np.tile(FREQUENCY, 2), force=level + 0j, response=response
+    )
+    path = tmp_path / "a.uff"
+    save_frf(path, surface)
+    tables, trial = tried(path)
+    assert tables["level"] == {"values": ["2 N", "10 N"]}
+    assert "titles" in trial.proposal.doubts["test.level.values"]
+    back = trial.surface
+    assert isinstance(back, ResponseSurface)
+    assert back.levels.tolist() == [2.0, 10.0]
+    np.testing.assert_allclose(back.harmonics[:, 1], response, rtol=1e-5)
 
 
 @pytest.mark.parametrize(
