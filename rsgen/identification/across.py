@@ -94,8 +94,17 @@ class LawAtTwoPlaces(ForceLaw):
         return found[0], found[1]
 
 
-def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
+def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool] = (True, True)) -> ForceLaw:
     """Compile the law of some elements; those across two sensors need a test that has their motion.
+
+    Parameters
+    ----------
+    elements
+        All of them.
+    across
+        Whether the test has a motion across two sensors.
+    means
+        Whether the mean of the response and that of the motion across were recorded.
 
     Raises
     ------
@@ -117,13 +126,14 @@ def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
             '(across = "..." of the element)'
         )
     parts = []
-    for acts in (False, True):
+    for acts, known in zip((False, True), means, strict=True):
         chosen = [element.force for element in elements if bool(element.across) == acts]
         law = compile_law(sympy.Add(*chosen))
-        if not law.odd:
+        if not (law.odd or known):
+            motion = f"motion across {labels[0]!r}" if acts else "response"
             raise RsgenError(
-                "across: a law that is not odd moves the mean, which is not known across two sensors; an odd "
-                "law is needed"
+                f"across: the elements that follow the {motion} are not odd, and the mean of that motion was "
+                "not recorded; displacements with their mean, or an odd law, are needed"
             )
         lost = ", ".join(name for name in law.parameters if name not in whole.parameters)
         if lost:
@@ -134,6 +144,8 @@ def law_of(elements: Sequence[Element], *, across: bool) -> ForceLaw:
         places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
         parts.append(_Part(law, places))
     facts: dict[str, Any] = {one.name: getattr(whole, one.name) for one in fields(ForceLaw)}
+    # along motions that were measured with their mean nothing even is left to be found
+    facts |= {"odd": True, "even": ()}
     return LawAtTwoPlaces(**facts, here=parts[0], across=parts[1])
 
 

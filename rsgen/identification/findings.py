@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Solution
@@ -270,7 +271,9 @@ class Findings:
                 )
                 found.append(Finding("harmonic-strong", "info", numbers=numbers))
         drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
-        if self.fit.problem.law.odd and drift > max(_DRIFT, _ABOVE_NOISE * noise):
+        law = self.fit.problem.law
+        symmetric = law.here.law.odd if isinstance(law, LawAtTwoPlaces) else law.odd
+        if symmetric and drift > max(_DRIFT, _ABOVE_NOISE * noise):
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 

@@ -146,7 +146,8 @@ class _Test:
 def _prepare(surface: ResponseSurface, model: Model) -> _Test:
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
-    law = law_of(model.elements, across=surface.across is not None)
+    across = points.across is not None and bool(np.any(points.across[:, 0]))
+    law = law_of(model.elements, across=points.across is not None, means=(0 in points.measured, across))
     if isinstance(law, LawAtTwoPlaces) and model.observation.background not in ("none", "phase"):
         raise RsgenError(
             f"background: {model.observation.background!r} beside a motion across two sensors, in which "

@@ -20,7 +20,7 @@ ELEMENTS = (
 )
 
 
-def two_masses(levels=(1.0, 3.0, 6.0), noise: float = 0.0) -> rs.ResponseSurface:
+def two_masses(levels=(1.0, 3.0, 6.0), noise: float = 0.0, k2: float = 0.0) -> rs.ResponseSurface:
     """Mass 1 on ground spring and damper, driven; mass 2 hangs on it by the joint alone.
 
     With the motion z = x_1 - x_2 across the joint given, mass 2 says x_2 = -n(z)/(FAR omega^2) in every
@@ -34,9 +34,13 @@ def two_masses(levels=(1.0, 3.0, 6.0), noise: float = 0.0) -> rs.ResponseSurface
     z = np.zeros((len(omega), 6), dtype=complex)
     z[:, 1] = level * 1e-3 / (1 - (omega / 2 / np.pi / 13) ** 2 + 0.1j)
     z[:, 3] = 0.05 * z[:, 1] * np.exp(2j * level)
+    z[:, 2] = 0.03 * z[:, 1] * (k2 != 0)
     order = np.arange(1, 6)
-    x, v, _ = Motion(omega, z).waveforms(128)
-    joint = TRUE["kj"] * x + TRUE["k3"] * x**3 + TRUE["cj"] * v
+    for _ in range(40):
+        x, v, _ = Motion(omega, z).waveforms(128)
+        joint = TRUE["kj"] * x + k2 * x**2 + TRUE["k3"] * x**3 + TRUE["cj"] * v
+        # the joint carries mass 2 without a static force
+        z[:, 0] -= (k2 != 0) * joint.mean(axis=1) / (TRUE["kj"] + 1.5 * TRUE["k3"] * np.abs(z[:, 1]) ** 2)
     of_joint = np.stack([project(joint, h) for h in order], axis=1)
     far = -of_joint / (FAR * (omega[:, None] * order) ** 2)
     near = np.zeros_like(z)
@@ -100,6 +104,18 @@ def test_a_law_across_is_identified_with_the_balance_at_another_mass():
     np.testing.assert_allclose(found.curve.amplitude, size)
 
 
+def test_a_joint_that_is_not_odd_is_identified_where_the_mean_across_was_recorded():
+    surface = two_masses(k2=2e6)
+    joint = rs.make_element("joint", "kj*x + k2*x**2 + k3*x**3 + cj*v", across=SENSORS)
+    found = rs.identify(surface, (ELEMENTS[0], joint))
+    for name, true in (TRUE | {"m": MASS, "k2": 2e6}).items():
+        assert found[name].value == pytest.approx(true, rel=1e-7)
+    across = np.array(surface.across)
+    across[:, 0] = 0
+    with pytest.raises(RsgenError, match=f"motion across '{SENSORS}' are not odd, and the mean"):
+        rs.identify(replace(surface, across=across), (ELEMENTS[0], joint))
+
+
 def test_noise_leaves_the_true_values_within_their_intervals():
     found = rs.identify(two_masses(noise=0.003), ELEMENTS)
     for name, true in (TRUE | {"m": MASS}).items():
@@ -130,7 +146,7 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
     [
         (ELEMENTS, {"across": None}, {}, "no motion across"),
         ("k*x + c*v", {}, {}, "no element follows it"),
-        ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "not odd"),
+        ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "are not odd"),
         (
             (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")),
             {},
