@@ -19,7 +19,7 @@ from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra, implausible
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.study import STAGES, expect
-from rsgen.study.foresight import point_faults
+from rsgen.study.foresight import mass_findings, point_faults
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
 
@@ -83,6 +83,7 @@ def _plan(case: Case) -> dict[str, Any]:
         odd: list[Finding] = []
         if isinstance(surface, ResponseSurface):
             odd += plausibility_findings(surface, calibrated=case.observation.calibrated)
+            odd += mass_findings(case, surface)
         elif case.observation.calibrated:
             odd += implausible(surface)
         warnings += map(sentence, (*surface.findings, *odd))
@@ -122,9 +123,10 @@ def _measured(table: ResponseSurface | MultisineSpectra, test: MeasuredTest) -> 
 
 
 def _finds_mass(case: Case, surface: object) -> bool:
-    """Whether the mass is identified: where it is not given, and no driven base hides it."""
-    per_mass = isinstance(surface, ResponseSurface) and surface.per_mass
-    return case.model.mass is None and not per_mass
+    """Whether the mass is identified: where it is not given, and neither base nor phase resonance hide it."""
+    if not isinstance(surface, ResponseSurface):
+        return case.model.mass is None
+    return case.model.mass is None and not (surface.per_mass or mass_findings(case, surface))
 
 
 def _takes(plan: dict[str, Any]) -> str:

@@ -23,6 +23,7 @@ __all__ = [
     "of_one_mode",
     "resonance_findings",
     "with_loop_error",
+    "without_mass",
 ]
 
 _QUADRATURE = 0.2
@@ -63,6 +64,13 @@ def assumed_mass(points: Points, ratio: float) -> float:
     """Mass [kg] that gives points at phase resonance a damping ratio [1]: omega c = 2 zeta m omega^2."""
     stiffness = points.force / points.harmonics[:, 1]
     return float(np.median(np.abs(stiffness.imag) / points.omega**2)) / (2 * ratio)
+
+
+def without_mass(points: Points, law: ForceLaw | None = None) -> tuple[Finding, ...]:
+    """Foresee that no mass follows from the points of a test with a law, or with any where it is None."""
+    if not at_resonance_alone(points) or (law is not None and law.remembers):
+        return ()
+    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
 def resonance_findings(points: Points, mass: float | None, law: ForceLaw) -> tuple[Finding, ...]:

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsgen.case import Case
 from rsgen.errors import RsgenError
-from rsgen.identification.data import select_points
+from rsgen.finding import Finding
+from rsgen.identification.data import Points, select_points
 from rsgen.identification.multisine import check_records, refuse_across
+from rsgen.identification.phase_resonance import without_mass
 from rsgen.identification.repeats import gather_repeats
+from rsgen.law.numeric import compile_law
 from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface
 
-__all__ = ["point_faults", "refuse_ranking"]
+__all__ = ["mass_findings", "point_faults", "refuse_ranking"]
+
+
+def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
+    """Say that a measured test, of a mass that is not given, determines none; nothing where it does."""
+    if case.model.mass is not None or surface.per_mass or not surface.phase_known:
+        return ()
+    points = select_points(gather_repeats(surface)[0], case.model)
+    return without_mass(points, None if case.ranked else compile_law(case.model.force))
 
 
 def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None = None) -> list[str]:
@@ -44,7 +54,7 @@ def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None 
         points = select_points(gather_repeats(surface)[0], case.model)
     except RsgenError as fault:
         return [f"{case.path.name}: {' '.join(str(fault).split())}"]
-    return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points.omega)]
+    return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points)]
 
 
 def refuse_ranking(case: Case) -> None:
@@ -99,12 +109,14 @@ def _planned(test: SimulatedTest) -> ResponseSurface:
     )
 
 
-def _rank_faults(case: Case, surface: ResponseSurface, omega: NDArray[np.float64]) -> list[str]:
+def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
     if not case.ranked:
         return []
     faults = []
     if not surface.phase_known:
         faults.append("'rank' compares laws by force and phase; a phase, or the law itself, is needed")
-    if case.model.mass is None and np.ptp(omega) == 0:
+    if case.model.mass is None and np.ptp(points.omega) == 0:
         faults.append("'rank' needs the mass, or tests at more than one frequency")
+    elif not isinstance(case.test, SimulatedTest) and mass_findings(case, surface):
+        faults.append("'rank' needs the mass, or points off phase resonance")
     return faults

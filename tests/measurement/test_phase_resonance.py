@@ -10,6 +10,7 @@ import pytest
 
 import rsgen
 from rsgen.measurement import MeasuredTest, Signal
+from rsgen.study.foresight import mass_findings, point_faults
 from rsgen.surface import ResponseSurface
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
@@ -95,3 +96,49 @@ def test_a_sweep_is_not_taken_for_a_loop(tmp_path: Path):
     rows = np.stack([frequency, np.ones(41), np.abs(ratio), -np.degrees(np.angle(ratio))], axis=1)
     np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="")
     assert read(path).control == "force"
+
+
+CASE = """\
+schema = 1
+name   = "loop"
+title  = "Loop"
+source = "a test"
+{law}
+[test]
+kind    = "measured"
+file    = "loop.csv"
+control = "phase"
+
+[test.frequency]
+column = "frequency"
+
+[test.force]
+amplitude = "force"
+
+[test.response]
+quantity    = "displacement"
+amplitude   = "response"
+phase       = "lag"
+phase_sense = "lag"
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "said", "refused"),
+    [
+        ('[[element]]\nname = "all"\nforce = "k*x + k3*x**3 + c*v"', ["mass-at-resonance"], False),
+        ('[system]\nmass = "1.5 kg"\n[[element]]\nname = "all"\nforce = "k*x + c*v"', [], False),
+        ('model = "rank"', ["mass-at-resonance"], True),
+    ],
+)
+def test_what_a_backbone_does_not_determine_is_said_before_the_run(
+    tmp_path: Path, law: str, said: list[str], refused: bool
+):
+    surface = read(table(tmp_path))
+    path = tmp_path / "loop.toml"
+    path.write_text(CASE.format(law=law), encoding="utf-8")
+    case = rsgen.load_case(path)
+    assert [found.code for found in mass_findings(case, surface)] == said
+    faults = point_faults(case, surface)
+    assert bool(faults) == refused
+    assert all("phase resonance" in fault for fault in faults)
