@@ -12,8 +12,9 @@ from rsgen.case.naming import quote, suggest
 
 __all__ = ["sentences"]
 
-_KINDS = ("simulated", "simulated-multisine", "measured")
-_QUOTED = ", ".join(map(repr, _KINDS[:-1])) + f" or {_KINDS[-1]!r}"
+KINDS = ("simulated", "simulated-multisine", "measured")
+"""Of a test: the tags of its table, which are no keys of the file."""
+_QUOTED = ", ".join(map(repr, KINDS[:-1])) + f" or {KINDS[-1]!r}"
 _WANTED = {
     "bool_type": "true or false",
     "list_type": "a list [ ... ]",
@@ -34,7 +35,7 @@ def _keys(location: Iterable[int | str]) -> list[str]:
     """List the keys that the table at a location may have, in the order of their declaration."""
     models: list[type[BaseModel]] = [CaseDocument]
     for part in location:
-        if part in _KINDS and len(models) > 1:
+        if part in KINDS and len(models) > 1:
             models = [m for m in models if get_args(m.model_fields["kind"].annotation) == (part,)]
         elif isinstance(part, str):
             inner = {field.alias or name: field for name, field in models[0].model_fields.items()}.get(part)
@@ -72,7 +73,7 @@ def _sentence(fault: Any) -> str:
     kind = str(fault["type"])
     context = fault.get("ctx", {})
     # the discriminator's tag is no key of the file
-    if len(location) > 1 and location[0] == "test" and location[1] in _KINDS:
+    if len(location) > 1 and location[0] == "test" and location[1] in KINDS:
         shown = [location[0], *location[2:]]
     else:
         shown = location

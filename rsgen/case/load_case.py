@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from rsgen.case.building import build
 from rsgen.case.case import Case
 from rsgen.case.document import CaseDocument
-from rsgen.case.faults import sentences
+from rsgen.case.faults import KINDS, sentences
 from rsgen.case.naming import quote
 from rsgen.case.toml_tree import parse_case, read_text
 from rsgen.errors import CaseError, RsgenError
@@ -43,7 +43,7 @@ def _further_faults(tree: dict[str, Any], error: ValidationError, folders: tuple
             return []
         for part in path:
             # the discriminator's tag is no key of the file
-            if not (isinstance(table, dict) and part in ("simulated", "measured") and part not in table):
+            if not (isinstance(table, dict) and part in KINDS and part not in table):
                 table = table[part]
         table.pop(key, None)
     try:

@@ -42,10 +42,10 @@ def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None 
     list of str
         One sentence a fault, ``file: place: what; what is allowed``.
     """
-    if isinstance(case.test, MultisineTest):
-        return _unranked(case)
-    if surface is None:
-        surface = _planned(case.test) if isinstance(case.test, SimulatedTest) else None
+    if surface is None and isinstance(case.test, MultisineTest):
+        surface = _planned_records(case.test)
+    elif surface is None and isinstance(case.test, SimulatedTest):
+        surface = _planned(case.test)
     if surface is None:
         return []
     if isinstance(surface, MultisineSpectra):
@@ -107,6 +107,12 @@ def _planned(test: SimulatedTest) -> ResponseSurface:
         control=test.control,
         base=test.base or "",
     )
+
+
+def _planned_records(test: MultisineTest) -> MultisineSpectra:
+    """A record of each level of a virtual multisine, with a response."""
+    lines = np.ones((len(test.level), 1, 2), complex)
+    return MultisineSpectra(test.level, 2 * np.pi / test.period, lines, lines)
 
 
 def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:

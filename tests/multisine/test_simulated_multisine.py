@@ -180,6 +180,25 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 
 
+@pytest.mark.parametrize(
+    ("line", "instead", "reason"),
+    [
+        ("period  =", "perjod  =", "test.perjod: is not a key here; did you mean 'period'?"),
+        ("periods = 4", 'control = "phase"', "test.control: is not a key here"),
+        ("[identify]", '[identify]\nbackground = "constant"', "is identified without a background"),
+        ("[identify]", "[unknown]\n[identify]", "unknown: is not a key here"),
+    ],
+)
+def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(
+    tmp_path: Path, run_cli: Callable[..., Any], line: str, instead: str, reason: str
+) -> None:
+    case = tmp_path / "lines.toml"
+    case.write_text(CASE.format(held="5 N").replace(line, instead, 1), encoding="utf-8")
+    checked = run_cli("check", case)
+    assert (checked.code, checked.out) == (2, "")
+    assert reason in checked.err
+
+
 def test_impossible_tests_are_refused_with_the_reason() -> None:
     with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
         rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)
