@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.expression import parse
 from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit, fit_balance
+from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
 from rsgen.identification.systematic import is_systematic
 from rsgen.identification.tolerances import NOTICEABLE, QUICK
-from rsgen.law.numeric import compile_law
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw
 from rsgen.observation import OFFSET
 from rsgen.surface import ResponseSurface
 
@@ -117,17 +118,19 @@ def misfit_findings(
             numbers |= quantities(left=free * misfit)
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
-    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
+    # other modes are part of a measured motion across: there is no background beside it
+    across = isinstance(fit.problem.law, LawAtTwoPlaces)
+    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known and not across:
         found.append(_background_proposal(points, resonances))
-    trials = _with_backgrounds(fit)
+    trials = {} if across else _with_backgrounds(fit)
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
         if severity != "error":
             found += _mass_contradicted(fit, left)
-        found += _missing_background(fit, trials, wider, left)
-    return [*found, *_offset_proposal(fit, trials)]
+        found += _missing_background(fit, trials, wider, left) if trials else []
+    return [*found, *(_offset_proposal(fit, trials) if trials else [])]
 
 
 def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
@@ -151,12 +154,10 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     chosen = fit.problem.observed.points.spread(QUICK)
     chosen = chosen[fit.regression.used[chosen]]
     problem = fit.problem.select(chosen)
-    force = sum((element.force for element in problem.elements[1:]), problem.elements[0].force)
     values, mass, background = problem.split(fit.regression.parameters)
     left: dict[str, float] = {}
     for term in ("", *_TERMS):
-        added = force if not term else force + parse(f"extra_term*({term})")
-        law = compile_law(added)
+        law = _law_with(problem, term)
         known = dict(zip(problem.law.parameters, values, strict=True))
         start = np.array([known.get(name, 0.0) for name in law.parameters])
         held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
@@ -168,6 +169,14 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     whole = left.pop("")
     best = min(left, key=lambda term: left[term])
     return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def _law_with(problem: Problem, term: str) -> ForceLaw:
+    """Add a term to the law, across two sensors where some elements act there; "" is the law alone."""
+    across = isinstance(problem.law, LawAtTwoPlaces)
+    place = problem.sensors if across else ""
+    more = (make_element("extra term", f"extra_term*({term})", across=place),) if term else ()
+    return law_of((*problem.elements, *more), across=across)
 
 
 def free_curves_leave(fit: Fit, points: Points) -> float:

@@ -216,3 +216,13 @@ def test_noise_of_two_sensors_in_the_motion_across_is_in_the_weight_and_in_the_i
     # with the noise of force and response alone 11 tests were doubtful and half of the intervals wrong
     assert states.count("identified") >= 10
     assert np.mean(inside) > 0.8
+
+
+def test_what_a_joint_lacks_is_sought_across_and_no_background_that_is_refused_is_proposed():
+    linear = rs.make_element("joint", "kj*x + cj*v", across=SENSORS)
+    found = {f.code: f for f in rs.identify(two_masses((0.1, 0.2, 0.4)), (ELEMENTS[0], linear)).findings}
+    misses = found["law-does-not-fit"]
+    assert misses.names["term"] == "x**3"
+    # what is left is the round-off of a law that is right; a cubic spring at the response leaves half
+    assert misses["left"] < 0.02 * misses["misfit"]
+    assert not [code for code in found if code.startswith(("background", "offset"))]

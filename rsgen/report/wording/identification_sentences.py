@@ -115,11 +115,11 @@ say_plainly(
             "points): the structure would work on the exciter there"
         ),
         "stiffness-negative-across": (
-            "k of the elements across {sensors} is negative, down to {least:.3q}, for amplitudes there of "
+            "k(X) of the elements across {sensors} is negative, down to {least:.3q}, for X there of "
             "{low:.3q} to {high:.3q} ({share:.0%} of the points)"
         ),
         "damping-negative-across": (
-            "c of the elements across {sensors} is negative, down to {least:.3q}, for amplitudes there of "
+            "c(X) of the elements across {sensors} is negative, down to {least:.3q}, for X there of "
             "{low:.3q} to {high:.3q} ({share:.0%} of the points): a joint takes energy, it gives none"
         ),
         "harmonics-across-left-out": (
