@@ -98,9 +98,10 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
             f"{quantity_text(amplitude[0], 'm', 3)}, to the largest, "
             f"{quantity_text(amplitude[-1], 'm', 3)}, the resonance frequency goes from "
             f"{_span(frequency, 'Hz')} "
-            f"({100 * (frequency[-1] / frequency[0] - 1):+.2f} %) and the damping ratio from "
-            f"{number_text(100 * ratio[0], 3)} to {number_text(100 * ratio[-1], 3)} %."
+            f"({100 * (frequency[-1] / frequency[0] - 1):+.2f} %) and the damping ratio "
         )
+        ends = (number_text(100 * value, 3) for value in ratio[[0, -1]])
+        text += "from {} to {} %.".format(*ends) if np.isfinite(ratio).all() else "is not known."
     caption = "Resonance of each level: the shift with amplitude is what identification reads."
     return Drawing("resonance", figure, caption, text, ax is None)
 
@@ -196,7 +197,9 @@ def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats,
         if read.size
         else []
     )
-    if not shown:
+    if not shown and len(measured):
+        levels = f"{len(measured)} levels reach resonance, where without a mass none has a {what}."
+    elif not shown:
         levels = "No level could be read at resonance."
     elif len(read) == 1:
         levels = f"The one level that could be read at resonance has {shown[0]}."
@@ -299,7 +302,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     text = "No test point could be used."
     if grid.size:
         words = "; ".join(filter(None, map(_collapse_words, parts)))
-        text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}: {words}."
+        text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}{': ' if words else ''}{words}."
     return Drawing("collapse", figure, caption, text, ax is None)
 
 

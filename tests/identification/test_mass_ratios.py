@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.figures import draw_resonance, draw_stiffness
 from rsgen.measurement import MeasuredTest, Signal
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
@@ -53,6 +54,9 @@ def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assume
     assert np.isnan([r.damping_ratio for r in found.resonances]).all()
     assert np.isnan(found.covariance[1:]).all()
     assert found.restoring is None
+    resonance, stiffness = (draw(found).alternative for draw in (draw_resonance, draw_stiffness))
+    assert "the damping ratio is not known" in resonance
+    assert "without a mass none has a stiffness" in stiffness
     curves = rsgen.predict(found)
     assert (len(curves), curves.findings[0].code) == (0, "curves-need-mass")
     with pytest.raises(rsgen.RsgenError, match="phase resonance do not determine the mass"):
