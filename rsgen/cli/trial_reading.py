@@ -11,7 +11,7 @@ from rsgen.case import load_case
 from rsgen.errors import CaseError, RsgenError
 from rsgen.finding import Finding
 from rsgen.inspection import Contents, Proposal
-from rsgen.inspection.corrections import with_control, with_quantity, with_sense
+from rsgen.inspection.corrections import with_base, with_control, with_quantity, with_sense
 from rsgen.inspection.offset import has_levels, offset_findings
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra
@@ -28,7 +28,7 @@ _PLACEHOLDERS = ("test.level.value", "test.level.values")
 _MANY = 8
 """Lines from which on a periodic force is no sine with harmonics."""
 _CASE = "trial.toml"
-_CONTRADICTIONS = {"not-passive", "another-quantity", "phase-not-resonant"}
+_CONTRADICTIONS = {"base-misread", "not-passive", "another-quantity", "phase-not-resonant"}
 """Findings that a correction must not bring in."""
 
 
@@ -148,16 +148,22 @@ def _improved(
     file: Path, proposal: Proposal, surface: ResponseSurface | MultisineSpectra
 ) -> tuple[Proposal, ResponseSurface | MultisineSpectra]:
     """Correct what the values contradict, and say what was held."""
-    for correct in (with_sense, with_quantity, with_control):
-        other = correct(surface, proposal) if isinstance(surface, ResponseSurface) else None
-        if other is None:
-            continue
-        try:
-            read = _read(file, other)
-        except RsgenError:
-            continue
-        if not _CONTRADICTIONS & {f.code for f in read.findings} - {f.code for f in surface.findings}:
-            proposal, surface = other, read
+    before = {finding.code for finding in surface.findings}
+    for correct in (with_sense, with_base, with_quantity, with_control):
+        # of a relative response in the other sense the reference shows once the sense is right
+        steps = (correct, with_base) if correct is with_sense else (correct,)
+        other, read = proposal, surface
+        for step in steps:
+            changed = step(read, other) if isinstance(read, ResponseSurface) else None
+            if changed is None:
+                continue
+            try:
+                other, read = changed, _read(file, changed)
+            except RsgenError:
+                break
+            if not _CONTRADICTIONS & {finding.code for finding in read.findings} - before:
+                proposal, surface = other, read
+                break
     return proposal, surface
 
 

@@ -65,9 +65,14 @@ class _Table:
         for clue in clues:
             found = [sensor for sensor in self.free if clue(sensor.main)]
             if found:
-                self.free = [sensor for sensor in self.free if sensor not in found]
+                self.leave(found)
                 return found
         return []
+
+    def leave(self, found: Sequence[Sensor]) -> None:
+        """Take channels that were found elsewhere."""
+        gone = {id(sensor) for sensor in found}
+        self.free = [sensor for sensor in self.free if id(sensor) not in gone]
 
 
 def _are_channels(guess: Guess, run: tuple[str, str]) -> bool:
@@ -136,7 +141,8 @@ def _named_level(guess: Guess, size: int, alike: Clue) -> Entry | None:
 
 def _force(guess: Guess, table: _Table) -> Sensor | None:
     named = (FORCE | LOAD) & _NO_MOTION
-    parts = Clue(lambda entry: any(s.main is entry and s.places[0][0] == "real" for s in table.free))
+    in_parts = {id(sensor.main) for sensor in table.free if sensor.places[0][0] == "real"}
+    parts = Clue(lambda entry: id(entry) in in_parts)
     return table.take(
         parts & IS_FORCE,
         REAL & IS_FORCE,
@@ -163,7 +169,7 @@ def _responses(guess: Guess, table: _Table) -> list[Sensor]:
         first = table.take(VARIES & ~REAL, VARIES & ~LOAD & ~IS_FORCE, VARIES)
         # names that nobody knows: what has a phase, too, is a channel as well
         others = [sensor for sensor in table.free if first and sensor.has_phase and VARIES(sensor.main)]
-        table.free = [sensor for sensor in table.free if sensor not in others]
+        table.leave(others)
         found = [first, *others] if first else []
     return sorted(found, key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
 

@@ -12,7 +12,7 @@ from rsgen.measurement.signals import QUANTITIES
 from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import at_phase_resonance
 
-__all__ = ["with_control", "with_quantity", "with_sense"]
+__all__ = ["with_base", "with_control", "with_quantity", "with_sense"]
 
 _MOTIONS = ("test.response", "test.channels.")
 _FORCE_HELD = 'or "force"'
@@ -33,6 +33,27 @@ def with_sense(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:
     sense = {"phase_sense": wrong[0].names["phase_sense"]}
     # one device writes all phases in one sense
     return _changed(proposal, list(turned), sense, "the other sense would feed energy into the exciter")
+
+
+def with_base(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:
+    """Read a driven base in the sense or against the reference in which it moves a structure; None if so."""
+    found = [f.names["is"] for f in surface.findings if f.code == "base-misread"]
+    mistake = found[0] if found else ""
+    if mistake == "reference":
+        old = proposal.tables["test.base"]["response"]
+        new = {"response": "relative" if old == "absolute" else "absolute"}
+        return _changed(proposal, ["test.base"], new, f"read as {old}, no structure moves so")
+    if not mistake.startswith("sense"):
+        return None
+    of = {"sense-base": ("test.base",), "sense-response": _MOTIONS}.get(mistake, ("test.",))
+    turned = [
+        name for name, table in proposal.tables.items() if "phase_sense" in table and name.startswith(of)
+    ]
+    senses = {proposal.tables[name]["phase_sense"] for name in turned}
+    if len(senses) != 1:
+        return None
+    sense = {"phase_sense": "lag" if "lead" in senses else "lead"}
+    return _changed(proposal, turned, sense, "in the other sense no structure moves so")
 
 
 def with_quantity(surface: ResponseSurface, proposal: Proposal) -> Proposal | None:

@@ -6,7 +6,7 @@ Columns belong together by the words of their titles, never by their order alone
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +19,8 @@ __all__ = ["Sensor", "Sensors", "find_sensors", "fundamentals", "is_of_another",
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
 """Words of a title: "accTip_1" has acc, tip, 1."""
+_MOST_PAIRS = 100_000
+"""Phases times amplitudes that are compared word by word; of thousands only equal words count."""
 _OF_PHASE = re.compile(
     r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
 )
@@ -195,26 +197,31 @@ def _partners(
 ) -> tuple[dict[int, tuple[Entry, str]], list[Entry]]:
     """Find the phase of each amplitude by their words: by the identity of the amplitude, and the others."""
     words = {id(entry): words_of(entry) for entry in (*phases, *amplitudes)}
+    alike: dict[tuple[str, ...], deque[Entry]] = defaultdict(deque)
+    for entry in amplitudes:
+        alike[tuple(sorted(words[id(entry)]))].append(entry)
     of: dict[int, tuple[Entry, str]] = {}
-    open_phases = list(phases)
-    for asked in (3, 2):
-        for phase in list(open_phases):
-            alike = [
-                entry
-                for entry in amplitudes
-                if id(entry) not in of and _likeness(words[id(phase)], words[id(entry)]) == asked
-            ]
-            if not alike:
-                continue
-            # "phase x/F" is that of x: its word stands first
-            spoken = words[id(phase)]
-            first = min(alike, key=lambda e: min(spoken.index(w) for w in words[id(e)] if w in spoken))
-            doubtful = asked == 2 and len(alike) > 1 and set(spoken) < set(words[id(alike[1])])
-            if doubtful:
-                continue
-            of[id(first)] = (phase, "")
-            open_phases.remove(phase)
-    return of, open_phases
+    others: list[Entry] = []
+    for phase in phases:
+        equal = alike[tuple(sorted(words[id(phase)]))] if words[id(phase)] else None
+        if equal:
+            of[id(equal.popleft())] = (phase, "")
+        else:
+            others.append(phase)
+    open_ones = [entry for entry in amplitudes if id(entry) not in of]
+    if len(others) * len(open_ones) > _MOST_PAIRS:
+        return of, others
+    loose = []
+    for phase in others:
+        spoken = words[id(phase)]
+        near = [e for e in open_ones if id(e) not in of and _likeness(spoken, words[id(e)])]
+        if not near or (len(near) > 1 and set(spoken) < set(words[id(near[1])])):
+            loose.append(phase)
+            continue
+        # "phase x/F" is that of x: its word stands first
+        first = min(near, key=lambda e: min(spoken.index(w) for w in words[id(e)] if w in spoken))
+        of[id(first)] = (phase, "")
+    return of, loose
 
 
 def _by_place(
@@ -224,13 +231,14 @@ def _by_place(
     nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
     if len(nameless) < 2:
         return found, list(loose)
+    place = {id(column): number for number, column in enumerate(columns)}
     taken: dict[int, Sensor] = {}
     for entry in nameless:
-        before = next(n for n, column in enumerate(columns) if column is entry) - 1
+        before = place[id(entry)] - 1
         sensor = found.get(before)
         if sensor is None or sensor.has_phase or before in taken:
             return found, list(loose)
         places = (*sensor.places, ("phase", entry))
         taken[before] = Sensor(sensor.main, places, "the column behind; its title names no channel")
-    rest = [entry for entry in loose if entry not in nameless]
-    return found | taken, rest
+    given = {id(entry) for entry in nameless}
+    return found | taken, [entry for entry in loose if id(entry) not in given]
