@@ -88,7 +88,7 @@ def _said(one: BestLinear) -> str:
 
 def _hidden(share: float, bound: float) -> str:
     """A share in per cent, or what it is below where noise hides it."""
-    if share == 0 and np.isfinite(bound):
+    if share == 0 and np.isfinite(bound) and bound > 0:
         return f"less than {number_text(100 * bound, 2)} %"
     return f"{number_text(100 * share, 2)} %"
 

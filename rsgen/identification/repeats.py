@@ -71,8 +71,8 @@ class Repeats:
     def follow_force(self) -> bool:
         """Whether responses follow the forces of the readings, so that each is a point of its own.
 
-        As in S-curves, where a force is raised in small steps. Under a force that was meant to be the same,
-        both deviate independently, and a slope of one over the other brings nothing.
+        As in S-curves, where a force is raised in small steps, or where it fluctuates by itself. Where only
+        the sensors scatter, both deviate independently, and a slope of one over the other brings nothing.
         """
         force = self.force.real
         freedom = len(self.row) - len(self.count) - 1

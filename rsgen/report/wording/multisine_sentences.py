@@ -43,8 +43,9 @@ say_plainly(
             "in turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
         ),
         "misfit-beside-damping": (
-            "what the law leaves is {share:.2p} of its damping force: damping that it lacks, such as "
-            "friction, would leave little of the whole force, and stand in the damping that it has"
+            "the misfit is small beside the whole force, but {share:.2p} of the damping force: friction or "
+            "other damping that the law lacks would look so, and is then counted in the damping coefficients "
+            "that it has"
         ),
         "record-not-predicted": (
             "no periodic response of the identified law was found under the force of the held-out level "
