@@ -49,9 +49,6 @@ _TAIL_STEPS = 12
 _TAIL_ENOUGH = 1e-9
 """Change of the unseen lines, relative to the seen ones, at which they move no force any more."""
 
-_FOLLOWED = 3
-"""Steps to how the law's own motion follows the parameters: errors of the slopes by noise are larger then."""
-
 _MEAN_STEPS = 30
 """Newton steps to the mean of a motion whose mean the sensor does not see."""
 
@@ -326,15 +323,15 @@ class _Along:
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(response)]
 
     def _follow(self, columns: Array, by_x: Array, by_v: Array, whole: ComplexArray) -> None:
-        """Add to slopes (p+1, s) what the law's own motion, which follows parameters and mass, adds."""
-        low, inertia = self.low, self.mass * self.rate[self.low] ** 2
-        still, change = np.array(columns), np.zeros((len(columns), len(self.rate)), dtype=complex)
-        for _ in range(_FOLLOWED):
-            left = self._spectrum(columns)[:, low] + inertia * change[:, low]
-            left[-1] += (self.rate**2 * whole)[low]
-            change[:, low] -= left / self._dynamic[low]
-            moved, faster = (self._wave(one) for one in (change, change * self.rate))
-            columns[:] = still + by_x * moved + by_v * faster
+        """Add to slopes (p+1, s) what the law's own motion, which follows parameters and mass, adds at first.
+
+        One step of the iteration to that motion: what more would change is less than noise does to slopes.
+        """
+        low, change = self.low, np.zeros((len(columns), len(self.rate)), dtype=complex)
+        change[:, low] = -self._spectrum(columns)[:, low]
+        change[-1, low] -= (self.rate**2 * whole)[low]
+        change[:, low] /= self._dynamic[low]
+        columns += by_x * self._wave(change) + by_v * self._wave(change * self.rate)
 
     def _spectrum(self, waves: Array) -> ComplexArray:
         """(n, extended + 1) of signals (n, s)."""
