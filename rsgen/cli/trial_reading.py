@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,6 +29,7 @@ _PLACEHOLDERS = ("test.level.value", "test.level.values")
 _MANY = 8
 """Lines from which on a periodic force is no sine with harmonics."""
 _CASE = "trial.toml"
+_Correction = Callable[[ResponseSurface, Proposal], Proposal | None]
 _CONTRADICTIONS = {"base-misread", "not-passive", "another-quantity", "phase-not-resonant"}
 """Findings that a correction must not bring in."""
 
@@ -132,6 +134,7 @@ def _try_history(file: Path, proposal: Proposal) -> Trial:
     try:
         surface = _read(file, guessed)
         few = isinstance(surface, MultisineSpectra) and surface.excited().sum(axis=1).min() < _MANY
+        guessed, surface = _improved(file, guessed, surface, (with_base, with_quantity))
     except RsgenError as fault:
         return Trial(guessed, fault=_said(fault))
     return _judged(guessed, surface) if not few else _judged(proposal, _read(file, proposal))
@@ -145,11 +148,14 @@ def _excited(proposal: Proposal, kind: str, doubt: str) -> Proposal:
 
 
 def _improved(
-    file: Path, proposal: Proposal, surface: ResponseSurface | MultisineSpectra
+    file: Path,
+    proposal: Proposal,
+    surface: ResponseSurface | MultisineSpectra,
+    corrections: tuple[_Correction, ...] = (with_sense, with_base, with_quantity, with_control),
 ) -> tuple[Proposal, ResponseSurface | MultisineSpectra]:
     """Correct what the values contradict, and say what was held."""
     before = {finding.code for finding in surface.findings}
-    for correct in (with_sense, with_base, with_quantity, with_control):
+    for correct in corrections:
         # of a relative response in the other sense the reference shows once the sense is right
         steps = (correct, with_base) if correct is with_sense else (correct,)
         other, read = proposal, surface

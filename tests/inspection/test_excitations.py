@@ -184,13 +184,16 @@ def test_a_record_is_read_by_what_it_is(
     assert np.median(np.abs(SHARE * ratio / exact - 1)) < 0.02
 
 
-def test_a_base_that_sweeps_is_recognised(tmp_path: Path) -> None:
+@pytest.mark.parametrize("reference", ["absolute", "relative"])
+def test_a_base_that_sweeps_is_recognised(tmp_path: Path, reference: str) -> None:
     base = sweep()
     # relative motion of a kilogram under minus the acceleration of the base
     relative = response(-MASS * base)[1]
-    columns = {"t [s]": seconds(len(base) / RATE), "Mass [m/s^2]": base + relative, "Table [m/s^2]": base}
+    columns = {"t [s]": seconds(len(base) / RATE), "Table [m/s^2]": base}
+    columns["Mass [m/s^2]"] = relative + (base if reference == "absolute" else 0)
     tables, trial = tried(tmp_path / "a.csv", columns)
     assert tables["base"]["samples"] == "Table [m/s^2]"
+    assert tables["base"]["response"] == reference
     assert tables["response"]["samples"] == "Mass [m/s^2]"
     surface = trial.surface
     assert isinstance(surface, ResponseSurface)
