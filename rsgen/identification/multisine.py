@@ -320,7 +320,10 @@ def _damping_findings(
         return []
     share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
     left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
-    if not (share > 0 and left > _HIDES * share):
+    if share == 0:
+        numbers = quantities(misfit=misfit)
+        return [Finding("damping-missing", "doubt", numbers=numbers)] if left > NOTICEABLE else []
+    if left <= _HIDES * share:
         return []
     return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
 

@@ -17,6 +17,7 @@ from rsgen.multisine.steady import periodic_response
 LAWS = {
     "smooth": ("k*x + k2*x**2 + k3*x**3 + c*v", {"k": 5000.0, "k2": 6e4, "k3": 4e6, "c": 4.0}),
     "friction": ("k*x + k3*x**3 + c*v + F*sign(v)", {"k": 5000.0, "k3": 4e6, "c": 4.0, "F": 0.2}),
+    "light": ("k*x + c*v", {"k": 5000.0, "c": 0.3}),
 }
 MASS, RATE = 1.5, 256.0
 LEVELS = (3.0, 5.0, 8.0)
@@ -99,6 +100,15 @@ def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods: int) -> Non
     assert found.residual < 0.05
     assert "misfit-beside-damping" in [finding.code for finding in found.findings]
     assert not found.verdict.usable
+
+
+def test_a_law_without_a_damper_is_doubted_though_it_leaves_little() -> None:
+    spectra = recorded(*motions("light"), periods=6, noise=0.003, seed=0)
+    found = rsgen.identify(spectra, "k*x")
+    assert found.residual < 0.05
+    assert found.verdict.state == "doubtful"
+    assert "damping-missing" in [finding.code for finding in found.findings]
+    assert rsgen.identify(spectra, LAWS["light"][0]).verdict.state == "identified"
 
 
 def test_noise_below_the_driven_lines_moves_nothing() -> None:

@@ -42,6 +42,9 @@ say_plainly(
             "part is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines "
             "in turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
         ),
+        "damping-missing": (
+            "the law has no damping, and what it leaves, {misfit:.2p} of the force, is more than noise"
+        ),
         "misfit-beside-damping": (
             "the misfit is small beside the whole force, but {share:.2p} of the damping force: friction or "
             "other damping that the law lacks would look so, and is then counted in the damping coefficients "
@@ -95,6 +98,7 @@ NEXT_STEPS.update(
         "response-copies-force": (
             "Check which channel is the response, and that the lines reach the resonance."
         ),
+        "damping-missing": "Add a damper, c*v, and compare what is left.",
         "misfit-beside-damping": (
             "Try another law of damping beside the one you have, such as F*sign(v) or c2*v*abs(v), and take "
             "the one with the smaller misfit; the damping is not known better than this share."
