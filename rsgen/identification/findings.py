@@ -208,8 +208,10 @@ class Findings:
     resonances: tuple[Resonance, ...]
     agreement: Agreement
 
-    def collect(self, of_parameters: tuple[Finding, ...], *, calibrated: bool) -> tuple[Finding, ...]:
-        """All findings, those about parameters first."""
+    def collect(
+        self, of_parameters: tuple[Finding, ...], about: tuple[Finding, ...], *, calibrated: bool
+    ) -> tuple[Finding, ...]:
+        """All findings, those about parameters first, but for what others that are known explain."""
         found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
         found += of_one_mode(self.surface.findings, self.points)
         if not self.surface.phase_known:
@@ -242,7 +244,11 @@ class Findings:
         found += phase_findings(self.fit)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
-        return (*found, *self._runs())
+        found += self._runs()
+        if any(f.code == "harmonics-across-left-out" and f.severity == "doubt" for f in about):
+            # what harmonics leave of the misfit another mass may take up, and is as wrong for it
+            found = [finding for finding in found if finding.code != "mass-contradicted"]
+        return tuple(found)
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = None if "m" in not_identifiable else self.fit.mass

@@ -36,6 +36,7 @@ from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import invert_curve, invert_motion
 from rsgen.identification.result import (
+    Background,
     EquivalentCurve,
     Estimate,
     Identification,
@@ -244,12 +245,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     law, (whole, each) = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
-    if not used.any():
-        raise RsgenError(
-            f"law: {model.force} follows none of the {len(points)} points; is this the law, with x for the "
-            "displacement, v for the velocity and every other name a parameter, and are quantity and unit of "
-            "the response as in the case?"
-        )
+    _require_followed(used, model)
     kept = points.select(used)
     first = _first_order(kept, test.problem, refined.values, refined.mass)
     paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
@@ -280,10 +276,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("per-unit-mass", "info"))
     about = (*about, *resonance_findings(kept, model.mass, law), *left_out_findings(refined, estimates))
     general = Findings(surface, points, refined, resonances, agreement)
-    collected = general.collect(of_parameters, calibrated=model.observation.calibrated)
-    if any(finding.code == "harmonics-across-left-out" and finding.severity == "doubt" for finding in about):
-        # what harmonics leave of the misfit another mass may take up, and is as wrong for it
-        collected = tuple(finding for finding in collected if finding.code != "mass-contradicted")
+    collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(
         model=model,
         paper=make_estimates(paper, law, model, {}, units),
@@ -301,20 +294,26 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=_outcome(surface, points, estimates, refined),
         solution=refined.values,
-        background=state_background(
-            refined.problem.observed,
-            refined.background,
-            np.diag(whole.covariance)[test.problem.count :],
-            whole.freedom,
-            per_mass=surface.per_mass,
-        ),
-        findings=(
-            *about,
-            *law_remarks(model.force),
-            *mirror_findings(test.problem, estimates),
-            *collected,
-        ),
+        background=_background(refined, whole, per_mass=surface.per_mass),
+        findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, estimates), *collected),
     )
+
+
+def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
+    """Refuse a law that no point follows."""
+    if not used.any():
+        raise RsgenError(
+            f"law: {model.force} follows none of the {len(used)} points; is this the law, with x for the "
+            "displacement, v for the velocity and every other name a parameter, and are quantity and unit of "
+            "the response as in the case?"
+        )
+
+
+def _background(refined: Fit, whole: Regression, *, per_mass: bool) -> Background | None:
+    """The background with its errors, which stand behind those of the law."""
+    problem = refined.problem
+    variance = np.diag(whole.covariance)[problem.count :]
+    return state_background(problem.observed, refined.background, variance, whole.freedom, per_mass=per_mass)
 
 
 def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, float, tuple[Finding, ...]]:

@@ -194,16 +194,6 @@ def _judge(
         findings.append(Finding("not-calibrated", "info"))
     amplitudes = np.sqrt(2) * part.rms_response()
     frequency = part.frequency[lines.used.any(axis=0)]
-    levels = part.levels
-    numbers = quantities(
-        identified=sum(estimate.identifiable for estimate in estimates),
-        parameters=len(estimates),
-        lines=int(lines.used.sum()),
-        excited=int((lines.used & part.excited()).sum()),
-        records=len(part),
-        levels=len(levels),
-        misfit=misfit,
-    )
     resonances = tuple(map(_resonance, approximations))
     none = (nan, inf, (-inf, inf))
     unread = tuple(Estimate(estimate.name, *none, estimate.unit) for estimate in estimates)
@@ -218,10 +208,10 @@ def _judge(
         curve=_curve(resonances),
         residual=misfit,
         noise=noise,
-        levels=levels,
+        levels=part.levels,
         amplitude_range=(float(amplitudes.min()), float(amplitudes.max())),
         frequency_range=(float(frequency[0]), float(frequency[-1])),
-        outcome=Finding("identified-from-lines", "info", numbers=numbers),
+        outcome=_outcome(lines, estimates, misfit),
         findings=tuple(findings),
         solution=fit.values,
         spectra=spectra,
@@ -230,6 +220,20 @@ def _judge(
         misfit=frozen_array(fit.balance.residual, np.complex128),
         deviation=frozen_array(np.sqrt(fit.noise.variance)),
     )
+
+
+def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
+    """What was found from how many lines."""
+    numbers = quantities(
+        identified=sum(estimate.identifiable for estimate in estimates),
+        parameters=len(estimates),
+        lines=int(lines.used.sum()),
+        excited=int((lines.used & lines.spectra.excited()).sum()),
+        records=len(lines.spectra),
+        levels=len(lines.spectra.levels),
+        misfit=misfit,
+    )
+    return Finding("identified-from-lines", "info", numbers=numbers)
 
 
 def _resonance(found: BestLinear) -> Resonance:

@@ -197,14 +197,8 @@ class ResponseSurface:
                 findings += (Finding("points-not-measured", "warning", numbers=numbers),)
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
-        words = {
-            "origin": origin,
-            "phase_known": bool(phase_known),
-            "control": control,
-            "findings": findings,
-            "per_mass": bool(per_mass),
-            "base": base,
-        }
+        words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
+        words |= {"phase_known": bool(phase_known), "per_mass": bool(per_mass)}
         for name, value in (columns | words).items():
             object.__setattr__(self, name, value)
         self._check_words()
