@@ -274,7 +274,9 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("nothing-identifiable", "doubt"))
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
-    about = (*about, *resonance_findings(kept, model.mass, law), *left_out_findings(refined, estimates))
+    outcome = _outcome(surface, points, estimates, refined)
+    about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
+    about = (*about, *left_out_findings(refined, estimates))
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(
@@ -292,7 +294,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
-        outcome=_outcome(surface, points, estimates, refined),
+        outcome=outcome,
         solution=refined.values,
         background=_background(refined, whole, per_mass=surface.per_mass),
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, estimates), *collected),

@@ -1,7 +1,8 @@
 """What a test at phase resonance determines where the mass is not given: stiffness over mass, and damping.
 
 There k(X) = m omega^2 holds whatever m is, so that every mass fits alike if the stiffness grows with it; only
-errors of the lag would tell one from another. The law is fitted with two masses, those of a lightly and of a
+errors of the lag would tell one from another. Lags that differ by more than those determine a mass, and it is
+identified as in other tests. Else the law is fitted with two masses, those of a lightly and of a
 well damped mode. What scales with the mass is given as a ratio to it; a lag phi off a quarter period shifts
 that by 2 zeta/tan(phi), which the two fits enclose.
 """
@@ -18,7 +19,14 @@ from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.data import Points, select_points
 from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.phase_resonance import DAMPED, LIGHT, assumed_mass, at_resonance_alone
+from rsgen.identification.phase_resonance import (
+    DAMPED,
+    LIGHT,
+    assumed_mass,
+    at_resonance_alone,
+    mass_sure,
+    near_resonance,
+)
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.result import Estimate, Identification
 from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
@@ -61,8 +69,12 @@ def identify_ratios(
     points = select_points(gather_repeats(surface)[0], model)
     law = law_of(model.elements, across=surface.across is not None)
     # a loop has its stiffness in its damping, which is known without a mass
-    if isinstance(law, LawAtTwoPlaces) or law.remembers or not at_resonance_alone(points):
+    if isinstance(law, LawAtTwoPlaces) or law.remembers or not near_resonance(points):
         return None
+    if not at_resonance_alone(points, noise=0.0):
+        free = identify(surface, model)
+        if _has_mass(free, points):
+            return free
     masses = [assumed_mass(points, ratio) for ratio in (LIGHT, DAMPED)]
     if not min(masses) > 0:
         return None
@@ -73,6 +85,13 @@ def identify_ratios(
     if powers is None:
         return None
     return _Ratios(surface, points, model, powers, (light, damped)).identification()
+
+
+def _has_mass(free: Identification, points: Points) -> bool:
+    """Tell whether lags that differ by more than the noise determine the mass of a fit that had it free."""
+    if at_resonance_alone(points, free.outcome["misfit"]):
+        return False
+    return mass_sure(free.refined[-1].value, float(free.covariance[-1, -1]))
 
 
 def _powers(points: Points, law: ForceLaw, values: Array) -> Array | None:

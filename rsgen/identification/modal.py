@@ -34,6 +34,8 @@ from rsgen.identification.phase_resonance import (
     assumed_mass,
     at_resonance_alone,
     in_quadrature,
+    mass_sure,
+    near_resonance,
     with_loop_error,
 )
 from rsgen.identification.repeats import gather_repeats
@@ -60,9 +62,6 @@ _NEAR = np.sqrt(0.5)
 
 _FEWEST = 4
 """Points near resonance: fewer do not tell a constant from its error."""
-
-_KNOWN = 0.2
-"""Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
 
 _SCATTERED = 0.05
 """Misfit from which on a reader is told: more than most noise, and than one harmonic leaves of most laws."""
@@ -162,7 +161,7 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
     # smaller motions say nothing of resonance, but all of the background
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MOST)]
-    modes = two_modes(mode.omega / (2 * np.pi)) if at_resonance_alone(mode) else None
+    modes = two_modes(mode.omega / (2 * np.pi)) if near_resonance(mode) else None
     if modes is not None:
         raise RsgenError(
             f"modal table: points at phase resonance lie near {modes[0]:.4g} and near {modes[1]:.4g} Hz, on "
@@ -177,10 +176,15 @@ def _mass_known(modal: ModeProblem, found: Regression) -> bool:
         return True
     _, mass, _ = modal.split(found.parameters)
     place = modal.coefficients
-    if at_resonance_alone(modal.seen.mode):
+    if at_resonance_alone(modal.seen.mode, _misfit(found)):
         # only that the splines are simple would determine it
         return False
-    return bool(mass > 0 and found.covariance[place, place] < (_KNOWN * mass) ** 2)
+    return mass_sure(mass, float(found.covariance[place, place]))
+
+
+def _misfit(found: Regression) -> float:
+    """Relative, of real and imaginary part together [1]."""
+    return float(found.noise * np.sqrt(2))
 
 
 def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, Regression]:
@@ -273,7 +277,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
-    misfit = float(found.noise * np.sqrt(2))
+    misfit = _misfit(found)
     if misfit > _SCATTERED:
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
     if surface.across is not None:

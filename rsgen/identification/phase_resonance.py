@@ -20,6 +20,8 @@ __all__ = [
     "assumed_mass",
     "at_resonance_alone",
     "in_quadrature",
+    "mass_sure",
+    "near_resonance",
     "of_one_mode",
     "resonance_findings",
     "with_loop_error",
@@ -36,6 +38,18 @@ nobody corrected says as little of the mass as a quarter period does."""
 _OFF = 2
 """At least as many points off resonance determine a mass, one on either side or two slices."""
 
+_PHASES = 0.01
+"""Lags that spread by less, half a degree [rad], say nothing of the mass: phases are measured no better."""
+
+_ABOVE_NOISE = 3.0
+"""Lags that spread by so many times the noise were set apart: those of one lag spread by 1.3 times it."""
+
+_EXPECTED = 0.02
+"""Relative noise that is allowed for before a fit shows it."""
+
+_KNOWN = 0.2
+"""Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
+
 LIGHT = 0.01
 """Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
 
@@ -49,15 +63,36 @@ works leave as much. One value for the whole test, for they are the same at ever
 
 def in_quadrature(points: Points) -> NDArray[np.bool_]:
     """(n,) True where the response lags the force by nearly a quarter period, or what all points share."""
-    stiffness = points.force / points.harmonics[:, 1]
-    lag = np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2
+    lag = _lag(points)
     common = float(np.median(lag))
     return np.asarray(np.abs(lag - (common if abs(common) < _COMMON else 0.0)) < _QUADRATURE)
 
 
-def at_resonance_alone(points: Points) -> bool:
-    """Tell whether hardly a point lies off resonance: a mass then rests on errors of the lag."""
+def _lag(points: Points) -> Array:
+    """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed."""
+    stiffness = points.force / points.harmonics[:, 1]
+    return np.asarray(np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2)
+
+
+def near_resonance(points: Points) -> bool:
+    """Tell whether hardly a point lies off phase resonance, or off a lag that all share."""
     return int(np.count_nonzero(~in_quadrature(points))) < _OFF
+
+
+def at_resonance_alone(points: Points, noise: float = _EXPECTED) -> bool:
+    """Tell whether all points have one lag to within the noise [1]: a mass then rests on errors of the lag.
+
+    Slices a few degrees on either side of resonance determine a mass, as F/X = k - m omega^2 differs in them.
+    """
+    if not near_resonance(points):
+        return False
+    spread = np.std(_lag(points)[in_quadrature(points)])
+    return bool(spread < max(_PHASES, _ABOVE_NOISE * noise))
+
+
+def mass_sure(mass: float, variance: float) -> bool:
+    """Tell whether an identified mass [kg] is positive, and its variance [kg^2] small enough."""
+    return bool(mass > 0 and variance < (_KNOWN * mass) ** 2)
 
 
 def assumed_mass(points: Points, ratio: float) -> float:
@@ -73,13 +108,15 @@ def without_mass(points: Points, law: ForceLaw | None = None) -> tuple[Finding, 
     return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
-def resonance_findings(points: Points, mass: float | None, law: ForceLaw) -> tuple[Finding, ...]:
-    """Say what a mass [kg] that was not given rests on where all points lie at phase resonance.
+def resonance_findings(
+    points: Points, mass: float | None, law: ForceLaw, noise: float
+) -> tuple[Finding, ...]:
+    """Say what a mass [kg] that was not given rests on where all points have the lag of resonance.
 
     A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right.
     With others it rests on errors of the lag.
     """
-    if mass is not None or not at_resonance_alone(points):
+    if mass is not None or not at_resonance_alone(points, noise):
         return ()
     numbers = quantities(points=len(points))
     if law.remembers:

@@ -21,6 +21,9 @@ _RESONANT = 0.52
 _APART = 0.14
 """Lags that are set differ by more than eight degrees from the next; those of one loop scatter by less."""
 
+_SCATTERED = 0.07
+"""Lags that scatter by more than four degrees are not of one loop, but slices that were set."""
+
 _HELD = 0.02
 """A lag within a degree of a quarter period shifts k/m by a thirtieth of the damping ratio: no matter."""
 
@@ -69,6 +72,8 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
     if not len(off):
         seen = {"lag": Quantity(float(np.degrees(np.median(lag))))} if len(lag) else {}
         return (Finding("phase-not-resonant", "doubt", numbers=seen),) if len(lag) else ()
+    if np.std(off) > _SCATTERED:
+        return ()
     missed = float(np.median(off))
     numbers = {
         "points": Quantity(len(off)),

@@ -10,6 +10,7 @@ import pytest
 import rsgen
 from rsgen.figures import draw_resonance, draw_stiffness
 from rsgen.measurement import MeasuredTest, Signal
+from tests.surfaces import noisy
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
 LAW = "k*x + k3*x**3 + c*v"
@@ -43,6 +44,28 @@ def test_ratios_to_the_mass_contain_the_truth_whatever_lag_the_loop_held(lag: fl
             assert why.numbers["ratio"].unit.endswith("/kg")
         assert np.isnan(found.mass)
         assert found["c"].value == pytest.approx(VALUES["c"], rel=0.03)
+
+
+@pytest.mark.parametrize("lags", [(80, 90, 100), (70, 80, 90), (75, 85), (88, 92)])
+def test_slices_a_few_degrees_apart_determine_the_mass_and_every_value(lags: tuple[float, ...]):
+    """F/X = k - m omega^2 + i omega c differs between them: a mass that is assumed would not fit."""
+    test = rsgen.SimulatedTest(
+        level=np.linspace(1, 12, 8), frequency=[6, 18], control="phase", lags=tuple(np.radians(lags))
+    )
+    exact = rsgen.simulate(rsgen.Oscillator(MASS, LAW, VALUES), test)
+    truth = {**VALUES, "m": MASS}
+    found = rsgen.identify(exact, LAW)
+    assert found.verdict.state == "identified"
+    for name, value in truth.items():
+        assert found[name].value == pytest.approx(value, rel=1e-5), name
+    read = noisy(exact, 0.003, 1)
+    found, table = rsgen.identify(read, LAW), rsgen.modal_table(read)
+    assert found.verdict.state == "identified"
+    for name, value in truth.items():
+        assert abs(found[name].value - value) < 3 * found[name].standard_error, name
+    assert found["m"].standard_error < 0.1 * MASS
+    assert abs(table.mass - MASS) < 3 * table.mass_error < 0.4 * MASS
+    assert table.misfit < 0.005
 
 
 def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assumed_mass():

@@ -94,6 +94,10 @@ def test_lags_of_slices_are_no_scatter_of_the_loop():
     assert found["scatter"] < 2
 
 
+def test_slices_less_than_eight_degrees_apart_are_no_error_of_the_loop():
+    assert lag_findings(locked(oscillator(), lags=tuple(np.radians([73, 80, 87])))) == ()
+
+
 @pytest.mark.parametrize(("second", "apart"), [(1.0, False), (1.3, True), (6.0, True)])
 def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
     """The other mode is as stiff, and lighter; a band with one of them is what it takes."""

@@ -147,7 +147,7 @@ def test_progress_ends_at_one() -> None:
         ({"frequency": [-1.0]}, "frequency"),
         ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
         ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
-        ({"control": "none"}, "'force', 'response' or 'phase' is needed"),
+        ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
         ({"harmonics": 100}, "1 to 64"),
         ({"accuracy": 1.0}, "accuracy"),
         ({"noise_relative": -0.1}, "noise"),
