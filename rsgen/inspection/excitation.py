@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
@@ -19,9 +20,12 @@ _WINDOW = 8
 """Pieces in a row through which two steps and a line are laid."""
 _FEWEST_WINDOWS = 4
 """Windows, at least."""
-_NEARER = 0.5
-"""Squares that two steps leave over those that a line leaves: of noise alone 0.7, of steps 0.3 and less, for
-a piece may lie between them."""
+_NEARER = 0.64
+"""Distance that two steps leave over that which a line leaves: of noise alone 0.9; of up to twelve sweeps
+one after the other 0.65 and more, as each window that moves leaves the steps more than the line; of steps
+0.63 and less unless noise hides them, for a piece may lie between two, and a step at the end of a window."""
+_OFF = 1.5
+"""A cycle this many times as long as both its neighbours has a silence in it: no sine changes so for one."""
 _ROUND_OFF = 1e-6
 """Changes of a frequency below this share are none: a generator that stands still."""
 _FEWEST = 24
@@ -117,6 +121,7 @@ def moves_in_steps(instants: Array) -> bool:
     A few pieces in a row lie on two steps then, rather than on a line; in a sweep it is the other way round,
     and noise lies on neither. Noise asks for long pieces, and short steps for short ones: all are looked at.
     """
+    instants = _without_silence(instants)
     return any(
         _on_steps(cycles / np.diff(instants[::cycles]))
         for cycles in _CYCLES
@@ -124,10 +129,21 @@ def moves_in_steps(instants: Array) -> bool:
     )
 
 
+def _without_silence(instants: Array) -> Array:
+    """Instants at which cycles (c,) begin, on a clock that stops where the force was off between two runs."""
+    cycles = np.diff(instants)
+    off = np.zeros(len(cycles), dtype=bool)
+    off[1:-1] = cycles[1:-1] > _OFF * np.maximum(cycles[:-2], cycles[2:])
+    return np.concatenate([[0.0], np.cumsum(cycles[~off])])
+
+
 def _on_steps(frequency: Array) -> bool:
-    """Whether windows of a frequency (p,) lie much nearer to two steps each than to a line."""
-    count = len(frequency) // _WINDOW
-    rows = frequency[: count * _WINDOW].reshape(count, _WINDOW)
+    """Whether windows of a frequency (p,) lie much nearer to two steps each than to a line.
+
+    Every window counts by its distance, not by the square of it: of two sweeps in one record a single window
+    has the jump back, of many times the size of all others, and the others are sweeps.
+    """
+    rows = sliding_window_view(frequency, _WINDOW)
     place = np.arange(_WINDOW) - (_WINDOW - 1) / 2
     away = rows - rows.mean(axis=1, keepdims=True)
     line = np.sum(away**2, axis=1) - (away @ place) ** 2 / (place @ place)
@@ -135,9 +151,10 @@ def _on_steps(frequency: Array) -> bool:
         away[:, :cut].var(axis=1) * cut + away[:, cut:].var(axis=1) * (_WINDOW - cut)
         for cut in range(2, _WINDOW - 1)
     ]
-    steps = np.min(two, axis=0)
-    still = (_ROUND_OFF * frequency.mean()) ** 2 * len(frequency)
-    return bool(steps.sum() < _NEARER * line.sum() and line.sum() > still)
+    of_steps, of_line = (
+        float(np.sum(np.sqrt(np.maximum(left, 0.0)))) for left in (np.min(two, axis=0), line)
+    )
+    return of_steps < _NEARER * of_line and of_line > _ROUND_OFF * float(frequency.mean()) * len(rows)
 
 
 def _loudness(values: Array) -> Array:

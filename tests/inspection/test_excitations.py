@@ -95,9 +95,15 @@ def slow_random_force() -> np.ndarray:
     return noise_of(12_000, 0.2)
 
 
+def kind(force: np.ndarray, noise: float) -> str:
+    """What a force is read as, with noise relative to its largest value."""
+    noisy = force + noise * np.abs(force).max() * np.random.default_rng(1).normal(size=len(force))
+    return excitation_of(TimeHistory(rate=RATE, force=noisy, response=noisy, quantity="acceleration"))
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize(
-    ("make", "kind"),
+    ("make", "expected"),
     [
         (sweep, "swept-sine"),
         (lambda: sweep(14, 6), "swept-sine"),
@@ -119,11 +125,51 @@ def slow_random_force() -> np.ndarray:
         (slow_random_force, ""),
     ],
 )
-def test_a_force_says_how_it_excites(make: Callable[[], np.ndarray], kind: str, noise: float) -> None:
-    force = make()
-    force = force + noise * np.random.default_rng(1).normal(size=len(force))
-    history = TimeHistory(rate=RATE, force=force, response=force, quantity="acceleration")
-    assert excitation_of(history) == kind
+def test_a_force_says_how_it_excites(make: Callable[[], np.ndarray], expected: str, noise: float) -> None:
+    assert kind(make(), noise) == expected
+
+
+SILENCE = np.zeros(int(5 * RATE))
+
+
+def up(spacing: Callable[..., np.ndarray], first: float = 5, last: float = 16) -> np.ndarray:
+    return spacing(first, last, int(30 * RATE))
+
+
+@pytest.mark.parametrize("spacing", [np.linspace, np.geomspace])
+@pytest.mark.parametrize(
+    "runs",
+    [
+        lambda run: sine(run),
+        lambda run: np.repeat([1.0, 3.0], len(run)) * sine(np.tile(run, 2)),
+        lambda run: sine(np.tile(run, 3)),
+        lambda run: sine(np.tile(run[::-1], 12)),
+        lambda run: sine(np.tile(np.concatenate([run, run[::-1]]), 2)),
+        lambda run: sine(np.concatenate([run, np.full(len(SILENCE), run[-1]), run])),
+        lambda run: np.concatenate([sine(run), SILENCE, 3 * sine(run)]),
+    ],
+)
+def test_sweeps_one_after_the_other_are_no_steps(
+    runs: Callable[[np.ndarray], np.ndarray], spacing: Callable[..., np.ndarray]
+) -> None:
+    """The jump back from the last frequency to the first is larger than any step, and the only one."""
+    for noise in (0.0, 0.02):
+        for first, last in ((5, 16), (5, 25), (8, 12)):
+            force = runs(up(spacing, first, last))
+            assert kind(force, noise) == "swept-sine", (noise, first, last)
+
+
+@pytest.mark.parametrize("count", [3, 10, 40])
+def test_few_steps_and_many_are_steps(count: int) -> None:
+    frequency = np.linspace(5, 16, count)
+    dwell = int(max(4, 30 / count) * RATE)
+    held = np.repeat(frequency, dwell)
+    apart = [np.concatenate([sine(np.full(dwell, f)), SILENCE]) for f in frequency]
+    for noise in (0.0, 0.02):
+        assert kind(sine(held), noise) == "stepped-sine", noise
+        assert kind(sine(np.tile(held, 2)), noise) == "stepped-sine", noise
+        if count > 3:
+            assert kind(np.concatenate(apart), noise) == "stepped-sine", noise
 
 
 def response(force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
