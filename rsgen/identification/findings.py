@@ -213,7 +213,8 @@ class Findings:
     ) -> tuple[Finding, ...]:
         """All findings, those about parameters first, but for what others that are known explain."""
         found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
-        found += of_one_mode(self.surface.findings, self.points)
+        misfit = float(self.fit.regression.noise * np.sqrt(2))
+        found += of_one_mode(self.surface.findings, self.points, misfit)
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
         elif feeds_exciter(self.points) and not any(f.code == "base-misread" for f in self.surface.findings):

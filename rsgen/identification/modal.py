@@ -33,6 +33,7 @@ from rsgen.identification.phase_resonance import (
     LIGHT,
     assumed_mass,
     at_resonance_alone,
+    gap_of,
     in_quadrature,
     mass_sure,
     near_resonance,
@@ -45,7 +46,6 @@ from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface, typical_amounts
-from rsgen.surface.phase_lag import two_modes
 
 __all__ = ["modal_table"]
 
@@ -161,10 +161,10 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
     # smaller motions say nothing of resonance, but all of the background
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MOST)]
-    modes = two_modes(mode.omega / (2 * np.pi)) if near_resonance(mode) else None
-    if modes is not None:
+    gap = gap_of(mode) if near_resonance(mode) else None
+    if gap is not None and gap.overlap:
         raise RsgenError(
-            f"modal table: points at phase resonance lie near {modes[0]:.4g} and near {modes[1]:.4g} Hz, on "
+            f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
             "the backbones of two modes; a band with one of them is needed"
         )
     return SeenMode(observed, mode, background, tested).select(rows)
@@ -280,6 +280,9 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     misfit = _misfit(found)
     if misfit > _SCATTERED:
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+    gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
+    if gap is not None:
+        findings += (gap.finding(),)
     if surface.across is not None:
         findings += (Finding("modal-across", "info"),)
     sure = not (modal.assumed or surface.per_mass)

@@ -11,7 +11,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
 from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
-from rsgen.surface.phase_lag import two_modes
+from rsgen.surface.phase_lag import BackboneGap, backbone_gap
 
 __all__ = [
     "DAMPED",
@@ -19,6 +19,7 @@ __all__ = [
     "LIGHT",
     "assumed_mass",
     "at_resonance_alone",
+    "gap_of",
     "in_quadrature",
     "mass_sure",
     "near_resonance",
@@ -49,6 +50,10 @@ _EXPECTED = 0.02
 
 _KNOWN = 0.2
 """Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
+
+_FITS = 0.1
+"""Misfit from which on a law is not of both groups of a backbone, more than the noise of poor tests: one that
+misses a frequency by half the damping ratio leaves ten times as much."""
 
 LIGHT = 0.01
 """Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
@@ -124,11 +129,23 @@ def resonance_findings(
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)
 
 
-def of_one_mode(findings: tuple[Finding, ...], points: Points) -> tuple[Finding, ...]:
-    """Findings of a test; without that of two modes where the points that were chosen belong to one."""
-    if two_modes(points.omega[in_quadrature(points)]) is not None:
-        return findings
-    return tuple(finding for finding in findings if finding.code != "phase-two-modes")
+def gap_of(points: Points) -> BackboneGap | None:
+    """Gap between the points at phase resonance; None where they lie on one backbone."""
+    near = in_quadrature(points)
+    return backbone_gap(points.omega[near] / (2 * np.pi), points.amplitude[near])
+
+
+def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) -> tuple[Finding, ...]:
+    """Findings of a test, with what the points that were chosen and the misfit [1] say of two modes.
+
+    Two groups of different amplitudes are of one mode where one law fits both.
+    """
+    codes = {"phase-two-modes", "phase-gap"}
+    rest = tuple(finding for finding in findings if finding.code not in codes)
+    gap = gap_of(points)
+    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < _FITS):
+        return rest
+    return (*rest, gap.finding("doubt"))
 
 
 def with_loop_error(covariance: Array, regression: Regression, surface: ResponseSurface) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from rsgen.finding import Finding, Quantity, Severity
 if TYPE_CHECKING:
     from rsgen.surface.response_surface import ResponseSurface
 
-__all__ = ["at_phase_resonance", "lag_findings", "two_modes"]
+__all__ = ["BackboneGap", "at_phase_resonance", "backbone_gap", "lag_findings"]
 
 _RESONANT = 0.52
 """Lags within 30 degrees of a quarter period may be meant to be one; others are slices off resonance."""
@@ -60,9 +61,9 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
     if surface.control != "phase" or not surface.phase_known:
         return ()
     good = surface.select(surface.settled & np.isfinite(surface.amplitude) & (surface.amplitude > 0))
-    modes = two_modes(good.frequency[np.abs(good.phase - pi / 2) < _RESONANT])
-    numbers = {} if modes is None else {"low": Quantity(modes[0], "Hz"), "high": Quantity(modes[1], "Hz")}
-    several = (Finding("phase-two-modes", "doubt", numbers=numbers),) if modes else ()
+    near = np.abs(good.phase - pi / 2) < _RESONANT
+    gap = backbone_gap(good.frequency[near], good.amplitude[near])
+    several = () if gap is None else (gap.finding(),)
     return several if surface.lag_assumed else (*several, *_lag(good.phase))
 
 
@@ -88,12 +89,37 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
     return (Finding("phase-lag-off", severity, numbers=numbers),)
 
 
-def two_modes(frequency: Array) -> tuple[float, float] | None:
-    """Median frequencies [Hz] of two modes that points at phase resonance (n,) belong to; None of one.
+@dataclass(frozen=True, slots=True)
+class BackboneGap:
+    """Two groups of points at phase resonance with nothing between.
 
-    A backbone is continuous; between two there is a gap.
+    Parameters
+    ----------
+    low, high
+        Median frequency [Hz] of either.
+    overlap
+        Whether there are amplitudes that both have: one mode has one frequency at an amplitude.
     """
-    ordered = np.sort(frequency)
+
+    low: float
+    high: float
+    overlap: bool
+
+    def finding(self, severity: Severity = "warning") -> Finding:
+        """Doubt two modes; where levels may be missing between the groups, say so with a severity."""
+        numbers = {"low": Quantity(self.low, "Hz"), "high": Quantity(self.high, "Hz")}
+        if self.overlap:
+            return Finding("phase-two-modes", "doubt", numbers=numbers)
+        return Finding("phase-gap", severity, numbers=numbers)
+
+
+def backbone_gap(frequency: Array, amplitude: Array) -> BackboneGap | None:
+    """Gap between points at phase resonance (n,), in Hz and m; None where they lie on one backbone.
+
+    A backbone is continuous, but levels may have been left out; two modes have a gap at all levels.
+    """
+    order = np.argsort(frequency)
+    ordered, amplitude = frequency[order], amplitude[order]
     steps = np.diff(np.log(ordered))
     if len(steps) < 2 * _EACH - 1:
         return None
@@ -101,7 +127,12 @@ def two_modes(frequency: Array) -> tuple[float, float] | None:
     at = _EACH - 1 + int(np.argmax(inner))
     if not steps[at] > max(_MODES, _WIDER * float(np.delete(steps, at).max())):
         return None
-    return float(np.median(ordered[: at + 1])), float(np.median(ordered[at + 1 :]))
+    low, high = amplitude[: at + 1], amplitude[at + 1 :]
+    return BackboneGap(
+        low=float(np.median(ordered[: at + 1])),
+        high=float(np.median(ordered[at + 1 :])),
+        overlap=bool(max(low.min(), high.min()) <= min(low.max(), high.max())),
+    )
 
 
 def _nearest(lag: Array) -> Array:

@@ -122,6 +122,30 @@ def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
         np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
 
 
+@pytest.mark.parametrize("mass", [MASS, None])
+def test_levels_that_were_left_out_are_no_second_mode(mass: float | None):
+    """A gap in frequency goes with one in amplitude: one law fits both groups, or there are two modes."""
+    surface = locked(oscillator(), level=[1.0, 2.0, 3.0, 20.0, 21.0, 22.0])
+    assert [finding.code for finding in surface.findings] == ["phase-gap", "phase-lag-held"]
+    found = rsgen.identify(noisy(surface, 0.01, 1), "k*x + k3*x**3 + c*v", mass=mass)
+    table = rsgen.modal_table(surface, mass=mass)
+    assert found.verdict.state == "identified"
+    assert "phase-gap" not in [finding.code for finding in found.findings]
+    assert "phase-gap" in [finding.code for finding in table.findings]
+    np.testing.assert_allclose(table.at(surface.amplitude).frequency, surface.frequency, rtol=1e-3)
+    # a second mode of small motions, 15 % below
+    other = rsgen.Oscillator(MASS, "k*x + c*v", {"k": 0.72 * K, "c": 30 * C})
+    first, second = locked(oscillator()), locked(other, frequency=[5, 14])
+    both = rsgen.ResponseSurface(
+        *(np.concatenate([getattr(s, n) for s in (first, second)]) for n in ("level", "frequency", "force")),
+        np.concatenate([first.harmonics[:, 1], second.harmonics[:, 1]]),
+        control="phase",
+    )
+    both = replace(both, findings=lag_findings(both))
+    wrong = rsgen.identify(both, "k*x + k3*x**3 + c*v", mass=mass)
+    assert {"misfit-large", "phase-gap"} <= {finding.code for finding in wrong.verdict.decided_by}
+
+
 def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
     """The asked figures: k(X)/m within 0.1 %, zeta within 3 %, the phase error said."""
     exact = locked(oscillator(), level=np.linspace(1, 12.5, 13), harmonics=5)

@@ -24,6 +24,10 @@ say_plainly(
             "the points of the phase-locked test lie on two backbones, near {low:.4g} and {high:.4g} Hz: "
             "they belong to two modes, and a law is of one"
         ),
+        "phase-gap": (
+            "points at phase resonance lie near {low:.4g} and near {high:.4g} Hz, at amplitudes that do not "
+            "overlap, with nothing between: levels between were not tested, or the two belong to two modes"
+        ),
         "phase-lag-assumed": (
             "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees, and "
             "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
@@ -57,6 +61,9 @@ say_plainly(
 NEXT_STEPS |= {
     "phase-two-modes": (
         "Take the rows of one mode: [identify] band between its frequencies, or a file of its own."
+    ),
+    "phase-gap": (
+        "Test some levels between; or take the rows of one mode: [identify] band between its frequencies."
     ),
     "mass-at-resonance": (
         "Give the mass under [system], or measure one slice off resonance: some frequencies on both sides at "
