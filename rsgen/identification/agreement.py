@@ -194,11 +194,14 @@ class Agreement:
         whole, points
             A fit, and the points it was made of.
         covariance
-            (q, q) of its parameters, as it would be reported.
+            (q, q) of its parameters, as it would be reported: that of the fit, or from the scatter of
+            repeats. It is never left smaller than that of the fit.
         misfits
             Whether the misfit is the law's, not noise: then errors are widened although parts agree.
         """
-        same = cls(np.ones(len(covariance)), whole.freedom)
+        # what readings of a point share does not show in their scatter, but does in what the law leaves
+        shared = _times(np.diag(whole.covariance), np.diag(covariance))
+        same = cls(shared, whole.freedom)
         splits = _splits(points)
         parts = {name: compare_parts(whole, part & whole.used) for name, part in splits.items()}
         apart = {
@@ -215,7 +218,7 @@ class Agreement:
         if freedom < 1:
             return same
         spread = np.diag(jackknife(whole, group))
-        wider = _times(spread, np.diag(covariance))
+        wider = np.maximum(_times(spread, np.diag(covariance)), shared)
         # the parts are compared by the errors of independent points
         times = _times(spread, np.sum(whole.basis**2, axis=1) * whole.noise**2)
         interval = stdtrit(freedom, CONFIDENCE) / stdtrit(max(whole.freedom, 1), CONFIDENCE)

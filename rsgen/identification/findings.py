@@ -160,7 +160,7 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
     misfit
         Relative, of force and response together [1].
     wider
-        How many times wider standard errors were if the misfit were noise.
+        How many times wider than by the scatter the standard errors are, half of them.
     """
     typical = float(np.median(repeats.count))
     expected = repeats.noise / np.sqrt(typical)

@@ -252,9 +252,9 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     if isinstance(law, LawAtTwoPlaces):
         # no one amplitude is that of the law at a resonance
         paper = replace(paper, values=np.full(len(law.parameters), np.nan))
-    regression, noise, about = _errors(test, refined, whole)
     misfits = is_systematic(points, refined.regression)
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
+    regression, noise, about = _errors(test, refined, whole, agreement.wider)
     regression = widen_squares(test.problem, agreement.widen(regression))
     whole = agreement.widen(whole)
     names, units = names_of(law, model), units_of(model, per_mass=surface.per_mass)
@@ -318,17 +318,17 @@ def _background(refined: Fit, whole: Regression, *, per_mass: bool) -> Backgroun
     return state_background(problem.observed, refined.background, variance, whole.freedom, per_mass=per_mass)
 
 
-def _errors(test: _Test, refined: Fit, whole: Regression) -> tuple[Regression, float, tuple[Finding, ...]]:
-    """Regression of the law with all its errors, noise of a reading, and what repeats say about both."""
+def _errors(
+    test: _Test, refined: Fit, whole: Regression, wider: Array
+) -> tuple[Regression, float, tuple[Finding, ...]]:
+    """Regression of the law before its errors get wider, noise of a reading, and what repeats say of both."""
     # the expected noise has unit size in real and imaginary part each
     noise = misfit = float(refined.regression.noise * np.sqrt(2))
     regression = whole.first(test.problem.count)
     about: tuple[Finding, ...] = ()
     if test.repeats is not None:
         noise = test.repeats.noise
-        spread = refined.regression.noise * np.sqrt(np.sum(regression.influence**2, axis=(0, 1)))
-        wider = float(np.nanmedian(spread / np.sqrt(np.diag(regression.covariance))))
-        about = repeat_findings(test.repeats, misfit, wider)
+        about = repeat_findings(test.repeats, misfit, float(np.median(wider[: test.problem.count])))
     # neighbours share the error that a surface reports of itself: scatter does not show it
     error = test.surface.error[test.points.index[refined.regression.used]]
     error = error[np.isfinite(error)]

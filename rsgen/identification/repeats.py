@@ -1,7 +1,8 @@
 """Repeats of a point joined to their mean.
 
-The misfit of a law contains what the law cannot do; the scatter of repeats does not. So repeats separate the
-two, and standard errors say how far the estimates would move if the test were done again.
+The misfit of a law contains what the law cannot do and what the readings of a point share; the scatter of
+repeats contains what drifts from one to the next. Repeats tell them apart, and standard errors are those of
+the larger.
 """
 
 from __future__ import annotations

@@ -95,6 +95,22 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
+def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
+    """The scatter within points shows a third of the error; between the points the law leaves all of it."""
+    distances, inside = [], []
+    for seed in range(4):
+        together = noisy(cubic, NOISE, 1000 + seed)
+        found = identify(repeated(together, seed, NOISE / 3), model("cubic"))
+        finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+        # means scatter by a third over the root of the readings
+        assert finding["wider"] == pytest.approx(np.hypot(1, 3 * np.sqrt(READINGS)), rel=0.2)
+        for e in found.refined:
+            distances.append((e.value - truth("cubic")[e.name]) / e.standard_error)
+            inside.append(e.interval[0] < truth("cubic")[e.name] < e.interval[1])
+    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
+    assert np.mean(inside) > 0.85
+
+
 def test_standard_errors_hold_where_only_the_force_scatters_a_little(cubic):
     some = cubic.select(np.repeat(np.arange(0, len(cubic), 3), READINGS))
     distances = []

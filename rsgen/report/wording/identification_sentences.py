@@ -154,8 +154,9 @@ say_plainly(
         ),
         "misfit-beyond-scatter": (
             "the misfit of {misfit:.2g} is {times:.2g} times the scatter of the means of repeated points, so "
-            "that the law is not exact. The standard errors come from the scatter: they say how much a "
-            "repeated test would differ. If the misfit were noise, they would be {wider:.2g} times wider"
+            "that the law is not exact, or the readings of a point share an error. The standard errors "
+            "contain what the law leaves: half of them are more than {wider:.2g} times as wide as the "
+            "scatter alone would make them"
         ),
     }
 )
