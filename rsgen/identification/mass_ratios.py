@@ -48,6 +48,9 @@ _OF_THE_MASS = frozenset(
 )
 """Findings that an assumed mass, or a damping ratio with it, is part of."""
 
+_SHORT = {"N/m": "1/s^2", "N*s/m": "1/s"}
+"""Units of ratios to the mass, by those of the parameters, as the modal table has them."""
+
 _POWER = 1e-3
 """Rounding of the power of the mass in a parameter."""
 
@@ -166,6 +169,10 @@ class _Ratios:
         rest += [finding for finding in sizes if finding.code in _OF_THE_MASS]
         if not self.model.observation.calibrated:
             rest.append(Finding("not-calibrated", "info"))
+        elif any(f.code == "ratio-to-mass" for f in of_parameters):
+            # the damping is known, so that a bound on its ratio is one on the mass
+            least = {"least": Quantity(self.pair[1].mass, "kg"), "damping": Quantity(DAMPED)}
+            rest.append(Finding("ratios-hold-from", "warning", numbers=least))
         resonances = tuple(
             replace(r, stiffness=float("nan"), damping_ratio=float("nan")) for r in light.resonances
         )
@@ -213,7 +220,7 @@ class _Ratios:
         halves = [np.ptp(e.interval) / 2 * each for e, each in zip((light, damped), per, strict=True)]
         half = float(np.hypot(max(halves), other - value))
         error = half * light.standard_error * per[0] / halves[0] if halves[0] > 0 else half
-        name, unit = f"{light.name}/m", per_mass_unit(light.unit)
+        name, unit = f"{light.name}/m", _SHORT.get(light.unit, per_mass_unit(light.unit))
         finding = light.finding
         if finding is not None and finding.code == "not-distinct-from-zero" and power == 1:
             numbers = {

@@ -41,9 +41,21 @@ def test_ratios_to_the_mass_contain_the_truth_whatever_lag_the_loop_held(lag: fl
             assert np.isnan(found[name].value)
             assert why["low"] < VALUES[name] / MASS < why["high"], (name, seed)
             assert why["high"] - why["low"] < (0.06 if lag < 100 else 0.2) * why["ratio"]
-            assert why.numbers["ratio"].unit.endswith("/kg")
+            assert why.numbers["ratio"].unit == {"k": "1/s^2", "k3": "N/m^3/kg"}[name]
         assert np.isnan(found.mass)
         assert found["c"].value == pytest.approx(VALUES["c"], rel=0.03)
+
+
+@pytest.mark.parametrize(("damping", "inside"), [(9.0, True), (20.0, False)])
+def test_the_mass_from_which_on_ratios_hold_is_said(damping: float, inside: bool):
+    """Damping ratios of 4.8 and 10.6 %: without a mass nothing tells them apart, but c bounds the mass."""
+    found = rsgen.identify(locked(lag=92.0, noise=0.0, **(VALUES | {"c": damping})), LAW)
+    why = found["k"].finding
+    (said,) = (finding for finding in found.findings if finding.code == "ratios-hold-from")
+    assert said["least"] == pytest.approx(damping / (2 * 0.05 * np.sqrt(VALUES["k"] / MASS)), rel=0.05)
+    assert (said["least"] < MASS) == (why["low"] < VALUES["k"] / MASS < why["high"]) == inside
+    given = rsgen.identify(locked(lag=92.0, noise=0.0, **(VALUES | {"c": damping})), LAW, mass=1.2 * MASS)
+    assert given["k"].value / (1.2 * MASS) == pytest.approx(VALUES["k"] / MASS, rel=0.002)
 
 
 @pytest.mark.parametrize("lags", [(80, 90, 100), (70, 80, 90), (75, 85), (88, 92)])

@@ -50,6 +50,11 @@ say_plainly(
             "{parameter}: only {parameter}/m is identifiable at phase resonance: {ratio:.6q}, 95 % interval "
             "{low:.6q} to {high:.6q} for damping ratios up to {damping:.2p}"
         ),
+        "ratios-hold-from": (
+            "the intervals of the ratios to the mass hold if the damping ratio is at most {damping:.2p}, and "
+            "with the damping found that is a mass of at least {least:.3q}; those of a lighter structure may "
+            "not contain the truth"
+        ),
         "needs-mass": "{parameter}: not identifiable at phase resonance without the mass, which scales it",
         "phase-resonance": (
             "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked; if it "
@@ -59,6 +64,10 @@ say_plainly(
 )
 
 NEXT_STEPS |= {
+    "ratios-hold-from": (
+        "See whether the structure has that mass; if it has not, give its mass under [system], even if it is "
+        "known to a fifth only."
+    ),
     "phase-two-modes": (
         "Take the rows of one mode: [identify] band between its frequencies, or a file of its own."
     ),
