@@ -265,7 +265,9 @@ class Maker:
         for one in fields:
             raw = None if one.name in known or one.rule.outside else _find(table, one.key)
             if raw is not None:
-                values[one.name] = self._convert(one.type, one.rule, raw, f"{place}.{one.key}")
+                # a signal within a table has no key of its own
+                within = f"{place}.{one.key}" if one.key else place
+                values[one.name] = self._convert(one.type, one.rule, raw, within)
         keys = {one.name: one.key for one in fields}
         made = _unchecked(fields, cls, values)
         for name, fault in made.faults() if hasattr(made, "faults") else ():

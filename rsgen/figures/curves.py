@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import sympy
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
@@ -54,6 +55,12 @@ def _span(values: Floats, unit: str) -> str:
     return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
 
 
+def _say_empty(axes: Axes, drawn: Sequence[Floats]) -> None:
+    """Say in an empty panel that nothing is known."""
+    if not any(np.isfinite(values).any() for values in drawn):
+        axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
+
+
 @in_style
 def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
     """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
@@ -82,6 +89,7 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
         calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
+        _say_empty(axes, [read, line])
     for axes in panels[-1:] if ax is None else panels:
         axes.set_xlabel(scale.label("Amplitude X"))
     panels[0].legend(loc="best")
@@ -206,7 +214,7 @@ def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats,
     else:
         levels = f"{len(read)} levels read at resonance lie between {shown[0]} and {shown[1]}."
     if not np.isfinite(fitted[[0, -1]]).all():
-        return f"The refined equivalent {what} is not known over the tested amplitudes. {levels}"
+        return f"No line is drawn, for it needs values that are not identifiable. {levels}"
     if len(grid) == 1:
         at = quantity_text(grid[0], "m", 3)
         return (
@@ -288,6 +296,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         course = part.course / part.scale.factor
         axes.plot(course, line, label="refined model at resonance", **{**REFINED, "lw": 1.1})
         calm_limits(axes, [cloud, line], least=least)
+        _say_empty(axes, [cloud, line])
         axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2].removesuffix('(X)')}"))
     panels[0].legend(loc="best")
     if speed or len(panels) == 1:
@@ -303,6 +312,9 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     if grid.size:
         words = "; ".join(filter(None, map(_collapse_words, parts)))
         text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}{': ' if words else ''}{words}."
+        text += "".join(
+            f" Without a mass none has a {part.what}." for part in parts if not np.isfinite(part.cloud).any()
+        )
     return Drawing("collapse", figure, caption, text, ax is None)
 
 

@@ -71,6 +71,8 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
 
 
 def _fold_words(curves: list[ResonanceCurve]) -> str:
+    if not curves:
+        return "No curve is predicted."
     folded = [curve for curve in curves if len(curve.folds)]
     if not folded:
         return "None of the predicted curves folds."
@@ -133,9 +135,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
-        f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)}), "
-        "lines as predicted by "
-        "the refined model; dashed parts are unstable."
+        f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
+        f"{', lines as predicted by the refined model; dashed parts are unstable' if curves else ''}."
     )
     if surface.response_held:
         caption = (

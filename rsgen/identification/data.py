@@ -22,6 +22,13 @@ ASYMMETRIC = 0.2
 _SOME = 3
 """At least as many points are no accident."""
 
+_QUADRATURE = 0.2
+"""Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
+
+_COMMON = 0.52
+"""Farthest from a quarter period of a lag that all points of a loop may share, 30 degrees [rad]: a delay that
+nobody corrected says as little of the mass as a quarter period does."""
+
 _FEWEST = 4
 """Points: a mass, a spring and a damper, and one to disagree with them."""
 
@@ -93,11 +100,23 @@ class Points:
         return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
 
     @property
+    def lag(self) -> NDArray[np.float64]:
+        """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed."""
+        stiffness = self.force / self.harmonics[:, 1]
+        return np.asarray(np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2)
+
+    @property
+    def in_quadrature(self) -> NDArray[np.bool_]:
+        """(n,) True where the response lags the force by nearly a quarter period, or as in all points."""
+        common = float(np.median(self.lag))
+        return np.abs(self.lag - (common if abs(common) < _COMMON else 0.0)) < _QUADRATURE
+
+    @property
     def neighbours(self) -> NDArray[np.intp]:
         """(k, 2) pairs next to each other in frequency within one level and sweep.
 
-        Points that have their level and sweep to themselves, as on a backbone, are next to each other in
-        amplitude.
+        Points that have their level and sweep to themselves are of a backbone if all are at phase resonance,
+        and then next to each other in amplitude.
         """
         order = np.lexsort((self.omega, self.sweep, self.level))
         same = (self.level[order][1:] == self.level[order][:-1]) & (
@@ -105,6 +124,8 @@ class Points:
         )
         paired = np.concatenate([[False], same]) | np.concatenate([same, [False]])
         alone = order[~paired] if len(order) else order
+        backbone = len(alone) > 0 and bool(self.in_quadrature[alone].all())
+        alone = alone if backbone else alone[:0]
         chain = alone[np.argsort(self.amplitude[alone], kind="stable")]
         first = np.concatenate([order[:-1][same], chain[:-1]])
         return np.stack([first, np.concatenate([order[1:][same], chain[1:]])], axis=1)

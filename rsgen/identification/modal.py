@@ -34,7 +34,6 @@ from rsgen.identification.phase_resonance import (
     assumed_mass,
     at_resonance_alone,
     gap_of,
-    in_quadrature,
     mass_sure,
     near_resonance,
     with_loop_error,
@@ -190,7 +189,7 @@ def _misfit(found: Regression) -> float:
 def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, Regression]:
     """Fit k/m and c with any mass to the points at phase resonance, whose lags have an error [rad]."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
-    rows = np.flatnonzero(in_quadrature(seen.mode))
+    rows = np.flatnonzero(seen.mode.in_quadrature)
     if len(rows) < _FEWEST:
         raise RsgenError(
             f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "
@@ -282,7 +281,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
-        findings += (gap.finding(),)
+        findings += (gap.finding(severity="warning"),)
     if surface.across is not None:
         findings += (Finding("modal-across", "info"),)
     sure = not (modal.assumed or surface.per_mass)

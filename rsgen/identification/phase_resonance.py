@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
@@ -20,7 +19,6 @@ __all__ = [
     "assumed_mass",
     "at_resonance_alone",
     "gap_of",
-    "in_quadrature",
     "mass_sure",
     "near_resonance",
     "of_one_mode",
@@ -28,13 +26,6 @@ __all__ = [
     "with_loop_error",
     "without_mass",
 ]
-
-_QUADRATURE = 0.2
-"""Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
-
-_COMMON = 0.52
-"""Farthest from a quarter period of a lag that all points of a loop may share, 30 degrees [rad]: a delay that
-nobody corrected says as little of the mass as a quarter period does."""
 
 _OFF = 2
 """At least as many points off resonance determine a mass, one on either side or two slices."""
@@ -66,22 +57,9 @@ LAG_ERROR = 0.035
 works leave as much. One value for the whole test, for they are the same at every level."""
 
 
-def in_quadrature(points: Points) -> NDArray[np.bool_]:
-    """(n,) True where the response lags the force by nearly a quarter period, or what all points share."""
-    lag = _lag(points)
-    common = float(np.median(lag))
-    return np.asarray(np.abs(lag - (common if abs(common) < _COMMON else 0.0)) < _QUADRATURE)
-
-
-def _lag(points: Points) -> Array:
-    """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed."""
-    stiffness = points.force / points.harmonics[:, 1]
-    return np.asarray(np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2)
-
-
 def near_resonance(points: Points) -> bool:
     """Tell whether hardly a point lies off phase resonance, or off a lag that all share."""
-    return int(np.count_nonzero(~in_quadrature(points))) < _OFF
+    return int(np.count_nonzero(~points.in_quadrature)) < _OFF
 
 
 def at_resonance_alone(points: Points, noise: float = _EXPECTED) -> bool:
@@ -91,7 +69,7 @@ def at_resonance_alone(points: Points, noise: float = _EXPECTED) -> bool:
     """
     if not near_resonance(points):
         return False
-    spread = np.std(_lag(points)[in_quadrature(points)])
+    spread = np.std(points.lag[points.in_quadrature])
     return bool(spread < max(_PHASES, _ABOVE_NOISE * noise))
 
 
@@ -131,7 +109,7 @@ def resonance_findings(
 
 def gap_of(points: Points) -> BackboneGap | None:
     """Gap between the points at phase resonance; None where they lie on one backbone."""
-    near = in_quadrature(points)
+    near = points.in_quadrature
     return backbone_gap(points.omega[near] / (2 * np.pi), points.amplitude[near])
 
 
@@ -145,7 +123,7 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     gap = gap_of(points)
     if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < _FITS):
         return rest
-    return (*rest, gap.finding("doubt"))
+    return (*rest, gap.finding(severity="doubt"))
 
 
 def with_loop_error(covariance: Array, regression: Regression, surface: ResponseSurface) -> Array:

@@ -66,15 +66,18 @@ def draw_all(
     if acts_across(identification):
         # no one amplitude is that of the law: nothing can be drawn over it
         return [*drawings, draw_held_out(prediction)] if prediction.held_out else drawings
+    # without a mass no level has a stiffness, and no force of a spring is known; the collapse says so
+    clouds, values = identification.curve.stiffness, identification.solution
+    empty = len(clouds) > 0 and not np.isfinite(clouds).any() and not np.isfinite(values).all()
     drawings += [
         draw_collapse(identification),
-        draw_stiffness(identification, subject.truth),
+        *([] if empty else [draw_stiffness(identification, subject.truth)]),
         draw_damping(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
     if modal.table is not None:
         drawings.append(draw_modal(modal.table, identification))
-    if not remembers(identification.model.force):
+    if not (remembers(identification.model.force) or (empty and identification.restoring is None)):
         drawings.append(draw_forces(identification, subject.truth))
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
         drawings.append(draw_loops(surface, identification, subject.truth))

@@ -168,7 +168,10 @@ def element_findings(element: Element, identification: Identification) -> list[F
     names = sorted(identification.model.parameters)
     values = dict(zip(names, identification.solution.tolist(), strict=True))
     if len(unknown) == len(element.parameters) > 0 or not np.isfinite(list(values.values())).all():
-        return missing
+        # without a mass the rest of a law has no values, which a damper of the velocity alone does not need
+        own = np.isfinite([values[name] for name in element.parameters]).all()
+        if unknown or not own or element.force.has(symbol("x")):
+            return missing if unknown else []
     found = _courses(element, identification, values)
     return [*found, *missing] if unknown else found or [Finding("element-without-force", "info")]
 
@@ -234,10 +237,8 @@ def _courses(element: Element, identification: Identification, values: dict[str,
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
     """Give the sentence of every element by its name."""
-    return {
-        element.name: "; ".join(map(sentence, element_findings(element, identification)))
-        for element in elements
-    }
+    said = {element.name: element_findings(element, identification) for element in elements}
+    return {name: "; ".join(map(sentence, findings)) for name, findings in said.items() if findings}
 
 
 def _one_sided(identification: Identification, low: float, high: float) -> bool:

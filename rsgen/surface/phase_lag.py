@@ -63,7 +63,7 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
     good = surface.select(surface.settled & np.isfinite(surface.amplitude) & (surface.amplitude > 0))
     near = np.abs(good.phase - pi / 2) < _RESONANT
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
-    several = () if gap is None else (gap.finding(),)
+    several = () if gap is None else (gap.finding(severity="warning"),)
     return several if surface.lag_assumed else (*several, *_lag(good.phase))
 
 
@@ -105,7 +105,7 @@ class BackboneGap:
     high: float
     overlap: bool
 
-    def finding(self, severity: Severity = "warning") -> Finding:
+    def finding(self, *, severity: Severity) -> Finding:
         """Doubt two modes; where levels may be missing between the groups, say so with a severity."""
         numbers = {"low": Quantity(self.low, "Hz"), "high": Quantity(self.high, "Hz")}
         if self.overlap:

@@ -291,6 +291,10 @@ OF_TABLE: list[Row] = [
         {"test.response.imaginary": GONE},
         ["test.response: give amplitude (with phase), or real and imaginary"],
     ),
+    (
+        {"test.force": GONE, "test.base": {"quantity": "acceleration", "unit": "m/s^2"}},
+        ["test.base: give amplitude (with phase), or real and imaginary"],
+    ),
     ({"test.file": ["a.csv", "b.csv"], "test.sha256": "0" * 64}, ["test.sha256: 1 for 2 files"]),
     ({"test.level": {"column": 5, "value": "1 N"}}, ["test.level: has value and column"]),
     ({"test.level": {"name": "run.csv"}}, ["test.level.name: must have {level} once"]),
