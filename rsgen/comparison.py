@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.expression.memory import remembers
 from rsgen.finding import Finding, quantities
@@ -24,7 +24,6 @@ from rsgen.verdict import Verdict, reach_verdict
 
 __all__ = ["FORCE_KEYS", "Comparison", "Row", "compare", "force_keys", "verdict_of"]
 
-Array = NDArray[np.float64]
 
 FORCE_KEYS = {
     "stiffness_force": "stiffness force",

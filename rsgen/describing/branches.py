@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
@@ -24,8 +24,6 @@ __all__ = ["Branches", "loop_of", "on_cycle"]
 
 X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
 STATE_X, STATE_V = symbol("x"), symbol("v")
-
-Array = NDArray[np.float64]
 
 
 def _virgin_at(virgin: sympy.Expr, place: sympy.Expr) -> sympy.Expr:

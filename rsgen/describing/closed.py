@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.arcs import Arc, End, make_arc
 from rsgen.describing.terms import read_addend
 from rsgen.expression import symbol
@@ -25,7 +25,6 @@ LONGEST = 150
 ENDS_OF_BOTH = 4
 """Ends of the arcs on which a switch in x and one in v are on together; a single switch has half as many."""
 
-Array = NDArray[np.float64]
 Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
 """Stiffness [N/m], damping [N s/m] and mean force [N]."""
 

@@ -10,6 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.closed import ClosedPart
 from rsgen.describing.limits import Limit
 from rsgen.describing.mean import solve_mean
@@ -22,8 +23,6 @@ from rsgen.law.notation import latex
 from rsgen.law.pieces import normal_form
 
 __all__ = ["DescribingFunction", "Equivalent", "Remembered", "taken_as_positive", "variables_of"]
-
-Array = NDArray[np.float64]
 
 
 def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:

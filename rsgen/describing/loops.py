@@ -13,6 +13,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.stepping import Cycles, System
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
@@ -44,8 +45,6 @@ STEPPED = 2
 
 ZERO_ODD = 1e-11
 """Share of the force below which f(x, v, z) + f(-x, -v, -z) is zero."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

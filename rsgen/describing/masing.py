@@ -18,6 +18,7 @@ import sympy
 from numpy.typing import NDArray
 from scipy.special import beta, betainc
 
+from rsgen.arrays import Array
 from rsgen.describing.closed import close
 from rsgen.describing.limits import Limit
 from rsgen.describing.powers import quarter
@@ -42,7 +43,6 @@ CANCELLED = 100.0
 _ANGLE, _ROOT, _COSINE = (sympy.Dummy(name, positive=True) for name in ("angle", "root", "cosine"))
 """pi/2 - T, X sin(T) cos(T) and cos(T) at a threshold."""
 
-Array = NDArray[np.float64]
 Pair = tuple[sympy.Expr, sympy.Expr]
 """Stiffness [N/m] and energy of a cycle [J]."""
 

@@ -8,13 +8,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 
 __all__ = ["closed_mean", "solve_mean"]
 
 X0 = symbol("X0")
 
-Array = NDArray[np.float64]
 Balance = Callable[[Array, NDArray[np.intp]], Array]
 """Mean force at trial means (m,) for the cycles with these numbers (m,)."""
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rsgen.arrays import Array
 from rsgen.describing.function import DescribingFunction
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
@@ -23,8 +24,6 @@ AGREEMENT = 1e-9
 """Relative difference up to which a printed formula is the derived one."""
 
 RANDOM_SETS = 64
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

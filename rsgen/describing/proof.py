@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.closed import ClosedPart
 from rsgen.describing.quadrature import Cycle, Projections, project
 from rsgen.expression import symbol
@@ -23,8 +23,6 @@ LEAST_SETS = 20
 """Parameter sets on which a law must be defined for a proof to count."""
 
 SETS_A_REGIME = 12
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,13 +13,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]
 
-Array = NDArray[np.float64]
 Along = Callable[[Array, NDArray[np.intp]], Array]
 """A function along cycles: angles (m, s), numbers of the cycles (m,)."""
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing.branches import Branches, loop_of, on_cycle
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
 from rsgen.describing.limits import Limit
@@ -42,8 +42,6 @@ STEPPED_TOLERANCE = 1e-6
 
 SETS = 40
 """Random cycles of a proof: at least eight in every regime of five thresholds."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.memory import Inner, Rate
@@ -47,7 +48,6 @@ CROSSING = 1e-12
 HALVINGS = 60
 """Steps to a crossing; ten are enough where it is simple."""
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _STEPS = tuple(2 * (column + 1) for column in range(COLUMNS))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtrit
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
@@ -23,7 +24,6 @@ from rsgen.identification.tolerances import CONFIDENCE
 
 __all__ = ["Agreement", "Difference", "compare_parts", "jackknife"]
 
-Array = NDArray[np.float64]
 
 _BY_CHANCE = 1e-5
 """Probability that parts of one law seem to disagree: one false alarm in a hundred thousand tests."""

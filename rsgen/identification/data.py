@@ -14,7 +14,6 @@ from rsgen.surface import OUTCOMES, ResponseSurface, match_level
 
 __all__ = ["ASYMMETRIC", "Points", "held_out_mask", "per_unit_mass", "select_points"]
 
-Array = NDArray[np.float64]
 
 ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""

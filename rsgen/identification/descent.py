@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.forward import Forward, Response
 from rsgen.identification.least_squares import Linearisation, Regression, remove_bias
 from rsgen.identification.observed import Observed
 
 __all__ = ["Descent", "Parametrised"]
-
-Array = NDArray[np.float64]
 
 
 class Parametrised(Protocol):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
@@ -20,8 +21,6 @@ from rsgen.motion import Motion, project
 
 __all__ = ["Equations", "equation_rows", "rows_of_trials"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _FINER_LOOPS = 2
 """Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""

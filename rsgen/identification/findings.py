@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from rsgen.errors import RsgenError
@@ -44,7 +43,6 @@ __all__ = [
     "units_of",
 ]
 
-Array = NDArray[np.float64]
 
 _NOT_ZERO = 0.5
 """A standard error beyond this share of the value: the 95 % interval contains zero."""

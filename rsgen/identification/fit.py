@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.across import LawAtTwoPlaces, MeasuredAcross
 from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
@@ -23,8 +24,6 @@ from rsgen.motion import Motion
 
 __all__ = ["RESOLUTION", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _EXACT = 1e-3
 """Below this misfit, relative, data show what ``SAMPLES`` miss of a switch."""

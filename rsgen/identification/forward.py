@@ -14,14 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.tolerances import BLOCK, SAMPLES
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
 
 __all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hold_amplitude"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _SETTLED = 1e-10
 """Relative step at which the harmonics have converged: the next one would be its square."""

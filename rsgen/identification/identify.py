@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
@@ -55,7 +56,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["identify"]
 
-Array = NDArray[np.float64]
 Table = TypeVar("Table", Points, ResponseSurface)
 
 _ORDERS = (9, 15, 23)

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from rsgen.arrays import Array
 from rsgen.identification.tolerances import NULL_PART, OUTLIERS, ROUND_OFF
 
 __all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NULL = 1e-9

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
 from rsgen.identification.data import Points
@@ -24,7 +24,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["free_curves_leave", "misfit_findings", "severity_of"]
 
-Array = NDArray[np.float64]
 
 _POOR = 0.05
 """A systematic misfit beyond this share of force and response is more than what joints and sensors do to a

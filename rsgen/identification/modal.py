@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
@@ -48,7 +47,6 @@ from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["modal_table"]
 
-Array = NDArray[np.float64]
 
 _MOST = 800
 """Points that are fitted, spread over the amplitude: more leave intervals narrower than any calibration."""

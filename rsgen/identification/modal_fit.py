@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.agreement import Agreement
 from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
@@ -19,7 +20,6 @@ from rsgen.identification.tolerances import NOISY
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines"]
 
-Array = NDArray[np.float64]
 
 _SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (3, 16))
 """Degrees and intervals that are tried: a constant for a linear mode, as many pieces as a corner needs."""

@@ -8,9 +8,10 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.identification.modal_splines import ModalSplines
@@ -21,7 +22,6 @@ from rsgen.text_table import Printed, TextTable, data_frame, short
 
 __all__ = ["MODAL_COLUMNS", "ModalTable", "ModalTest"]
 
-Array = NDArray[np.float64]
 
 MODAL_COLUMNS = {
     "frequency": "Hz",

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.forward import Response
 
 __all__ = ["ModalSplines", "SplineBasis", "SplineMode"]
 
-Array = NDArray[np.float64]
 
 _MARGIN = 0.02
 """Splines reach so far beyond the amplitudes of the points, relatively: noise moves single ones outside."""

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.data import Points
 from rsgen.identification.forward import Response
 from rsgen.identification.least_squares import Linearisation
@@ -30,8 +31,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["Observed", "Shape", "shape_of"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 Table = TypeVar("Table", Points, ResponseSurface)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.data import ASYMMETRIC, Points
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
@@ -19,7 +20,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["JUMP", "Repeats", "gather_repeats", "with_repeats"]
 
-Array = NDArray[np.float64]
 
 JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""

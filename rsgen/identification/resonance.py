@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations
 from rsgen.identification.fit import Solution
@@ -19,7 +20,6 @@ from rsgen.law.numeric import ForceLaw
 
 __all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
 
-Array = NDArray[np.float64]
 
 _STEEP = np.cos(np.pi / 5)
 """Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""

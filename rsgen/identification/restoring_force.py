@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import EquivalentCurve, RestoringForce
@@ -35,8 +35,6 @@ from rsgen.motion import Motion, project
 
 __all__ = ["invert_curve", "invert_motion"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _DRAWN = 61
 """Places at which a force is drawn: no corner of a curve can be seen."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.equations import Equations, equation_rows, rows_of_trials
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.natural import natural_sizes
@@ -19,7 +19,6 @@ from rsgen.law.numeric import ForceLaw
 
 __all__ = ["search_nonlinear"]
 
-Array = NDArray[np.float64]
 
 _CHANGED = 1e-3
 """A law changes its shape where a column changes by more, relatively, from one value to the next."""

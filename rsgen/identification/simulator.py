@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.identification.forward import Response
 from rsgen.identification.tolerances import MOVE, ROUND_OFF, SIGMAS
@@ -24,8 +25,6 @@ from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = ["Simulator", "go_on"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _BRANCH = 0.2
 """A prediction farther from the measured fundamental, relatively, is on another branch."""

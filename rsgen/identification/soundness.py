@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.across import Place, places_of
 from rsgen.identification.agreement import Agreement
@@ -26,7 +27,6 @@ __all__ = [
     "sign_findings",
 ]
 
-Array = NDArray[np.float64]
 
 _FEW_ASIDE = 0.05
 """Points set aside beyond this share are no chance outliers: a twentieth of the test is not explained."""

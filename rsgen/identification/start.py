@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.identification.asymmetric import ORDER, start_asymmetric
 from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations, equation_rows
@@ -33,7 +34,6 @@ __all__ = [
     "with_phase",
 ]
 
-Array = NDArray[np.float64]
 Table = TypeVar("Table", Points, ResponseSurface)
 
 _GROSS = 5.0

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import driven_points
 
 __all__ = ["has_levels", "offset_findings"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _POWERS = (-1, 0, 1, 2, 3)
 """Powers of the amplitude in k(X) and c(X); the first is dry friction. Laws of one mode are nearly made up of

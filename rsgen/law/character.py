@@ -10,8 +10,8 @@ from itertools import combinations
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.law.loop_character import TriedLoops
@@ -22,7 +22,6 @@ from rsgen.law.virgin_curves import positive_in
 
 __all__ = ["Character", "character", "onset", "vanishes"]
 
-Array = NDArray[np.float64]
 
 _PLACES = 64
 """Random states or values at which an identity is tried."""

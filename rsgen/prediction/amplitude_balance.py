@@ -9,14 +9,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.result import Identification
 from rsgen.law.numeric import compile_law
 
 __all__ = ["AmplitudeBalance"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _ORDER = 9
 _ORDER_WITH_JUMPS = 3

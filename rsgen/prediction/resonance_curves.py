@@ -8,6 +8,7 @@ from math import inf, isfinite, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification import Identification, ModalTable, MultisineIdentification
@@ -24,7 +25,6 @@ from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["predict"]
 
-Array = NDArray[np.float64]
 
 _POINTS = 161
 """Points a branch, denser at both ends, where it turns."""

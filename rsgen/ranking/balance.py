@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.observed import Observed
 from rsgen.identification.tolerances import BLOCK
 from rsgen.law.numeric import ForceLaw
@@ -23,8 +24,6 @@ from rsgen.motion import Motion, fourier_series
 
 __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _REACH = 0.02
 """Relative change of force and response that a background may bring to a candidate: the square of it, which

@@ -9,13 +9,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.ranking.balance import Rows
 
 __all__ = ["Fitted", "Guess", "fit_rows"]
 
-Array = NDArray[np.float64]
 
 _SINGULAR = 1e-13
 """Eigenvalue of scaled normal equations, relative to the largest, below which it counts as zero."""

@@ -14,6 +14,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.expression import symbol
 from rsgen.finding import Finding, quantities
@@ -49,7 +50,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["identify_best", "rank"]
 
-Array = NDArray[np.float64]
 
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""

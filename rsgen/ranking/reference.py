@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
@@ -31,8 +32,6 @@ __all__ = [
     "outlying",
 ]
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 ORDER = 9
 """Harmonics of the balance."""

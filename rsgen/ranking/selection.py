@@ -13,12 +13,12 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.sums import Sum, Term, base_law
 
 __all__ = ["Trial", "search_sums"]
 
-Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 _RIDGE = 1e-10

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
 from rsgen.identification.tolerances import EXCESS, SIGNIFICANT, TURNED
@@ -21,7 +22,6 @@ from rsgen.ranking.sums import library_terms
 
 __all__ = ["Judgement", "implausible", "judge"]
 
-Array = NDArray[np.float64]
 
 _FUNDAMENTAL = 5e-3
 """A law that leaves less of force and response fits: sensors are calibrated no better."""

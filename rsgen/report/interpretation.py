@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing import derive
 from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
@@ -23,7 +23,6 @@ from rsgen.surface import ResponseSurface
 
 __all__ = ["describe_elements", "element_findings", "mean_finding"]
 
-Array = NDArray[np.float64]
 
 _LEAST_CHANGE = 5e-4
 """Relative change below which an equivalent property counts as constant: a line width in the figures."""
