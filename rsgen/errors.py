@@ -11,6 +11,8 @@ __all__ = [
     "MeasurementError",
     "RsgenError",
     "UnknownNameError",
+    "printable",
+    "quote",
     "require",
     "require_number",
 ]
@@ -48,6 +50,26 @@ class CaseError(RsgenError):
     def __init__(self, faults: Iterable[str]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(self.faults))
+
+
+def quote(text: object, limit: int = 60) -> str:
+    """Show a text from a file in a message: in quotes, shortened, control characters escaped.
+
+    Examples
+    --------
+    >>> quote("k1")
+    "'k1'"
+    >>> quote("a" * 100, limit=5)
+    "'aaaaa'..."
+    """
+    shown = str(text)
+    escaped = shown[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
+    return repr(escaped) + ("..." if len(shown) > limit else "")
+
+
+def printable(text: str, limit: int = 1000) -> str:
+    """Show what another program says in a message: shortened, control characters escaped."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:limit]
 
 
 def require(value: object, kinds: type | tuple[type, ...], place: str) -> None:

@@ -8,8 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from rsgen.case.case import Case
-from rsgen.case.naming import quote
-from rsgen.errors import CaseError
+from rsgen.errors import CaseError, quote
 
 __all__ = ["find_cases", "name_clashes"]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.case.naming import is_device, quote
+from rsgen.case.naming import is_device
+from rsgen.errors import quote
 
 __all__ = ["path_fault", "resolve_files"]
 

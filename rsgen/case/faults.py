@@ -8,7 +8,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from rsgen.case.document import CaseDocument
-from rsgen.case.naming import quote, suggest
+from rsgen.case.naming import suggest
+from rsgen.errors import quote
 
 __all__ = ["sentences"]
 

@@ -13,9 +13,8 @@ from rsgen.case.building import build
 from rsgen.case.case import Case
 from rsgen.case.document import CaseDocument
 from rsgen.case.faults import KINDS, sentences
-from rsgen.case.naming import quote
 from rsgen.case.toml_tree import parse_case, read_text
-from rsgen.errors import CaseError, RsgenError
+from rsgen.errors import CaseError, RsgenError, quote
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, load_surface

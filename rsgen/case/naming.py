@@ -7,7 +7,9 @@ import unicodedata
 from collections.abc import Collection
 from difflib import get_close_matches
 
-__all__ = ["is_device", "name_fault", "quote", "suggest", "text_fault"]
+from rsgen.errors import quote
+
+__all__ = ["is_device", "name_fault", "suggest", "text_fault"]
 
 MAX_NAME = 64
 MAX_TEXT = 300
@@ -19,21 +21,6 @@ _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt"
 def is_device(name: str) -> bool:
     """Whether Windows takes a file name for a device, whatever its ending."""
     return name.casefold().split(".")[0] in _DEVICES
-
-
-def quote(text: object, limit: int = 40) -> str:
-    """Show a text from a file in a message: in quotes, shortened, control characters escaped.
-
-    Examples
-    --------
-    >>> quote("k1")
-    "'k1'"
-    >>> quote("a" * 100, limit=5)
-    "'aaaaa'..."
-    """
-    shown = str(text)
-    escaped = shown[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
-    return repr(escaped) + ("..." if len(shown) > limit else "")
 
 
 def suggest(word: str, known: Collection[str]) -> str:

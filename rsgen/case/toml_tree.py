@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rsgen.errors import CaseError
+from rsgen.errors import CaseError, printable
 
 __all__ = ["parse_case", "read_text"]
 
@@ -120,7 +120,7 @@ def parse_case(text: str) -> dict[str, Any]:
         found = re.search(r"\(at (line \d+), (column \d+)\)$", message)
         place = f"{found[1]}, {found[2]}" if found else "end of file"
         reason = re.sub(r"\s*\(at [^()]*\)$", "", message)
-        reason = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in reason)[:200]
+        reason = printable(reason, 200)
         raise CaseError([f"{place}: {reason}; a case file is TOML 1.0"]) from fault
     except RecursionError as fault:
         raise CaseError(["nested too deeply to be read; keys are at most 4 tables deep"]) from fault

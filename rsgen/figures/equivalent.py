@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
+from rsgen.identification.tolerances import NORMAL
 
 __all__ = [
-    "NORMAL_95",
     "Backbone",
     "amplitudes_tested",
     "backbone",
@@ -28,9 +28,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-
-NORMAL_95 = 1.959964
-"""Two-sided 95 % quantile of the normal distribution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +158,7 @@ def refined_band(identification: Identification, amplitude: Floats) -> tuple[Bac
         model = backbone(identification, changed, amplitude)
         return np.array([model.stiffness, model.damping])
 
-    half = NORMAL_95 * standard_errors(identification, values, names, evaluate)
+    half = NORMAL * standard_errors(identification, values, names, evaluate)
     return backbone(identification, values, amplitude), half[0], half[1]
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.finding import Finding, Quantity
 from rsgen.history.record import BLOCK, TimeHistory, blocks
+from rsgen.surface.columns import QUANTITIES
 
 __all__ = ["cut_off", "record_findings"]
 
@@ -22,8 +23,6 @@ _STILL = 32
 """A live response does not repeat a value 32 times while the force moves ..."""
 _MOVES = 0.2
 """... by this fraction of its largest."""
-_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-"""Of a response."""
 
 
 def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -72,7 +71,7 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
         samples = sum(count for _, count in ends)
         if samples:
             names = {"record": history.label, "signal": name}
-            unit = "N" if name == "force" else _UNITS[history.quantity]
+            unit = "N" if name == "force" else QUANTITIES[history.quantity]
             # of the motion, as its amplitudes are: many sensors have an offset
             rest = float(np.median(values))
             limit = min(abs(end - rest) for end, count in ends if count)

@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from rsgen.arrays import Array
 from rsgen.identification.tolerances import NULL_PART, OUTLIERS, ROUND_OFF
 
-__all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias", "solve_scaled"]
+__all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
 Mask = NDArray[np.bool_]
 
@@ -347,9 +347,7 @@ def _summary(
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
     widen = np.maximum(ratio, 1.0)
     covariance = fisher * np.outer(widen, widen)
-    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
-    covariance[lost] = np.nan
-    covariance[:, lost] = np.nan
+    covariance = determined(covariance, null)
     misfit = np.sqrt(np.sum(residual**2, axis=1) / each)
     strength = np.sqrt(np.sum(line.by_parameter[used] ** 2, axis=(0, 1)) / max(np.count_nonzero(used), 1))
     influence = np.zeros_like(matrix)
@@ -370,6 +368,12 @@ def _summary(
         rows,
         np.where(used[:, None], residual, 0.0),
     )
+
+
+def determined(covariance: Array, null: Array) -> Array:
+    """Covariance (q, q) without that of parameters with a part in null vectors (q, d): theirs is NaN."""
+    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
+    return np.where(lost | lost[:, None], np.nan, covariance)
 
 
 def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], Array]) -> Regression:

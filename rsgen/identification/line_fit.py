@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.special import fdtri, ndtr
 
 from rsgen.arrays import Array
-from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.tolerances import CHANCE, EXCESS, NULL_PART
+from rsgen.identification.tolerances import CHANCE, EXCESS
 from rsgen.law.numeric import ForceLaw
 from rsgen.multisine.spectra import SMOOTHED, smooth
 
@@ -189,10 +189,7 @@ def errors_of(
         ratio = np.maximum(spread / np.where(error > 0, error, 1.0), 1.0)
         covariance = covariance * np.outer(ratio, ratio)
         wider, freedom = float(np.median(ratio)), count - 1
-    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
-    covariance[lost] = np.nan
-    covariance[:, lost] = np.nan
-    return covariance, null, freedom, wider
+    return determined(covariance, null), null, freedom, wider
 
 
 def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:

@@ -103,11 +103,8 @@ def start_values(lines: Lines, law: ForceLaw, given: float | None) -> tuple[Arra
     instants = _Instants(lines, law, given)
     nonlinear = _search(instants) if law.nonlinear else np.zeros(0)
     solution, _ = instants.solve(nonlinear)
-    values = np.zeros(len(law.parameters))
-    values[list(law.linear)] = solution[: len(law.linear)]
-    values[list(law.nonlinear)] = nonlinear
     mass = float(solution[len(law.linear)]) if given is None else given
-    return values, mass
+    return law.values_of(solution, nonlinear), mass
 
 
 def _search(instants: _Instants) -> Array:

@@ -39,7 +39,7 @@ from rsgen.identification.phase_resonance import (
 )
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, EXCESS
+from rsgen.identification.tolerances import ANY_LAW, EXCESS, NORMAL
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
@@ -62,9 +62,6 @@ _FEWEST = 4
 
 _SCATTERED = 0.05
 """Misfit from which on a reader is told: more than most noise, and than one harmonic leaves of most laws."""
-
-_NORMAL = 1.96
-"""Standard errors of a 95 % interval."""
 
 
 def modal_table(
@@ -200,9 +197,9 @@ def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, 
     found = fit_splines(modal)
     # the shift that a lag off a quarter period causes with damping that is not known
     square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
-    shift = 2 * DAMPED * float(np.sqrt(square + (_NORMAL * lag_error) ** 2))
+    shift = 2 * DAMPED * float(np.sqrt(square + (NORMAL * lag_error) ** 2))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
-    error = np.outer(stiff, stiff) * (shift / _NORMAL) ** 2
+    error = np.outer(stiff, stiff) * (shift / NORMAL) ** 2
     modal = replace(modal, assumed=True)
     return modal, replace(found, covariance=found.covariance + error)
 

@@ -16,7 +16,7 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.result import Background
-from rsgen.identification.tolerances import CONFIDENCE
+from rsgen.identification.tolerances import CONFIDENCE, NORMAL
 from rsgen.observation import Observation
 from rsgen.text_table import Printed, TextTable, data_frame, short
 
@@ -185,7 +185,7 @@ class ModalTable(Printed):
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
         mass = "per unit mass" if self.test.per_mass else "mass not known"
         if isfinite(self.mass):
-            error = f" ± {short(_NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
+            error = f" ± {short(NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
         return TextTable(heads, tuple(rows), caption, tuple(map(repr, self.findings)))
@@ -193,9 +193,6 @@ class ModalTable(Printed):
 
 _CSV_DIGITS = 10
 """More than any test has."""
-
-_NORMAL = 1.96
-"""Standard errors of a 95 % interval of the mass, which rests on many points."""
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

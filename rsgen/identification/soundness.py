@@ -17,6 +17,7 @@ from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.tolerances import CHANCE, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
 from rsgen.motion import Motion, cycle_work, project
+from rsgen.surface.columns import DERIVATIVE, QUANTITIES
 
 __all__ = [
     "aside_findings",
@@ -66,9 +67,6 @@ _AT_LIMIT = 0.98
 
 _MISSES = 3.0
 """Points that misfit so many times as much as the others disagree with the law that the others obey."""
-
-_ORDERS = {"m": 0, "m/s": 1, "m/s^2": 2}
-"""Unit of a response, and which derivative of the displacement that is."""
 
 
 def feeds_exciter(points: Points) -> bool:
@@ -129,7 +127,10 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     it where they disagree with the law that the others obey: a response that was held obeys it.
     """
     points, miss = fit.problem.observed.points, np.nan_to_num(fit.regression.misfit, nan=np.inf)
-    series = {unit: points.amplitude * points.omega**order for unit, order in _ORDERS.items()}
+    series = {
+        unit: points.amplitude * points.omega**order
+        for unit, order in zip(QUANTITIES.values(), DERIVATIVE.values(), strict=True)
+    }
     known = [
         finding.numbers["limit"]
         for finding in remarked

@@ -19,10 +19,10 @@ from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
-from rsgen.identification.least_squares import solve_scaled
+from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
-from rsgen.identification.tolerances import ANY_LAW, FLAT, NULL_PART, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import ANY_LAW, FLAT, QUICK, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
@@ -76,16 +76,14 @@ def solve_equations(
     matrix, right = equation_rows(equations, law, mass, nonlinear)
     solution, _, _ = solve_scaled(matrix, right)
     residual = right - matrix @ solution
-    values = _assemble(law, nonlinear, solution)
+    values = law.values_of(solution, nonlinear)
     if law.nonlinear:
         matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, mass, nonlinear, solution)])
     _, inverse, null = solve_scaled(matrix, right)
     freedom = max(len(right) - matrix.shape[1], 1)
     covariance = inverse @ inverse.T * float(residual @ residual) / freedom
     order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
-    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
-    covariance[lost] = np.nan
-    covariance[:, lost] = np.nan
+    covariance = determined(covariance, null)
     sorted_covariance = np.empty_like(covariance)
     sorted_covariance[np.ix_(order, order)] = covariance
     misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))
@@ -100,13 +98,6 @@ def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Arr
     matrix, right = equation_rows(bare, law, None, solution.values[list(law.nonlinear)])
     misfit = right - matrix @ linear
     return np.asarray(np.hypot(*np.split(misfit, 2)))
-
-
-def _assemble(law: ForceLaw, nonlinear: Array, solution: Array) -> Array:
-    values = np.zeros(len(law.parameters))
-    values[list(law.linear)] = solution[: len(law.linear)]
-    values[list(law.nonlinear)] = nonlinear
-    return values
 
 
 def _nonlinear_columns(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 __all__ = [
-    "ANY_LAW", "BLOCK", "CHANCE", "CONFIDENCE", "EXCESS", "FLAT", "MOVE", "NOISY", "NOTICEABLE", "NULL_PART",
-    "OUTLIERS", "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT", "STIFFENING",
-    "TURNED",
+    "ANY_LAW", "BLOCK", "CHANCE", "CONFIDENCE", "EXCESS", "FLAT", "MOVE", "NOISY", "NORMAL", "NOTICEABLE",
+    "NULL_PART", "OUTLIERS", "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT",
+    "STIFFENING", "TURNED",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -32,6 +32,9 @@ MOVE = 1e-3
 NOISY = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
+
+NORMAL = 1.96
+"""Standard errors to both ends of a 95 % interval, where many points determine them."""
 
 NOTICEABLE = 1e-3
 """Misfits below this, relative, change no engineering number: a law may be as wrong."""

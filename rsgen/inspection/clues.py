@@ -11,19 +11,19 @@ from math import pi
 from rsgen.errors import RsgenError
 from rsgen.measurement.column_titles import is_angular, split_title, unit_in
 from rsgen.measurement.tree import Entry
+from rsgen.surface.columns import QUANTITIES
 from rsgen.units import quantity, sensor_unit
 
 __all__ = [
     "ANGULAR", "BASE", "BOTH_SIGNS", "CONTROL", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY",
     "INCREMENT", "IS_FORCE", "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE",
-    "PHASE", "POSITIVE", "QUANTITIES", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS",
+    "PHASE", "POSITIVE", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS",
     "SPREAD", "TIME", "USABLE", "VALUES", "VARIES", "Clue", "complex_parts", "last_name", "of_size",
     "phase_sense", "remarked", "unit_for", "unit_in", "with_unit",
 ]  # fmt: skip
 
 _FEW = 60
 """At most this number of different values may be levels."""
-QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 """Responses over force, in the words of ISO 7626-1."""
 VALUES = ("data", "value", "values")

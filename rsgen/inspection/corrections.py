@@ -8,8 +8,8 @@ import numpy as np
 
 from rsgen.inspection.clues import OVER_FORCE
 from rsgen.inspection.proposal import Proposal
-from rsgen.measurement.signals import QUANTITIES
 from rsgen.surface import ResponseSurface
+from rsgen.surface.columns import QUANTITIES
 from rsgen.surface.phase_lag import at_phase_resonance
 
 __all__ = ["with_base", "with_control", "with_quantity", "with_sense"]

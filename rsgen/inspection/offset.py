@@ -7,7 +7,7 @@ import numpy as np
 from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import driven_points
+from rsgen.surface.any_law import driven_points, fit_any_law
 
 __all__ = ["has_levels", "offset_findings"]
 
@@ -81,28 +81,13 @@ def _misfit(
     """Relative misfit of the best law, the best multiples of ``parts``, sought from ``begin``, taken off."""
     from scipy.optimize import least_squares  # a third of a second, and needed where there are levels
 
-    typical = float(np.median(np.abs(response)))
+    typical, weight = float(np.median(np.abs(response))), 1 / np.abs(force)
     columns = np.array([part / np.median(np.abs(part)) for part in parts]).reshape(len(parts), len(force))
 
     def residual(values: Array) -> Array:
         taken = typical * (values[::2] + 1j * values[1::2]) @ columns
-        return _unexplained(force, response - taken, rate)
+        return fit_any_law(force, response - taken, rate, _POWERS, weight, mass=True)[0]
 
     start = np.zeros(2 * len(parts)) if begin is None else begin
     values = least_squares(residual, start, x_scale=0.1, max_nfev=60).x if parts else start
     return float(np.linalg.norm(residual(values)) / np.sqrt(len(force)))
-
-
-def _unexplained(force: ComplexArray, motion: ComplexArray, rate: Array) -> Array:
-    """What the best law leaves of the force, relative to it: real parts, imaginary parts."""
-    size = np.abs(motion)
-    # a motion that is taken off as a whole explains nothing
-    size = np.maximum(size / (size.max() or 1.0), np.finfo(float).tiny ** 0.25)
-    powers = np.stack([size**power for power in _POWERS])
-    columns = np.concatenate([powers * motion, 1j * rate * powers * motion, -(rate**2 * motion)[None]])
-    columns, wanted = columns / np.abs(force), force / np.abs(force)
-    matrix = np.concatenate([columns.real, columns.imag], axis=1).T
-    target = np.concatenate([wanted.real, wanted.imag])
-    norm = np.linalg.norm(matrix, axis=0)
-    matrix = matrix / np.where(norm > 0, norm, 1.0)
-    return np.asarray(target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-10)[0])

@@ -9,7 +9,6 @@ from rsgen.inspection.clues import (
     DECIBEL,
     NAMES,
     OVER_FORCE,
-    QUANTITIES,
     QUOTIENT,
     RADIAN,
     RMS,
@@ -20,6 +19,7 @@ from rsgen.inspection.clues import (
 from rsgen.inspection.guess import Guess
 from rsgen.inspection.sensors import Sensor
 from rsgen.measurement.tree import Entry
+from rsgen.surface.columns import QUANTITIES
 
 __all__ = ["place_of", "quantity_of", "scale_of", "unit_of_force"]
 

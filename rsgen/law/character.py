@@ -98,6 +98,13 @@ class Character:
     jumps: bool
     springs: bool
 
+    def values_of(self, linear: Array, nonlinear: Array) -> Array:
+        """(p,) values: of linear parameters, without what follows them in a solution, and of nonlinear ones."""
+        values = np.zeros(len(self.parameters))
+        values[list(self.linear)] = linear[: len(self.linear)]
+        values[list(self.nonlinear)] = nonlinear
+        return values
+
     @property
     def mean_free(self) -> bool:
         """Whether a law with memory has no spring that holds the mean displacement.

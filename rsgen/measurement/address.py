@@ -10,27 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, quote
 from rsgen.measurement.tree import Node
 
-__all__ = ["find", "natural_order", "select", "show"]
+__all__ = ["find", "natural_order", "select"]
 
 MOST = 10_000
 _INDEX = re.compile(r"(?P<path>.+?)\[(?:(?P<one>\d{1,9})|(?P<row>\d{1,9}),:|:,(?P<column>\d{1,9}))\]\Z")
 _DIGITS = re.compile(r"(\d+)")
-
-
-def show(text: object, limit: int = 60) -> str:
-    """Show a name from a file in a message: quoted, shortened, escaped.
-
-    Examples
-    --------
-    >>> show("Force")
-    "'Force'"
-    """
-    shown = str(text)
-    escaped = shown[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
-    return repr(escaped) + ("..." if len(shown) > limit else "")
 
 
 def natural_order(path: str) -> list[tuple[int, int | str]]:
@@ -56,7 +43,7 @@ def _only_matrix(nodes: Sequence[Node], number: int) -> str:
 
 
 def _known(nodes: Sequence[Node]) -> str:
-    paths = [show(node.path) for node in nodes if node.dtype and not node.fault]
+    paths = [quote(node.path) for node in nodes if node.dtype and not node.fault]
     return (", ".join(paths[:8]) + (", ..." if len(paths) > 8 else "")) or "nothing: no numbers in the file"
 
 
@@ -91,14 +78,14 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
             key=lambda node: natural_order(node.path),
         )
         if len(found) > MOST:
-            raise MeasurementError(f"{show(text)} means {len(found)} arrays; at most {MOST} are read")
+            raise MeasurementError(f"{quote(text)} means {len(found)} arrays; at most {MOST} are read")
     else:
         found = []
     if not found:
-        raise MeasurementError(f"nothing is called {show(text)}; known: {_known(nodes)} (see rsgen inspect)")
+        raise MeasurementError(f"nothing is called {quote(text)}; known: {_known(nodes)} (see rsgen inspect)")
     for node in found:
         if node.fault:
-            raise MeasurementError(f"{show(node.path)}: {node.fault}")
+            raise MeasurementError(f"{quote(node.path)}: {node.fault}")
     return found, index
 
 
@@ -123,14 +110,14 @@ def select(values: NDArray[Any], index: str | None, path: str) -> NDArray[Any]:
     match = _INDEX.match(f"a{index}")
     matrix = values.squeeze() if values.ndim > 2 else values
     if match is None or matrix.ndim != 2:
-        raise MeasurementError(f"{show(path)}: shape {values.shape}; an index in brackets needs a matrix")
+        raise MeasurementError(f"{quote(path)}: shape {values.shape}; an index in brackets needs a matrix")
     if match["one"] and matrix.shape[0] == matrix.shape[1]:
         raise MeasurementError(
-            f"{show(path)}: shape {matrix.shape} is square; write [k,:] for a row, [:,k] for a column"
+            f"{quote(path)}: shape {matrix.shape} is square; write [k,:] for a row, [:,k] for a column"
         )
     axis = 0 if match["row"] else 1 if match["column"] else int(np.argmin(matrix.shape))
     number = int(match["one"] or match["row"] or match["column"])
     if not 1 <= number <= matrix.shape[axis]:
-        raise MeasurementError(f"{show(path)}: no channel {number}; there are {matrix.shape[axis]}")
+        raise MeasurementError(f"{quote(path)}: no channel {number}; there are {matrix.shape[axis]}")
     channel: NDArray[Any] = np.take(matrix, number - 1, axis=axis)
     return channel

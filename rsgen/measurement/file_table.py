@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, quantities
-from rsgen.measurement.address import show
 from rsgen.measurement.column_titles import unit_in
 from rsgen.measurement.data_files import file_label, recognise_format
 from rsgen.measurement.file_units import to_si
@@ -80,7 +79,7 @@ class Table:
         values = self.columns[column]
         if np.iscomplexobj(values):
             raise MeasurementError(
-                f"{self.label}: {show(column)} is complex; name it by 'complex', or name a real one"
+                f"{self.label}: {quote(column)} is complex; name it by 'complex', or name a real one"
             )
         return np.asarray(values, dtype=np.float64)
 
@@ -135,7 +134,7 @@ def _entries(
     for address, found in keys.items():
         if found != keys[first]:
             raise MeasurementError(
-                f"{label}: {show(first)} means {len(keys[first])} entries and {show(address)} others "
+                f"{label}: {quote(first)} means {len(keys[first])} entries and {quote(address)} others "
                 f"({len(found)}); every entry must have both"
             )
     return [
@@ -160,7 +159,7 @@ def _axis(label: str, name: int | str, values: NDArray[Any], shape: tuple[int, .
         sides = " x ".join(map(str, shape))
         why = "no side" if not places else "more than one side"
         raise MeasurementError(
-            f"{label}: {show(name)} has {values.size} numbers, which fit {why} of {sides}; "
+            f"{label}: {quote(name)} has {values.size} numbers, which fit {why} of {sides}; "
             "columns must have one length, or be the sides of one matrix"
         )
     return places[0]
@@ -178,7 +177,7 @@ def _aligned(
     if not shapes:
         lengths = {values.size for values in squeezed.values() if values.ndim == 1}
         if len(lengths) > 1:
-            sizes = ", ".join(f"{show(name)} {values.size}" for name, values in squeezed.items())
+            sizes = ", ".join(f"{quote(name)} {values.size}" for name, values in squeezed.items())
             raise MeasurementError(f"{label}: columns differ in length: {sizes}; one length is needed")
         length = lengths.pop() if lengths else 1
         return {name: np.broadcast_to(values, (length,)) for name, values in squeezed.items()}

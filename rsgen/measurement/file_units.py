@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError, RsgenError
+from rsgen.errors import MeasurementError, RsgenError, quote
 from rsgen.finding import Finding
-from rsgen.measurement.address import show
 from rsgen.measurement.plan import MeasuredTest
 from rsgen.measurement.tree import Channel
 from rsgen.units import quantity, sensor_unit
@@ -46,7 +45,7 @@ def _check_scale(test: MeasuredTest, label: str, column: int | str, channel: Cha
         fits = signal.factor != 1 if channel.scale == "half-peak" else signal.scale == channel.scale
         if not fits:
             raise MeasurementError(
-                f"{label}: {show(channel.path)} holds {said}, as the file says; write {needed} in the case"
+                f"{label}: {quote(channel.path)} holds {said}, as the file says; write {needed} in the case"
             )
 
 
@@ -91,7 +90,7 @@ def to_si(
         for number, channel in enumerate(channels if target else ()):
             if channel.unit_source and not channel.unit:
                 raise MeasurementError(
-                    f"{label}: the unit of {show(channel.path)} is not known: {channel.unit_source}; "
+                    f"{label}: the unit of {quote(channel.path)} is not known: {channel.unit_source}; "
                     "name it by unit in the case"
                 )
             about = {"file": label, "column": str(address), "unit": channel.unit}

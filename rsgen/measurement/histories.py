@@ -10,11 +10,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding
 from rsgen.history import TimeHistory
 from rsgen.history.record import sampling_rate
-from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.file_table import read_channels
 from rsgen.measurement.file_units import scaled
@@ -36,15 +35,15 @@ def _rows(
     rows: dict[int | str, NDArray[Any]] = {}
     for name, channels in zip(wanted, groups, strict=True):
         if len(channels) != 1:
-            raise MeasurementError(f"{label}: {show(name)} means {len(channels)} arrays; name one of them")
+            raise MeasurementError(f"{label}: {quote(name)} means {len(channels)} arrays; name one of them")
         values = channels[0].values.reshape(-1)
         if values.size != max(channels[0].values.shape, default=1):
             raise MeasurementError(
-                f"{label}: {show(name)}: shape {channels[0].values.shape}; name one channel, as in "
-                f"{show(f'{name}[1]')}"
+                f"{label}: {quote(name)}: shape {channels[0].values.shape}; name one channel, as in "
+                f"{quote(f'{name}[1]')}"
             )
         if values.dtype.kind == "c":
-            raise MeasurementError(f"{label}: {show(name)} is complex; samples are real numbers")
+            raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
         rows[name] = values
     titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
     for signal, target in test.signals:
@@ -56,7 +55,7 @@ def _rows(
 def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
     distinct = np.unique(values)
     if len(distinct) != 1 or not (np.isfinite(distinct[0]) and distinct[0] > 0):
-        raise MeasurementError(f"{label}: {show(name)} is no sampling rate; one number above 0 is needed")
+        raise MeasurementError(f"{label}: {quote(name)} is no sampling rate; one number above 0 is needed")
     return float(distinct[0])
 
 
@@ -126,7 +125,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     files = [file_of(test, channel, number) for channel in test.sources]
     places = [cast("int | str", channel.signal.samples) for channel in test.sources]
     if len(set(zip(files, places, strict=True))) < len(places) and test.channels is None:
-        raise MeasurementError(f"{label}: {show(places[-1])} is force and response; they must differ")
+        raise MeasurementError(f"{label}: {quote(places[-1])} is force and response; they must differ")
     wanted: dict[Path, list[int | str]] = {}
     for path, place in zip(files, places, strict=True):
         wanted.setdefault(path, []).append(place)
@@ -140,7 +139,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
         rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
     start = 0.0
     if rule.time is not None:
-        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {show(rule.time)}")
+        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {quote(rule.time)}")
         rate, start = rate / rule.factor, start * rule.factor
     elif rule.rate_column is not None:
         rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column]) * rule.factor
@@ -150,7 +149,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     lengths = {len(values) for values in samples}
     if len(lengths) > 1:
         counts = ", ".join(
-            f"{len(values)} of {show(place)}" for values, place in zip(samples, places, strict=True)
+            f"{len(values)} of {quote(place)}" for values, place in zip(samples, places, strict=True)
         )
         raise MeasurementError(f"{label}: samples differ in number: {counts}; as many of each are needed")
     return _Record(test, rate, start, samples, findings)

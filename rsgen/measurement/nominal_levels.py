@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, Quantity
-from rsgen.measurement.address import show
 from rsgen.measurement.data_files import file_label
 from rsgen.measurement.plan import MeasuredTest
 from rsgen.surface import ResponseSurface, typical_amounts
@@ -127,7 +126,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
     if match is None:
         raise MeasurementError(
-            f"{file_label(test.files[number])}: its name is not of the form {show(rule.name)}"
+            f"{file_label(test.files[number])}: its name is not of the form {quote(rule.name)}"
         )
     level = float(match[1].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):

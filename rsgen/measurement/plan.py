@@ -18,7 +18,6 @@ from rsgen.measurement.channel_rules import channel_faults
 from rsgen.measurement.multisine_rule import FROM_RECORDS, MultisineRule, multisine_faults
 from rsgen.measurement.signals import (
     AMPLITUDES,
-    QUANTITIES,
     BaseRule,
     Checked,
     Column,
@@ -33,7 +32,7 @@ from rsgen.measurement.signals import (
 from rsgen.units import quantity, sensor_factor, sensor_unit
 
 __all__ = [
-    "HERTZ", "LABEL", "QUANTITIES", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
+    "HERTZ", "LABEL", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
     "Signal", "SweepRule",
 ]  # fmt: skip
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.confined import MEMORY_STATUS, command, environment
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, printable
 from rsgen.measurement.data_files import file_label, open_regular
 from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
@@ -117,7 +117,7 @@ class _Process:
         if not isinstance(header, dict):
             raise self.broken()
         if "fault" in header:
-            raise MeasurementError(f"{self.name}: {_printable(str(header['fault']))}")
+            raise MeasurementError(f"{self.name}: {printable(str(header['fault']))}")
         return header
 
     def array(self, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
@@ -133,10 +133,6 @@ class _Process:
                 raise self.broken()
             done += part
         return values
-
-
-def _printable(text: str) -> str:
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:1000]
 
 
 def _hash(file: IO[bytes]) -> str:

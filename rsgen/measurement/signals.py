@@ -13,13 +13,13 @@ from typing import Annotated, Literal
 
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import MeasurementError
+from rsgen.surface.columns import QUANTITIES
 
 __all__ = [
-    "AMPLITUDES", "QUANTITIES", "BaseRule", "Checked", "Column", "Factor", "NamedChannel", "Scale", "Seconds",
+    "AMPLITUDES", "BaseRule", "Checked", "Column", "Factor", "NamedChannel", "Scale", "Seconds",
     "Signal", "Unit", "combination",
 ]  # fmt: skip
 
-QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 LATEST = 10.0
 """Delay of a channel [s]: no filter and no multiplexer is later."""

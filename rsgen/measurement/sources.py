@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
+from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, quantities
-from rsgen.measurement.address import show
 from rsgen.measurement.file_table import Table, read_table
 from rsgen.measurement.plan import MeasuredTest
-from rsgen.measurement.signals import QUANTITIES, NamedChannel, Signal
+from rsgen.measurement.signals import NamedChannel, Signal
 from rsgen.measurement.title_units import unit_doubts
 from rsgen.surface import ResponseSurface
+from rsgen.surface.columns import QUANTITIES
 
 __all__ = ["Sources", "derivatives", "file_of", "read_sources", "with_across"]
 
@@ -138,7 +138,7 @@ def _whole_rows(sources: Sources) -> Sources:
     place = f"{main.unit_of_place} {int(main.number[lost[0]])}"
     if not keep.any():
         gaps = [
-            show(name)
+            quote(name)
             for table in tables.values()
             for name, values in table.columns.items()
             if not np.isfinite(values).any()

@@ -20,8 +20,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.errors import MeasurementError
-from rsgen.measurement.address import show
+from rsgen.errors import MeasurementError, quote
 from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, file_label, open_text
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.text_cells import (
@@ -133,7 +132,7 @@ class _Table:
         for name in names if header else []:
             if name.startswith(_FORMULA):
                 raise self.fail(
-                    line, f"column name {show(name)} looks like a formula; a plain name is needed"
+                    line, f"column name {quote(name)} looks like a formula; a plain name is needed"
                 )
         places = [self.place(line, column, names) for column in self.wanted]
         self.spans = tuple(map(len, places))
@@ -153,7 +152,7 @@ class _Table:
         found = [place for place, name in enumerate(names) if name == column]
         if column.count("*") > _MOST_STARS and not found:
             raise self.fail(
-                line, f"{show(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
+                line, f"{quote(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
             )
         if "*" in column and not found:
             pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
@@ -161,9 +160,9 @@ class _Table:
         if len(found) == 1 or (found and "*" in column):
             return found
         if found:
-            raise self.fail(line, f"{len(found)} columns are named {show(column)}; give the column's number")
-        known = ", ".join(show(name) for name in names[:12]) or "none, the file has no header; give a number"
-        raise self.fail(line, f"no column named {show(column)}; known: {known}")
+            raise self.fail(line, f"{len(found)} columns are named {quote(column)}; give the column's number")
+        known = ", ".join(quote(name) for name in names[:12]) or "none, the file has no header; give a number"
+        raise self.fail(line, f"no column named {quote(column)}; known: {known}")
 
     def row(self, line: int, text: str) -> None:
         values = self.quick(text)
@@ -216,15 +215,15 @@ class _Table:
             if value is None and not (MISSING.match(cell) or WORD.match(cell)):
                 raise self.fail(line, f"column {place + 1}: {self.reason(cell)}")
             if value is not None and not isfinite(value):
-                raise self.fail(line, f"column {place + 1}: {show(cell)} is too large for a number")
+                raise self.fail(line, f"column {place + 1}: {quote(cell)} is too large for a number")
         return [nan if value is None else value for value in numbers]
 
     def reason(self, cell: str) -> str:
         if len(cell) > LONGEST_NUMBER:
-            return f"{show(cell)} has {len(cell)} signs; a number has at most {LONGEST_NUMBER}"
+            return f"{quote(cell)} has {len(cell)} signs; a number has at most {LONGEST_NUMBER}"
         if self.layout.decimal == "." and "," in cell:
-            return f"{show(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
-        return f"{show(cell)} is no number; digits, sign, decimal point and exponent are allowed"
+            return f"{quote(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
+        return f"{quote(cell)} is no number; digits, sign, decimal point and exponent are allowed"
 
     def take(self, line: int, text: str) -> None:
         stripped = text.strip()

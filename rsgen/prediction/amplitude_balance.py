@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.result import Identification
+from rsgen.identification.tolerances import NORMAL
 from rsgen.law.numeric import compile_law
 
 __all__ = ["AmplitudeBalance"]
@@ -36,9 +37,6 @@ _CLOSE = 1e-7
 
 _EXACT = 1e-8
 _DESCENT = 40
-_NORMAL = 1.96
-"""Standard deviations of a 95 % band."""
-
 _NEXT = 0.5
 """Newton steps from the measured amplitude that lead farther, relatively, have left its branch."""
 
@@ -82,7 +80,7 @@ class AmplitudeBalance:
         count = len(self._covariance)
         slope = (np.conj(at.force)[:, None] * at.force_by[:, :count]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
-        return np.asarray(_NORMAL * np.sqrt(np.maximum(variance, 0.0)))
+        return np.asarray(NORMAL * np.sqrt(np.maximum(variance, 0.0)))
 
     def _equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None

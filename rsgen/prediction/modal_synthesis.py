@@ -18,11 +18,9 @@ from rsgen.identification.modal_splines import SplineMode
 from rsgen.identification.tolerances import ANY_LAW
 from rsgen.oscillator import Model
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
+from rsgen.prediction.prediction_result import BEYOND
 
 __all__ = ["SynthesisBalance", "table_as_identification"]
-
-_BEYOND = 1.01
-"""The table ends at its largest amplitude times this; less is the noise of the test."""
 
 _MATTERS = 0.05
 """Where k and c below the smallest amplitude seen might change the response by more, relatively, it is not
@@ -38,7 +36,7 @@ class SynthesisBalance(AmplitudeBalance):
         self._covariance = np.nan_to_num(splines.covariance)
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)
-        self._tabulate(_BEYOND * self._largest)
+        self._tabulate(BEYOND * self._largest)
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Force that holds the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
@@ -48,7 +46,7 @@ class SynthesisBalance(AmplitudeBalance):
 
     def _tabulate(self, largest: float) -> None:
         """Keep the backbone up to an amplitude [m]: to the end of the table, never beyond."""
-        super()._tabulate(min(largest, _BEYOND * self._largest))
+        super()._tabulate(min(largest, BEYOND * self._largest))
 
     def respond(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
         """As of a law; NaN beyond the table, and below it where k and c would matter."""
@@ -58,12 +56,12 @@ class SynthesisBalance(AmplitudeBalance):
             # a force that is smooth changes k by no more than its slope there, by ln X, down to rest
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
             changed = self._drift(omega) * below * size / np.abs(force)
-            known = (size <= _BEYOND * self._largest) & (changed < _MATTERS)
+            known = (size <= BEYOND * self._largest) & (changed < _MATTERS)
         return np.where(known, found, np.nan)
 
     def _drift(self, omega: Array) -> Array:
         """(n,) change of the dynamic stiffness [N/m] by ln X at the lower end of the table."""
-        size = np.full(len(omega), self._least * _BEYOND)
+        size = np.full(len(omega), self._least * BEYOND)
         at = self.solve(size, omega)
         return np.asarray(np.abs(at.force_slope - at.force) / size)
 

@@ -10,23 +10,18 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
-from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification import MultisineIdentification
 from rsgen.identification.multisine import held_out_records
 from rsgen.identification.result import frozen_array
 from rsgen.law.numeric import compile_law
 from rsgen.multisine import MultisineSpectra
 from rsgen.multisine.steady import periodic_response
-from rsgen.prediction.prediction_result import Prediction
+from rsgen.prediction.prediction_result import BEYOND, Prediction, severity_of_error
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import TextTable, short
 
 __all__ = ["MultisinePrediction", "PredictedRecord", "predict_multisine"]
-
-_MISSED = (0.05, 0.15, 0.5)
-"""Errors of held-out responses that are worth a warning, cast doubt on the law, refute it: as of sines."""
-_BEYOND = 1.01
-"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,8 +135,7 @@ def _findings(
     found: MultisineIdentification, records: tuple[PredictedRecord, ...], amplitudes: Array
 ) -> list[Finding]:
     findings = []
-    warned, doubted, refuted = _MISSED
-    reach = _BEYOND * found.amplitude_range[1]
+    reach = BEYOND * found.amplitude_range[1]
     for one, amplitude in zip(records, map(float, amplitudes), strict=True):
         level = Quantity(one.level, "N")
         if not np.isfinite(one.error):
@@ -154,10 +148,7 @@ def _findings(
                 tested=Quantity(found.amplitude_range[1], "m"),
             )
             findings.append(Finding("record-extrapolated", "warning", numbers=numbers))
-        if one.error > warned:
-            severity: Severity = (
-                "error" if one.error > refuted else "doubt" if one.error > doubted else "warning"
-            )
+        if severity := severity_of_error(one.error):
             numbers = quantities(level=level, error=one.error, misfit=found.residual)
             findings.append(Finding("record-missed", severity, numbers=numbers))
     return findings

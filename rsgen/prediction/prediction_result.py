@@ -10,11 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.finding import Finding
+from rsgen.finding import Finding, Severity
 from rsgen.identification.result import frozen_array
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
 
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve"]
+__all__ = ["BEYOND", "HeldOutLevel", "Prediction", "ResonanceCurve", "severity_of_error"]
+
+BEYOND = 1.01
+"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
+
+_MISSED: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}
+"""Errors of held-out responses beyond which they refute the law, cast doubt on it, are worth a warning: a
+twentieth is as good as most sensors, a seventh worse than most tests, with a half nothing is predicted."""
+
+
+def severity_of_error(error: float) -> Severity | None:
+    """What the relative error of a held-out response means for the law; None where it is small."""
+    return next((severity for severity, limit in _MISSED.items() if error > limit), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
-from rsgen.finding import Finding, Quantity, Severity, quantities
+from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification import Identification, ModalTable, MultisineIdentification
 from rsgen.identification.data import held_out_mask
 from rsgen.multisine import MultisineSpectra
@@ -20,7 +20,13 @@ from rsgen.prediction.known_oscillator import as_identification
 from rsgen.prediction.measured_across import acts_across, respond_across
 from rsgen.prediction.modal_synthesis import SynthesisBalance, table_as_identification
 from rsgen.prediction.multisine import predict_multisine
-from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.prediction.prediction_result import (
+    BEYOND,
+    HeldOutLevel,
+    Prediction,
+    ResonanceCurve,
+    severity_of_error,
+)
 from rsgen.surface import ResponseSurface, typical_amounts
 
 __all__ = ["predict"]
@@ -31,9 +37,6 @@ _POINTS = 161
 
 _MARGIN = 0.05
 """Curves are drawn so far beyond the tested frequencies."""
-
-_BEYOND = 1.01
-"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
 
 _WIDEST = 0.5
 """At a fold the band of the amplitude at a frequency opens without end; wider ones are not drawn."""
@@ -47,10 +50,6 @@ _AT_JUMPS = 0.02
 _OF_MISFIT = 2.0
 """A held-out level is missed where its error is as many times the misfit of the levels that were fitted: the
 noise of force and response makes 1.3 of it."""
-
-_MISSED = (0.05, 0.15, 0.5)
-"""Errors of held-out responses from which on they are worth a warning, cast doubt on the law, refute it: a
-twentieth is as good as most sensors, a seventh worse than most tests, with a half nothing is predicted."""
 
 
 def predict(
@@ -248,7 +247,7 @@ def _curve(
         amplitude=amplitude,
         phase=phase,
         stable=gain > 0,
-        extrapolated=(sizes > tested[1] * _BEYOND) | (sizes < tested[0] / _BEYOND),
+        extrapolated=(sizes > tested[1] * BEYOND) | (sizes < tested[0] / BEYOND),
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 2),
@@ -316,7 +315,6 @@ def _missed(
     What has no steady state there is missed by all of it ``by_law``; a modal table does not reach it.
     """
     findings = []
-    warned, doubted, refuted = _MISSED
     for item in held_out:
         size = np.abs(item.measured)
         known = np.isfinite(item.predicted)
@@ -325,9 +323,9 @@ def _missed(
             miss, size = miss[known], size[known]
         judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
         error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
-        if not (error > max(warned, _OF_MISFIT * misfit)):
+        severity = severity_of_error(error)
+        if severity is None or error <= _OF_MISFIT * misfit:
             continue
-        severity: Severity = "error" if error > refuted else "doubt" if error > doubted else "warning"
         numbers = quantities(error=error, misfit=misfit, level=Quantity(item.level, item.level_unit))
         findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
     return tuple(findings)

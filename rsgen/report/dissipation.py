@@ -15,9 +15,10 @@ from rsgen.figures.cycles import (
     mode_surface,
     small_stiffness,
 )
-from rsgen.figures.equivalent import NORMAL_95, solution_of
+from rsgen.figures.equivalent import solution_of
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
+from rsgen.identification.tolerances import NORMAL
 from rsgen.law.element import Element
 from rsgen.surface import ResponseSurface
 
@@ -35,7 +36,7 @@ def dissipation_findings(surface: ResponseSurface, identification: Identificatio
     if isfinite(measured.exponent):
         numbers = {
             "exponent": Quantity(measured.exponent),
-            "half_width": Quantity(NORMAL_95 * measured.error),
+            "half_width": Quantity(NORMAL * measured.error),
             "points": Quantity(len(measured.amplitude)),
         }
         found.append(Finding("energy-measured", "info", numbers=numbers))

@@ -12,9 +12,10 @@ from rsgen.arrays import Array
 from rsgen.describing import derive
 from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
-from rsgen.figures.equivalent import NORMAL_95, evaluated, standard_errors
+from rsgen.figures.equivalent import evaluated, standard_errors
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
+from rsgen.identification.tolerances import NORMAL
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
 from rsgen.report.dissipation import slip_findings
@@ -84,7 +85,7 @@ def _course_finding(course: _Course) -> Finding:
     turn = _turning(course.value)
     if turn:
         return course.finding("course-turns", turn)
-    change, half = last - first, NORMAL_95 * course.error
+    change, half = last - first, NORMAL * course.error
     if half > abs(change):
         within = {"change": Quantity(change, course.unit), "half_width": Quantity(half, course.unit)}
         return course.finding("course-not-resolved", numbers=within)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from rsgen.errors import RsgenError
 
 __all__ = [
-    "BASES",
     "BASE_UNITS",
     "COLUMN_UNITS",
     "CONTROLS",
+    "DERIVATIVE",
+    "QUANTITIES",
     "SWEEPS",
     "check_numbers",
     "column",
@@ -27,11 +28,14 @@ CONTROLS = ("force", "response", "phase", "continuation")
 """What a test holds within a level: force, amplitude of the response, force and phase, or nothing: points of
 a control-based continuation, whose levels are steps of the amplitude."""
 
-BASE_UNITS = {"": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-"""Unit of levels: of the force, or of the motion of the base that was driven."""
+QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+"""What a motion may be given as, each the derivative of the one before, and its unit."""
 
-BASES = ("displacement", "velocity", "acceleration")
-"""What of the motion of a base may be given, each the derivative of the one before."""
+DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
+"""Which derivative of the displacement a quantity is."""
+
+BASE_UNITS = {"": "N"} | QUANTITIES
+"""Unit of levels: of the force, or of the motion of the base that was driven."""
 
 COLUMN_UNITS = {
     "level": "N",

@@ -14,7 +14,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import ComplexArray
 from rsgen.finding import Finding, Quantity
+from rsgen.surface.any_law import AS_GOOD, BETTER, FITS, driven_points, fit_any_law, powers_for
+from rsgen.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.surface.response_surface import ResponseSurface
 
 __all__ = [
@@ -23,7 +26,6 @@ __all__ = [
     "Limit",
     "Mistake",
     "Sizes",
-    "driven_points",
     "plausibility_findings",
     "quantity_findings",
     "size_findings",
@@ -285,37 +287,8 @@ def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Findin
     )
 
 
-_TERMS = 4
-"""Powers of the amplitude in k(X) and c(X) of the law that any law resembles at one harmonic."""
-
-_POINTS_A_TERM = 3
-"""Points for each of the values fitted, so that a fit can disagree."""
-
-_MISFIT = 0.05
-"""Below this misfit, relative, what was read fits; in a wide band a wrong quantity leaves a quarter."""
-
-_BETTER = 0.5
-"""Another quantity must leave at most this share of the misfit: of measured tests it leaves 0.98 and more."""
-
-_AS_GOOD = 1.1
-"""Where as it was read m, k and c are all negative, so that it cannot be right, as good is good enough."""
-
 _RADIAN = 180 / np.pi
 """So much too small is a phase in radians that was read in degrees."""
-
-_FAINT = 1e-6
-"""Forces, responses and frequencies below this share of the largest are none: instruments resolve no less."""
-
-_QUANTITIES = ("displacement", "velocity", "acceleration")
-
-
-def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
-    """Find the points at which there is a force and a response to it."""
-    good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
-    for values in (surface.force, surface.harmonics[:, 1], surface.omega):
-        size = np.where(good, np.abs(values), 0.0)
-        good = good & (size > max(_FAINT * size.max(initial=0.0), np.finfo(float).tiny))
-    return np.flatnonzero(good)
 
 
 def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> Iterator[Finding]:
@@ -333,50 +306,34 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         What the response was read as; None where nobody said.
     """
     rows = driven_points(surface)
-    terms = min(_TERMS, (len(rows) // _POINTS_A_TERM - 1) // 2)
-    if not surface.phase_known or terms < 1:
+    powers = powers_for(len(rows), mass=True)
+    if not surface.phase_known or not powers:
         return
     force, response, omega = surface.force[rows], surface.harmonics[rows, 1], surface.omega[rows]
-    as_read = _QUANTITIES.index(quantity) if quantity in _QUANTITIES else None
+    as_read = DERIVATIVE.get(quantity or "")
     orders = (
         (-2, -1, 1, 2) if as_read is None else (order - as_read for order in range(3) if order != as_read)
     )
-    others: dict[str, NDArray[np.complex128]] = {}
+    others: dict[str, ComplexArray] = {}
     for order in orders:
-        name = f"{order:+d}" if as_read is None else _QUANTITIES[as_read + order]
+        name = f"{order:+d}" if as_read is None else tuple(QUANTITIES)[as_read + order]
         others[name] = response / (1j * omega) ** order
     lead = np.angle(response / force)
     if np.max(np.abs(lead)) < 2 * np.pi / _RADIAN:
         others["radian"] = force * np.abs(response / force) * np.exp(1j * _RADIAN * lead)
-    fits = {name: _fit(force, other, omega, terms) for name, other in others.items()}
-    misfit, signs = _fit(force, response, omega, terms)
+    weight = 1 / np.abs(force)
+
+    def fit(motion: ComplexArray) -> tuple[float, tuple[bool, ...]]:
+        left, values = fit_any_law(force, motion, omega, powers, weight, mass=True)
+        return float(np.linalg.norm(left) / np.sqrt(len(force))), tuple(value > 0 for value in values)
+
+    fits = {name: fit(other) for name, other in others.items()}
+    misfit, signs = fit(response)
     sound = {name: left for name, (left, positive) in fits.items() if all(positive)}
     best = min(sound, key=lambda name: sound[name], default=None)
-    share = _BETTER if any(signs) else _AS_GOOD
-    if best is None or misfit < _MISFIT or sound[best] > share * misfit:
+    share = BETTER if any(signs) else AS_GOOD
+    if best is None or misfit < FITS or sound[best] > share * misfit:
         return
-    names = {"read": quantity or "", "is": best, "sure": "yes" if sound[best] < _BETTER * misfit else "no"}
+    names = {"read": quantity or "", "is": best, "sure": "yes" if sound[best] < BETTER * misfit else "no"}
     numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}
     yield Finding("another-quantity", "doubt", "", numbers, names)
-
-
-def _fit(
-    force: NDArray[np.complex128], response: NDArray[np.complex128], omega: NDArray[np.float64], terms: int
-) -> tuple[float, tuple[bool, bool, bool]]:
-    """Relative misfit of a law of any kind, and whether its m and its typical k and c are positive."""
-    size = np.abs(response)
-    powers = np.stack([(size / size.max()) ** power for power in range(terms)])
-    rate = omega / omega.max()
-    force, response = force / np.abs(force).max(), response / size.max()
-    columns = np.concatenate([powers * response, 1j * rate * powers * response, -(rate**2 * response)[None]])
-    columns = columns / np.abs(force)
-    wanted = force / np.abs(force)
-    matrix = np.concatenate([columns.real, columns.imag], axis=1).T
-    target = np.concatenate([wanted.real, wanted.imag])
-    scale = np.linalg.norm(matrix, axis=0)
-    values = np.linalg.lstsq(matrix / scale, target, rcond=None)[0]
-    left = target - matrix / scale @ values
-    values = values / scale
-    stiffness, damping = values[:terms] @ powers, values[terms:-1] @ powers
-    positive = (bool(values[-1] > 0), bool(np.median(stiffness) > 0), bool(np.median(damping) > 0))
-    return float(np.sqrt(np.sum(left**2) / len(force))), positive

@@ -17,9 +17,9 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
 from rsgen.surface.columns import (
     BASE_UNITS,
-    BASES,
     COLUMN_UNITS,
     CONTROLS,
+    DERIVATIVE,
     SWEEPS,
     check_numbers,
     column,
@@ -278,7 +278,7 @@ class ResponseSurface:
         size = np.abs(self.force)
         if not (self.base and self.per_mass):
             return size
-        return size / self.omega ** (len(BASES) - 1 - BASES.index(self.base))
+        return size / self.omega ** (DERIVATIVE["acceleration"] - DERIVATIVE[self.base])
 
     @property
     def answer(self) -> Array:

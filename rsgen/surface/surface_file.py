@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from rsgen.confined import command, environment
-from rsgen.errors import MeasurementError, RsgenError, require
+from rsgen.errors import MeasurementError, RsgenError, printable, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
 from rsgen.surface.columns import COLUMN_UNITS
@@ -123,12 +123,8 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
             "fault": "cannot be read as a response surface: the HDF5 library found no end or broke down"
         }
     if "fault" in answer:
-        raise MeasurementError(f"{path}: {_printable(str(answer['fault']))}")
+        raise MeasurementError(f"{path}: {printable(str(answer['fault']))}")
     return dict(answer)
-
-
-def _printable(text: str) -> str:
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:1000]
 
 
 class _Reader:
