@@ -99,7 +99,7 @@ class Character:
     springs: bool
 
     def values_of(self, linear: Array, nonlinear: Array) -> Array:
-        """(p,) values: of linear parameters, without what follows them in a solution, and of nonlinear ones."""
+        """(p,) values of linear parameters, without what follows in a solution, and of nonlinear ones."""
         values = np.zeros(len(self.parameters))
         values[list(self.linear)] = linear[: len(self.linear)]
         values[list(self.nonlinear)] = nonlinear
