@@ -20,7 +20,7 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import CONFIDENCE
+from rsgen.identification.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
 
 __all__ = ["Agreement", "Difference", "compare_parts", "jackknife"]
 
@@ -38,19 +38,6 @@ left."""
 
 _SLIGHT = 3e-4
 """Parts whose predictions differ by less, relative, change no engineering number."""
-
-_GROUPS = 4
-"""Levels from which on their scatter measures an error; of fewer the stretches of runs are taken."""
-
-_STRETCHES = 8
-"""Stretches of frequency that a test with few levels is cut into: enough to scatter, each correlated in
-itself."""
-
-_HELD = 3.0
-"""Standard errors by which parts may differ after widening: chance does it once in 400."""
-
-_LARGE = 0.1
-"""Parts whose predictions differ by more, relative, do not obey one law, whatever the errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,9 +127,9 @@ def _runs(points: Points) -> NDArray[np.intp]:
 
 
 def _stretches(points: Points) -> NDArray[np.intp]:
-    """(n,) number of the stretch of frequency of each point, of all runs together at least ``_STRETCHES``."""
+    """(n,) number of the stretch of frequency of each point, of all runs together at least ``GROUPS``."""
     runs = _runs(points)
-    each = -(-_STRETCHES // int(runs.max() + 1))
+    each = -(-GROUPS // int(runs.max() + 1))
     place = np.empty(len(points), dtype=np.intp)
     for run in range(runs.max() + 1):
         rows = np.flatnonzero(runs == run)
@@ -212,7 +199,7 @@ class Agreement:
         if not (apart or misfits):
             return same
         levels = _levels(points)
-        enough = len(np.unique(levels[whole.used])) >= _GROUPS
+        enough = len(np.unique(levels[whole.used])) >= SEVERAL
         group = levels if enough else _stretches(points)
         freedom = len(np.unique(group[whole.used])) - 1
         if freedom < 1:
@@ -237,7 +224,7 @@ class Agreement:
             found.append(
                 Finding(
                     "parts-disagree",
-                    "warning" if held <= _HELD and size <= _LARGE else "doubt",
+                    "warning" if held <= ERRORS and size <= LARGE else "doubt",
                     numbers=quantities(z=worst.z(), after=held, size=size),
                     names={"parts": name.replace("-", " ")},
                 )

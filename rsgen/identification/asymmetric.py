@@ -21,10 +21,10 @@ from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.result import Estimate
-from rsgen.identification.tolerances import CONFIDENCE, NOISY, NULL_PART, SAMPLES
+from rsgen.identification.tolerances import CONFIDENCE, FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER
 from rsgen.motion import Motion
 
-__all__ = ["ORDER", "explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric", "widen_squares"]
+__all__ = ["explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric", "widen_squares"]
 
 _SHARES = (0.05, 0.2, 0.5)
 """Largest force of a direction that is tried, relative to the spring's: x^2 of the last moves the mean by a
@@ -35,12 +35,6 @@ _POINTS = 100
 
 _STEPS = 12
 """Gauss-Newton steps that show whether a trial leads anywhere."""
-
-ORDER = 3
-"""Harmonics while only starting values or phases are sought; the fits that follow find the rest."""
-
-_FOLLOWED = 0.8
-"""Share of the points that a trial must be able to predict; it may miss some, its mean is not known yet."""
 
 _MOST = 2
 """Directions that are tried together: one more would multiply the trials by seven."""
@@ -120,7 +114,7 @@ def _at_resolution(small: Fit, without: Fit, moved: NDArray[np.intp], count: int
 
 
 def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
-    return fit_balance(problem, parameters, order=ORDER, steps=steps, reject=False, correct=False)
+    return fit_balance(problem, parameters, order=START_ORDER, steps=steps, reject=False, correct=False)
 
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:
@@ -176,7 +170,7 @@ def _records_even(problem: Problem) -> bool:
 def _cost(found: Fit) -> float:
     """Mean square misfit; infinite where too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
-    return float(np.mean(misfit**2)) if len(misfit) > _FOLLOWED * len(found.force) else np.inf
+    return float(np.mean(misfit**2)) if len(misfit) > FOLLOWED * len(found.force) else np.inf
 
 
 def _directions(problem: Problem, parameters: Array) -> list[Array]:

@@ -27,7 +27,7 @@ from rsgen.identification.soundness import (
     phase_findings,
     sign_findings,
 )
-from rsgen.identification.tolerances import CONFIDENCE, EXCESS, NULL_PART
+from rsgen.identification.tolerances import CONFIDENCE, ERRORS, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
@@ -52,9 +52,6 @@ _STRONG = 0.05
 
 _DRIFT = 0.02
 """Mean displacement, relative to the amplitude, beyond which a symmetric law misses more than an offset."""
-
-_ABOVE_NOISE = 3.0
-"""Means and harmonics below this many times the noise found may be the noise."""
 
 _NO_SINE = 0.5
 """Harmonics beyond this share of the fundamental at half of the points: hardly the answer to a sine."""
@@ -260,7 +257,7 @@ class Findings:
         if points.harmonics.shape[1] > 2:
             higher = np.abs(points.harmonics[:, 2:]) / size[:, None]
             # the largest of as many harmonics that are only noise
-            chance = _ABOVE_NOISE * noise * np.sqrt(2 * np.log(max(higher.size, 2)))
+            chance = ERRORS * noise * np.sqrt(2 * np.log(max(higher.size, 2)))
             row, order = np.unravel_index(int(np.argmax(higher)), higher.shape)
             largest = float(np.median(higher.max(axis=1)))
             if largest > _NO_SINE:
@@ -278,7 +275,7 @@ class Findings:
         drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
         law = self.fit.problem.law
         symmetric = law.here.law.odd if isinstance(law, LawAtTwoPlaces) else law.odd
-        if symmetric and drift > max(_DRIFT, _ABOVE_NOISE * noise):
+        if symmetric and drift > max(_DRIFT, ERRORS * noise):
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 

@@ -46,7 +46,7 @@ from rsgen.identification.result import (
 from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import NOISY, QUICK
+from rsgen.identification.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, TAIL
 from rsgen.law import LawLike
 from rsgen.law.remarks import law_remarks
 from rsgen.multisine import MultisineSpectra
@@ -58,11 +58,8 @@ __all__ = ["identify"]
 
 Table = TypeVar("Table", Points, ResponseSurface)
 
-_ORDERS = (9, 15, 23)
+_ORDERS = (ORDER, 15, 23)
 """Harmonics carried in the balance, raised until the last one no longer matters."""
-
-_TAIL = 1e-9
-"""Relative size at which the last harmonic no longer matters in exact data."""
 
 _ACCURACIES = (1e-5, 1e-8)
 """Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
@@ -73,9 +70,6 @@ _RESOLVED = 100.0
 
 _WORSE = 1.05
 """The simulator may not fit worse than the balance; if it does, it follows other branches."""
-
-_HOPELESS = 0.2
-"""A misfit of the balance beyond a fifth: truncated waveforms of a law that is right leave a few per cent."""
 
 _FOLLOWED = 0.9
 """Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
@@ -178,7 +172,7 @@ def _fit(problem: Problem, start: Array) -> Fit:
         return _add_harmonics(found)
     if problem.law.remembers and runs_away(found):
         return found
-    if sharp and not feeds and found.regression.noise * np.sqrt(2) < _HOPELESS:
+    if sharp and not feeds and found.regression.noise * np.sqrt(2) < MEANINGLESS:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
         if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:
@@ -197,7 +191,7 @@ def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         parameters = refined.regression.parameters
         harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
-        enough = last < max(_TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+        enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
         if law.switched or sharp or enough:
             break
     noise = refined.regression.noise

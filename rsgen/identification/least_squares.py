@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from rsgen.arrays import Array
-from rsgen.identification.tolerances import NULL_PART, OUTLIERS, ROUND_OFF
+from rsgen.identification.tolerances import GAIN, NULL_PART, OUTLIERS, ROUND_OFF
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
@@ -23,9 +23,6 @@ Mask = NDArray[np.bool_]
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
-
-_GAIN = 1e-4
-"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01 error."""
 
 _UNCHANGED = 1e-3
 """A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
@@ -269,7 +266,7 @@ def _descend(
         cost = float(np.sum(line.residual[good] ** 2))
         expected = float(np.sum((residual - matrix @ change)[good] ** 2))
         gain = (cost - expected) * right.size / max(expected, 1e-300)
-        if gain < _GAIN:
+        if gain < GAIN:
             return parameters, nuisance, line, True
         realised = -1.0
         reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
@@ -284,7 +281,7 @@ def _descend(
                 (parameters, nuisance), line = moved, trial
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
-        least = max(_GAIN, _UNCHANGED * residual[good].size) if reached else _GAIN
+        least = max(GAIN, _UNCHANGED * residual[good].size) if reached else GAIN
         if realised < least or relative < _SMALL:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0

@@ -22,27 +22,20 @@ from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.forward import following_harmonics, hold_amplitude
 from rsgen.identification.result import Estimate
-from rsgen.identification.tolerances import NOTICEABLE, QUICK, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import (
+    ERRORS,
+    LARGE,
+    MEANINGLESS,
+    NOTICEABLE,
+    ORDER,
+    QUICK,
+    SAME_NUMBER,
+    SAMPLES_SWITCHED,
+)
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, project
 
 __all__ = ["left_out_findings"]
-
-_ORDER = 9
-"""Highest harmonic looked at: those beyond are below a hundredth of the third for corners, and for smooth
-laws less."""
-
-_FAR_SIDE = 0.2
-"""Misfit up to which the far side is a mass on spring and damper, as the force of the joint moves it."""
-
-_MOVED = 3.0
-"""Standard errors by which a value may move without a doubt: more is outside every interval stated."""
-
-_NAMED = 0.01
-"""A value that moves by less than a hundredth is the same engineering number."""
-
-_LARGE = 0.1
-"""A value that moves by a tenth is doubtful also where its interval is as wide: the shift is no chance."""
 
 
 def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Finding, ...]:
@@ -71,7 +64,7 @@ def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Findin
     with np.errstate(all="ignore"):
         share, times = moved / np.abs(found.values), np.abs(moved) / errors
     large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)
-    doubts = large & (((times > _MOVED) & (np.abs(share) > _NAMED)) | (np.abs(share) > _LARGE))
+    doubts = large & (((times > ERRORS) & (np.abs(share) > SAME_NUMBER)) | (np.abs(share) > LARGE))
     if not large.any():
         return ()
     severity: Severity = "doubt" if doubts.any() else "info"
@@ -130,13 +123,13 @@ def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
     values = np.linalg.lstsq(matrix / scale, right, rcond=None)[0]
     misfit = float(np.sqrt(np.sum((right - matrix / scale @ values) ** 2) / len(force)))
     mass = float(values[1] / scale[1])
-    return mass if misfit < _FAR_SIDE and mass > 0 else 0.0
+    return mass if misfit < MEANINGLESS and mass > 0 else 0.0
 
 
 def _of_joint(joint: ForceLaw, values: Array, mass: float, across: Motion) -> ComplexArray:
     """(n, H+1) harmonics [m] of an oscillator of a mass [kg] with the law of the joint; zero where none."""
-    size, start = np.abs(across.harmonics[:, 1]), np.zeros((len(across), _ORDER + 1), dtype=complex)
-    follow = following_harmonics(joint, _ORDER)
+    size, start = np.abs(across.harmonics[:, 1]), np.zeros((len(across), ORDER + 1), dtype=complex)
+    follow = following_harmonics(joint, ORDER)
     made = hold_amplitude(joint, values, mass, across.omega, size, start, follow, SAMPLES_SWITCHED)
     harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
     return Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.tolerances import ROUND_OFF
+from rsgen.identification.tolerances import ROUND_OFF, TAIL
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
@@ -45,9 +45,6 @@ and the iteration to the law's own motion shrinks its error threefold a step."""
 
 _TAIL_STEPS = 12
 """Of that iteration."""
-
-_TAIL_ENOUGH = 1e-9
-"""Change of the unseen lines, relative to the seen ones, at which they move no force any more."""
 
 _MEAN_STEPS = 30
 """Newton steps to the mean of a motion whose mean the sensor does not see."""
@@ -257,7 +254,7 @@ class _Along:
             if not moved < before:
                 break
             self.unseen, before = found, moved
-            if moved < _TAIL_ENOUGH * float(np.linalg.norm(response)):
+            if moved < TAIL * float(np.linalg.norm(response)):
                 break
         return self.one(force, response)
 

@@ -11,7 +11,7 @@ from scipy.special import fdtri, ndtr
 from rsgen.arrays import Array
 from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.tolerances import CHANCE, EXCESS
+from rsgen.identification.tolerances import CHANCE, EXCESS, GAIN, GROUPS
 from rsgen.law.numeric import ForceLaw
 from rsgen.multisine.spectra import SMOOTHED, smooth
 
@@ -30,8 +30,6 @@ _ROUNDS = 3
 """Fits, each with the weights of the one before: two settle them, the others see to it."""
 _STEPS = 40
 """Gauss-Newton steps of a fit."""
-_GAIN = 1e-4
-"""A step that lowers the sum of squares by less, in units of the misfit, moves no parameter by 0.01 error."""
 _HALVINGS = 6
 """Halvings of a step that does not lower the misfit."""
 _SMALL = 1e-11
@@ -40,8 +38,6 @@ _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
 _DIGITS = 1e-26
 """Power relative to that of the balance, below which it is that of its last digits."""
-_BLOCKS = 8
-"""Parts of the band that the jackknife leaves out in turn, of each record."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +145,7 @@ def _descend(
         size = np.append(values, mass) if given is None else values
         change = solve_scaled(matrix, right, size)[0]
         before, expected = float(right @ right), float(np.sum((right - matrix @ change) ** 2))
-        if (before - expected) * len(right) < _GAIN * expected:
+        if (before - expected) * len(right) < GAIN * expected:
             return values, mass, balance, True
         for part in 0.5 ** np.arange(_HALVINGS):
             moved = values + part * change[: len(values)]
@@ -233,8 +229,8 @@ def parts_of_band(lines: Lines) -> NDArray[np.intp]:
     parts, first = [], 0
     for used in lines.used:
         count = int(used.sum())
-        parts.append(np.repeat(first + np.arange(count) * _BLOCKS // max(count, 1), 2))
-        first += min(_BLOCKS, count)
+        parts.append(np.repeat(first + np.arange(count) * GROUPS // max(count, 1), 2))
+        first += min(GROUPS, count)
     return np.unique(np.concatenate(parts), return_inverse=True)[1]
 
 

@@ -16,7 +16,19 @@ from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import NOTICEABLE, QUICK
+from rsgen.identification.tolerances import (
+    APART,
+    ERRORS,
+    LARGE,
+    MEANINGLESS,
+    NOTICEABLE,
+    POINTS_A_KNOT,
+    POOR,
+    QUICK,
+    SAME_NUMBER,
+    SEVERAL,
+    TAKEN,
+)
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
 from rsgen.observation import OFFSET
@@ -25,28 +37,8 @@ from rsgen.surface import ResponseSurface
 __all__ = ["free_curves_leave", "misfit_findings", "severity_of"]
 
 
-_POOR = 0.05
-"""A systematic misfit beyond this share of force and response is more than what joints and sensors do to a
-law that is right."""
-
-_APART = 3.0
-"""A level misfits so many times as much as half of the levels do: something of this level is wrong, or begins
-there. Sound structures have misfits that differ by less than two."""
-
-_SEVERAL = 4
-"""Levels below which most of them cannot speak against one."""
-
-_SCATTERS = 0.1
-"""Any misfit beyond this share: noise as large hides what a law does wrong."""
-
 _TELLING = 16
 """Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
-
-_MEANINGLESS = 0.2
-"""Any misfit beyond this share: a fifth of force and response is not what the law says."""
-
-_TAKEN = 0.5
-"""A single term that takes up more than this share of a misfit is missing from the law."""
 
 _TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
@@ -55,17 +47,8 @@ _KNOTS = (2, 32)
 """Fewest and most amplitudes, evenly spaced by ratio, between which free curves of amplitude are straight:
 ten a decade follow the onset of every slider of a joint."""
 
-_POINTS_A_KNOT = 8
-"""Points that determine the three values of free curves at an amplitude, and show what they leave."""
-
 _STEPS = 8
 """Gauss-Newton steps of a trial; it starts at the solution without the term or background."""
-
-_MOVED = 3.0
-"""Standard errors, stated and of the trial, by which a background must move a parameter to be missing."""
-
-_NAMED = 0.01
-"""A background that moves no parameter by a hundredth changes no engineering number."""
 
 _OTHERWISE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
@@ -103,16 +86,16 @@ def misfit_findings(
     misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
     numbers = quantities(misfit=misfit)
     if not systematic:
-        if not misfit > (_SCATTERS if len(points) >= _TELLING else _POOR):
+        if not misfit > (LARGE if len(points) >= _TELLING else POOR):
             return []
-        return [Finding("misfit-large", "error" if misfit > _MEANINGLESS else "doubt", numbers=numbers)]
-    names, severity, left = dict[str, str](), severity_of(misfit, _POOR, _MEANINGLESS), misfit
+        return [Finding("misfit-large", "error" if misfit > MEANINGLESS else "doubt", numbers=numbers)]
+    names, severity, left = dict[str, str](), severity_of(misfit, POOR, MEANINGLESS), misfit
     if severity != "error":
         term, left = _missing_term(fit)
-        if left < (1 - _TAKEN) * misfit:
+        if left < (1 - TAKEN) * misfit:
             names, severity = {"term": term}, "doubt"
             numbers |= quantities(left=left)
-        elif (free := free_curves_leave(fit, points)) < 1 - _TAKEN:
+        elif (free := free_curves_leave(fit, points)) < 1 - TAKEN:
             names, severity = {"free": "curves"}, "doubt"
             numbers |= quantities(left=free * misfit)
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
@@ -136,13 +119,13 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     """Find the level that disagrees with the law while most others obey it; none or one."""
     used = points.select(regression.used)
     levels = np.unique(used.level)
-    if len(levels) < _SEVERAL:
+    if len(levels) < SEVERAL:
         return []
     square = regression.misfit[regression.used] ** 2
     sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
     worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
     level, size = float(levels[worst]), float(sizes[worst])
-    if not (size > max(_POOR, _APART * typical) and is_systematic(points, regression, level)):
+    if not (size > max(POOR, APART * typical) and is_systematic(points, regression, level)):
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-apart", "doubt", numbers=numbers)]
@@ -195,7 +178,7 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     """
     predicted = fit.force / fit.harmonics[:, 1]
     good = fit.regression.used & np.isfinite(predicted)
-    knots = int(np.count_nonzero(good)) // _POINTS_A_KNOT
+    knots = int(np.count_nonzero(good)) // POINTS_A_KNOT
     if knots < _KNOTS[0]:
         return np.inf
     knots = min(knots, _KNOTS[1])
@@ -257,12 +240,12 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     ]
     size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)
     leaves = size * best / whole if whole > 0 else np.inf
-    if not best < (1 - _TAKEN) * whole or leaves > left:
+    if not best < (1 - TAKEN) * whole or leaves > left:
         return []
     place, free = len(values), trials[1].regression
     mass = float(free.parameters[place])
     times = abs(mass - given) / float(np.sqrt(free.covariance[place, place]))
-    if not times > _MOVED:
+    if not times > ERRORS:
         return []
     numbers = {"given": Quantity(given, "kg"), "fitted": Quantity(mass, "kg")}
     numbers |= quantities(misfit=size, left=leaves, moved=mass / given - 1, times=times)
@@ -292,7 +275,7 @@ def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: fl
     if not whole > 0:
         # the trial follows no point
         return []
-    taken = relative_misfit(best) < (1 - _TAKEN) * whole
+    taken = relative_misfit(best) < (1 - TAKEN) * whole
     leaves = size * relative_misfit(best) / whole
     if not (taken or not is_systematic(best.problem.observed.points, best.regression)) or leaves > left:
         return []
@@ -301,7 +284,7 @@ def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: fl
     stated, own = (np.sqrt(np.diag(found.regression.covariance))[of_law] for found in (fit, best))
     times = np.abs(change) / np.fmax(stated * wider[of_law], own)
     share = change / fit.regression.parameters[of_law]
-    clear = (times > _MOVED) & (np.abs(share) > _NAMED)
+    clear = (times > ERRORS) & (np.abs(share) > SAME_NUMBER)
     if not clear.any():
         return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
@@ -317,7 +300,7 @@ def _offset_proposal(fit: Fit, trials: dict[str, Fit]) -> list[Finding]:
         return []
     (kind,) = (kind for kind in trials if kind.endswith(OFFSET))
     left = {kind: relative_misfit(trial) for kind, trial in trials.items()}
-    if not left[kind] < (1 - _TAKEN) * min(left[own], left["residuals"]):
+    if not left[kind] < (1 - TAKEN) * min(left[own], left["residuals"]):
         return []
     size = relative_misfit(fit)
     numbers = quantities(misfit=size, left=size * left[kind] / left[own])

@@ -39,7 +39,7 @@ from rsgen.identification.phase_resonance import (
 )
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, EXCESS, NORMAL
+from rsgen.identification.tolerances import ANY_LAW, EXCESS, NORMAL, POOR
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
@@ -59,9 +59,6 @@ _NEAR = np.sqrt(0.5)
 
 _FEWEST = 4
 """Points near resonance: fewer do not tell a constant from its error."""
-
-_SCATTERED = 0.05
-"""Misfit from which on a reader is told: more than most noise, and than one harmonic leaves of most laws."""
 
 
 def modal_table(
@@ -272,7 +269,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
     misfit = _misfit(found)
-    if misfit > _SCATTERED:
+    if misfit > POOR:
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:

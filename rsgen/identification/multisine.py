@@ -27,7 +27,7 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.identification.tolerances import CHANCE, NOTICEABLE, NULL_PART, SIGMAS
+from rsgen.identification.tolerances import CHANCE, LARGE, NOTICEABLE, NULL_PART, SIGMAS, TAKEN
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
@@ -41,11 +41,6 @@ __all__ = [
     "refuse_across",
 ]
 
-_TAKEN = 0.5
-"""A delay that takes up more than this share of a misfit is there."""
-_HIDES = 0.1
-"""Share of the damping force beyond which what a law leaves may be damping: a parameter is then off by as
-much, and no interval says so."""
 _POOR, _MEANINGLESS = 0.05, 0.2
 """Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
 
@@ -304,7 +299,7 @@ def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list
 def _delay_findings(lines: Lines, fit: LineFit, misfit: float, given: float | None) -> list[Finding]:
     """Find a delay between force and response that takes up most of the misfit; none or one."""
     delay, error, left = delay_between(lines, fit, given)
-    if misfit < NOTICEABLE or left > 1 - _TAKEN or abs(delay) < SIGMAS * error:
+    if misfit < NOTICEABLE or left > 1 - TAKEN or abs(delay) < SIGMAS * error:
         return []
     numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
@@ -327,7 +322,7 @@ def _damping_findings(
     if share == 0:
         numbers = quantities(misfit=misfit)
         return [Finding("damping-missing", "doubt", numbers=numbers)] if left > NOTICEABLE else []
-    if left <= _HIDES * share:
+    if left <= LARGE * share:
         return []
     return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
 

@@ -8,6 +8,7 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
+from rsgen.identification.tolerances import ERRORS, LARGE
 from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import BackboneGap, backbone_gap
@@ -33,18 +34,11 @@ _OFF = 2
 _PHASES = 0.01
 """Lags that spread by less, half a degree [rad], say nothing of the mass: phases are measured no better."""
 
-_ABOVE_NOISE = 3.0
-"""Lags that spread by so many times the noise were set apart: those of one lag spread by 1.3 times it."""
-
 _EXPECTED = 0.02
 """Relative noise that is allowed for before a fit shows it."""
 
 _KNOWN = 0.2
 """Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
-
-_FITS = 0.1
-"""Misfit from which on a law is not of both groups of a backbone, more than the noise of poor tests: one that
-misses a frequency by half the damping ratio leaves ten times as much."""
 
 LIGHT = 0.01
 """Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
@@ -70,7 +64,7 @@ def at_resonance_alone(points: Points, noise: float = _EXPECTED) -> bool:
     if not near_resonance(points):
         return False
     spread = np.std(points.lag[points.in_quadrature])
-    return bool(spread < max(_PHASES, _ABOVE_NOISE * noise))
+    return bool(spread < max(_PHASES, ERRORS * noise))
 
 
 def mass_sure(mass: float, variance: float) -> bool:
@@ -121,7 +115,7 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     codes = {"phase-two-modes", "phase-gap"}
     rest = tuple(finding for finding in findings if finding.code not in codes)
     gap = gap_of(points)
-    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < _FITS):
+    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < LARGE):
         return rest
     return (*rest, gap.finding(severity="doubt"))
 

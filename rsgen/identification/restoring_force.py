@@ -30,7 +30,16 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import EquivalentCurve, RestoringForce
-from rsgen.identification.tolerances import CHANCE, CONFIDENCE, EXCESS, SAMPLES, SIGNIFICANT, STIFFENING
+from rsgen.identification.tolerances import (
+    CHANCE,
+    CONFIDENCE,
+    EXCESS,
+    GROUPS,
+    POINTS_A_KNOT,
+    SAMPLES,
+    SIGNIFICANT,
+    STIFFENING,
+)
 from rsgen.motion import Motion, project
 
 __all__ = ["invert_curve", "invert_motion"]
@@ -41,12 +50,6 @@ _DRAWN = 61
 
 _DEGREE = 3
 """Of the splines: a force drawn with a smooth slope, and a curvature to weigh."""
-
-_POINTS_A_KNOT = 8
-"""Between two knots: noise does not show as waves."""
-
-_GROUPS = 8
-"""Of points that are left out in turn: the spread of eight forces has a known factor of Student's t."""
 
 
 def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
@@ -65,7 +68,7 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
         None where fewer than 16 points remain.
     """
     used = curve.used & np.isfinite(curve.stiffness) & np.isfinite(curve.damping)
-    if np.count_nonzero(used) < 2 * _POINTS_A_KNOT:
+    if np.count_nonzero(used) < 2 * POINTS_A_KNOT:
         return None
     size = curve.amplitude[used]
     omega = 2 * np.pi * curve.frequency[used]
@@ -89,7 +92,7 @@ def _invert(
     from scipy.interpolate import BSpline
 
     largest = float(reach.max())
-    count = int(np.clip(len(reach) // _POINTS_A_KNOT, 2, most))
+    count = int(np.clip(len(reach) // POINTS_A_KNOT, 2, most))
     inner = np.linspace(0, 1, count + 1)
     knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
     functions = len(knots) - _DEGREE - 1
@@ -191,7 +194,7 @@ def invert_motion(
         Kott, Journal of Official Statistics 17 (2001)). None where fewer than 64 points remain, or
         the harmonics that shape an asymmetric motion were not measured.
     """
-    if len(points) < _GROUPS * _POINTS_A_KNOT or 2 not in points.measured:
+    if len(points) < GROUPS * POINTS_A_KNOT or 2 not in points.measured:
         return None
     points = points.select(points.spread(most))
     surfaces = _choose_surfaces(points, noise)
@@ -201,13 +204,13 @@ def invert_motion(
     drawn = [_draw(points, mass, noise, plan) for plan in plans]
     best = int(np.argmin([criterion for *_, criterion in drawn]))
     spring, damper, _ = drawn[best]
-    group = np.arange(len(points)) % _GROUPS
+    group = np.arange(len(points)) % GROUPS
     parts = [
-        _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(_GROUPS)
+        _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(GROUPS)
     ]
     bands = [
-        float(stdtrit(_GROUPS - 1, CONFIDENCE))
-        * np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
+        float(stdtrit(GROUPS - 1, CONFIDENCE))
+        * np.sqrt((GROUPS - 1) / GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
         for forces in (np.stack(each) for each in zip(*parts, strict=True))
     ]
     at_x, at_v = plans[best].places

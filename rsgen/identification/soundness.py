@@ -15,7 +15,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import severity_of
-from rsgen.identification.tolerances import CHANCE, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
+from rsgen.identification.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
 from rsgen.motion import Motion, cycle_work, project
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
 
@@ -28,9 +28,6 @@ __all__ = [
     "sign_findings",
 ]
 
-
-_FEW_ASIDE = 0.05
-"""Points set aside beyond this share are no chance outliers: a twentieth of the test is not explained."""
 
 _MANY_ASIDE = 0.15
 """Points set aside beyond this share: what is left is a choice of points that suit the law."""
@@ -53,9 +50,6 @@ _SIGNS = 60
 _BEYOND = 1.5
 """Times the largest amplitude that transients reach on their way to a steady motion."""
 
-_PLACES = 0.05
-"""Share of the points with a wrong sign below which it is an end of the range."""
-
 _MOST = 0.5
 """Share of the points with a wrong sign beyond which the law as a whole has it."""
 
@@ -64,9 +58,6 @@ _EQUAL = 2e-4
 
 _AT_LIMIT = 0.98
 """The fundamental of a clipped sine is at least its limit; a filter may take a little."""
-
-_MISSES = 3.0
-"""Points that misfit so many times as much as the others disagree with the law that the others obey."""
 
 
 def feeds_exciter(points: Points) -> bool:
@@ -100,7 +91,7 @@ def aside_findings(
         aside = aside & (points.amplitude > np.median(points.amplitude))
     count = int(np.count_nonzero(aside))
     share = count / len(points)
-    severity = severity_of(share, _FEW_ASIDE, _MANY_ASIDE) if count > _SINGLE else "warning"
+    severity = severity_of(share, FEW, _MANY_ASIDE) if count > _SINGLE else "warning"
     numbers = quantities(aside=all_aside, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
     for level, sweep in sorted({*zip(points.level.tolist(), points.sweep.tolist(), strict=True)}):
@@ -148,8 +139,8 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
             return []
     if not at.any() or at.all():
         return []
-    misses = np.median(miss[at]) > max(_MISSES * np.median(miss[~at]), NOTICEABLE)
-    if not (misses or (known and np.mean(at) > _FEW_ASIDE)):
+    misses = np.median(miss[at]) > max(APART * np.median(miss[~at]), NOTICEABLE)
+    if not (misses or (known and np.mean(at) > FEW)):
         return []
     numbers = quantities(at=int(np.count_nonzero(at)), points=len(points), limit=limit)
     return [Finding("response-at-limit", "doubt", numbers=numbers)]
@@ -249,7 +240,7 @@ def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, 
     """Where k(X) or c(X) is negative beyond its error; empty where it is at hardly any point."""
     wrong = value < -CHANCE * np.linalg.norm(spread, axis=1)
     share = float(np.mean(wrong))
-    if not share > _PLACES:
+    if not share > FEW:
         return {}
     return {
         "least": Quantity(float(value[wrong].min()), unit),

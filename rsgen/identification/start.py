@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.identification.asymmetric import ORDER, start_asymmetric
+from rsgen.identification.asymmetric import start_asymmetric
 from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, Solution, fit_balance
@@ -22,7 +22,7 @@ from rsgen.identification.forward import Response, following_harmonics, hold_amp
 from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
-from rsgen.identification.tolerances import ANY_LAW, FLAT, QUICK, SAMPLES, SAMPLES_SWITCHED
+from rsgen.identification.tolerances import ANY_LAW, FLAT, POOR, QUICK, SAMPLES, SAMPLES_SWITCHED, START_ORDER
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
@@ -41,9 +41,6 @@ _GROSS = 5.0
 
 _TYPICAL = 0.04
 """Relative misfit of starting values that is never called gross: first order may be as wrong."""
-
-_GROSS_START = 0.05
-"""A law that is near any other leaves more only beside a background that is far off."""
 
 _FEWEST_OF_LEVEL = 8
 """Points of a level that determine a linear mode with a background, eight values."""
@@ -132,7 +129,9 @@ def _start_first_order(problem: Problem) -> Array:
             return parameters
         # law and background share the tails of a resonance: the law comes near first
         alone = replace(observed, fitted=np.zeros_like(observed.fitted))
-        return fit_balance(replace(problem, observed=alone), parameters, order=ORDER).regression.parameters
+        return fit_balance(
+            replace(problem, observed=alone), parameters, order=START_ORDER
+        ).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
         found = _start_values(observed.mode(background), problem.law, problem.given)
@@ -140,7 +139,7 @@ def _start_first_order(problem: Problem) -> Array:
     if len(trials) == 1:
         return trials[0]
     few = problem.select(observed.points.spread(QUICK))
-    fits = [fit_balance(few, trial, order=ORDER, correct=False) for trial in trials]
+    fits = [fit_balance(few, trial, order=START_ORDER, correct=False) for trial in trials]
     return min(fits, key=lambda found: found.regression.noise).regression.parameters
 
 
@@ -195,7 +194,7 @@ def _start_backgrounds(problem: Problem, scanned: int = 80, turns: int = 12) -> 
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
-    if min(found.regression.noise for found in fits) > _GROSS_START and len(names) > 1:
+    if min(found.regression.noise for found in fits) > POOR and len(names) > 1:
         fits += _beside_receptances(few, phases)
     return [found.background for found in fits]
 
@@ -346,12 +345,12 @@ def with_phase(table: Table, found: Fit, shape: Shape, steps: int = 12) -> Table
     b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(steps):
-        balance = _hold(law, found.values, found.mass, omega, size, ORDER)
+        balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
         step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
         size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
-    balance = _hold(law, found.values, found.mass, omega, size, ORDER)
+    balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
     harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
     if isinstance(table, Points):

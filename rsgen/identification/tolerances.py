@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 __all__ = [
-    "ANY_LAW", "BLOCK", "CHANCE", "CONFIDENCE", "EXCESS", "FLAT", "MOVE", "NOISY", "NORMAL", "NOTICEABLE",
-    "NULL_PART", "OUTLIERS", "QUICK", "ROUND_OFF", "SAMPLES", "SAMPLES_SWITCHED", "SIGMAS", "SIGNIFICANT",
-    "STIFFENING", "TURNED",
+    "ANY_LAW", "APART", "BLOCK", "CHANCE", "CONFIDENCE", "ERRORS", "EXCESS", "EXPECTED_NOISE", "FEW",
+    "FLAT", "FOLLOWED", "GAIN", "GROUPS", "LARGE", "MEANINGLESS", "MOVE", "NOISY", "NORMAL", "NOTICEABLE",
+    "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUND_OFF", "SAME_NUMBER",
+    "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STIFFENING",
+    "TAIL", "TAKEN", "TURNED",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
+
+APART = 3.0
+"""A level, or a group of points, that misfits this many times as much as the others is apart: sound
+structures have misfits that differ by less than two."""
 
 BLOCK = 384
 """Points worked on at once: their sample arrays stay in the processor's cache."""
@@ -20,11 +26,42 @@ CHANCE = 4.0
 CONFIDENCE = 0.975
 """One-sided probability of every interval and band: 95 % between both ends."""
 
+ERRORS = 3.0
+"""Standard errors by which a value may differ from another, or from noise: chance brings more once in
+400."""
+
 EXCESS = 1.5
 """Ratio of two estimates of one noise that chance reaches with a few points only."""
 
+EXPECTED_NOISE = 0.01
+"""Relative noise of force and response while none is known."""
+
+FEW = 0.05
+"""Points that are off are chance, or an end of the range, up to this share; a twentieth that is not
+explained is none."""
+
 FLAT = 0.05
 """Where force or response grows less than this with the other, both relative, Newton's step is no guide."""
+
+FOLLOWED = 0.8
+"""Share of the points that a trial must be able to predict; it may miss some, where its mean or its branch
+is not known yet."""
+
+GAIN = 1e-4
+"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01
+error."""
+
+GROUPS = 8
+"""Parts of a test that are left out in turn, or scatter: the spread of eight has a known factor of
+Student's t, and each is long enough to be correlated in itself."""
+
+LARGE = 0.1
+"""An error, a misfit or a shift of a tenth is doubtful, however wide the interval: noise as large hides
+what a law does wrong."""
+
+MEANINGLESS = 0.2
+"""A fifth of force and response is not what the law says; truncated waveforms and one harmonic of a law
+that is right leave a few per cent."""
 
 MOVE = 1e-3
 """Relative change by which derivatives of simulated responses are taken; their error is as large."""
@@ -42,8 +79,19 @@ NOTICEABLE = 1e-3
 NULL_PART = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
 
+ORDER = 9
+"""Harmonics of a balance: those beyond are below a hundredth of the third for corners, and less for smooth
+laws."""
+
 OUTLIERS = 0.2
 """At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
+
+POINTS_A_KNOT = 8
+"""Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
+
+POOR = 0.05
+"""A systematic misfit of a twentieth is more than most noise, and than joints, sensors and one harmonic do
+to a law that is right, or to one that resembles it."""
 
 QUICK = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
@@ -51,11 +99,17 @@ QUICK = 400
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
 
+SAME_NUMBER = 0.01
+"""A value that moves by less than a hundredth is the same engineering number."""
+
 SAMPLES = 64
 """A period: exact for polynomials up to the seventh power of nine harmonics."""
 
 SAMPLES_SWITCHED = 256
 """A period, where the law has switches: shares of an interval leave an error of its square."""
+
+SEVERAL = 4
+"""Levels from which on most of them speak against one, and their scatter measures an error."""
 
 SIGMAS = 8.0
 """Standard deviations beyond which a point among any number of them is not where it is by noise."""
@@ -64,8 +118,20 @@ SIGNIFICANT = 25.0
 """Gain in the sum of squares, in units of the noise, that a free parameter must bring to be believed: five
 standard deviations, a false alarm in two million."""
 
+START_ORDER = 3
+"""Harmonics while only starting values, phases or a background are sought; the fits that follow find the
+rest."""
+
 STIFFENING = 1e-7
 """Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
+
+TAIL = 1e-9
+"""Relative size at which a last harmonic, or a change of unseen lines, moves no force any more in exact
+data."""
+
+TAKEN = 0.5
+"""A single cause (a term, a background, a delay) that takes up more than this share of a misfit is
+there."""
 
 TURNED = 0.785
 """A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.observed import Observed
-from rsgen.identification.tolerances import BLOCK
+from rsgen.identification.tolerances import BLOCK, EXPECTED_NOISE
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
 
@@ -28,9 +28,6 @@ __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted
 _REACH = 0.02
 """Relative change of force and response that a background may bring to a candidate: the square of it, which
 the linear balance leaves out, is less than noise. Larger ones wait for the candidate's own motion."""
-
-_FIRST_NOISE = 1e-2
-"""Relative noise while rows are in units of force and response because none is known."""
 
 _UNKNOWN = 1e3
 """Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
@@ -325,5 +322,5 @@ def make_rows(
         right[part] = (root @ rest[:, :, None])[:, :, 0]
         columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
         project[part] = root @ projection
-    weight = motion.background_effect / _REACH * (1.0 if balanced else _FIRST_NOISE)
+    weight = motion.background_effect / _REACH * (1.0 if balanced else EXPECTED_NOISE)
     return Rows(trajectory, columns, right, background, motion.background, weight, known, project)

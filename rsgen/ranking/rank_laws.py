@@ -24,7 +24,7 @@ from rsgen.identification.fit import Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.phase_resonance import at_resonance_alone
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, QUICK
+from rsgen.identification.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
@@ -35,9 +35,7 @@ from rsgen.ranking.competitors import Entries, competitors, start_guess
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.ranking_result import OWN, Candidate, Ranking
 from rsgen.ranking.reference import (
-    NOISE,
     NOISE_LEAST,
-    ORDER,
     Reference,
     first_rows,
     follow,
@@ -56,9 +54,6 @@ _TIE = 6.0
 
 _AGAIN = 3
 """Best candidates of a round that compete in the next, too: a search is coarser than a fit."""
-
-_START_ORDER = 3
-"""Harmonics while only a background to start from is sought."""
 
 _CONFIRMED = 3.0
 """The right law leaves as much along its own motions as in the ranking, a few harmonics apart."""
@@ -245,7 +240,7 @@ def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Ele
     fits = []
     for elements in laws:
         problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.mass)
-        fits.append(fit_balance(*start_fit(problem), order=_START_ORDER))
+        fits.append(fit_balance(*start_fit(problem), order=START_ORDER))
     return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
 
@@ -271,7 +266,7 @@ def _round(
     points: Points, guess: Guess, reference: Reference, mass: float | None, before: Array | None
 ) -> _Round | None:
     """Fit the law whose motion it is, and estimate the noise."""
-    noise = np.full(ORDER + 1, NOISE) if before is None else before
+    noise = np.full(ORDER + 1, EXPECTED_NOISE) if before is None else before
     chosen = points.select(reference.chosen)
     guess = replace(guess, values=reference.named(mass))
     for last in (False, False, True):
@@ -322,7 +317,7 @@ def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: fl
     few = observed.select(observed.points.spread(QUICK))
     elements = best.guess.elements
     problem = Problem(elements, compile_law(best.guess.force), few, mass)
-    fit = fit_balance(*start_fit(problem), order=_START_ORDER)
+    fit = fit_balance(*start_fit(problem), order=START_ORDER)
     misfit, expected = np.sqrt(2) * fit.regression.noise, np.sqrt(2) * noise
     if not misfit > max(_CONFIRMED * expected, _CERTAINLY):
         return []

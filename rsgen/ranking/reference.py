@@ -12,7 +12,7 @@ from rsgen.errors import RsgenError
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import go_on
-from rsgen.identification.tolerances import FLAT, MOVE, OUTLIERS, SIGMAS
+from rsgen.identification.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work
@@ -22,9 +22,7 @@ from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
 
 __all__ = [
-    "NOISE",
     "NOISE_LEAST",
-    "ORDER",
     "Reference",
     "first_rows",
     "follow",
@@ -33,17 +31,11 @@ __all__ = [
 ]
 
 
-ORDER = 9
-"""Harmonics of the balance."""
-
 WAVEFORM = 31
 """Harmonics of the waveform along which laws with jumps and corners are compared."""
 
 SAMPLES = 128
 """A period; laws are compared along one waveform, so that coarse sampling cancels."""
-
-NOISE = 1e-2
-"""Relative noise before any is known."""
 
 _ACCURACY = 3e-5
 """Of the simulated amplitude, far less than the least noise of a ranking."""
@@ -59,12 +51,6 @@ _CLEARLY = 0.7
 
 NOISE_LEAST = 1e-3
 """Least relative noise of a ranking: corners and the simulation leave as much."""
-
-_FEW = 0.05
-"""Points that lie off decide nothing while they are at most this share."""
-
-_FOLLOWED = 0.8
-"""Share of the points that a law must be able to follow to serve as reference."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +160,7 @@ def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12)
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_followed(found))
-    if len(chosen) < _FOLLOWED * len(found.force):
+    if len(chosen) < FOLLOWED * len(found.force):
         return None
     part = found.select(chosen)
     motion = predicted_motion(
@@ -209,7 +195,7 @@ def _simulated(best: Guess, found: Fit, mass: float | None, again: int = 2) -> R
     for _ in range(again):
         if reference is None:
             return None
-        noise = np.full(ORDER + 1, NOISE)
+        noise = np.full(ORDER + 1, EXPECTED_NOISE)
         rows, inside = reference.rows(noise), reference.chosen
         guess = replace(best, values=reference.named(mass))
         leader = fit_rows(guess, rows, level[inside], mass)
@@ -265,7 +251,7 @@ def _hold(
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < _NEAR
     chosen = np.flatnonzero(good & states.settled & near)
-    if len(chosen) < _FOLLOWED * len(points):
+    if len(chosen) < FOLLOWED * len(points):
         return None
     # to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
@@ -284,7 +270,7 @@ def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
     least = (NOISE_LEAST / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
     out = np.asarray((size > SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
-    return out if np.mean(out) <= _FEW else np.zeros_like(out)
+    return out if np.mean(out) <= FEW else np.zeros_like(out)
 
 
 def neighbour_noise(

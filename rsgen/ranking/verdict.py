@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
-from rsgen.identification.tolerances import EXCESS, SIGNIFICANT, TURNED
+from rsgen.identification.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT, TURNED
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
@@ -29,18 +29,12 @@ _FUNDAMENTAL = 5e-3
 _HARMONIC_SHARE = 0.1
 """A law fits a higher harmonic of which it leaves less, or less than the least noise of a ranking."""
 
-_PREDICTED_BADLY = 0.1
-"""A law that fits every level, but misses one predicted from the others by more, is not their law."""
-
 _FED = 0.5
 """A damper that gives back this share of what the law dissipates stands against another one: such a pair
 follows any curve, and a structure at rest has no such dampers."""
 
 _CANCELLED = 0.2
 """Two terms whose sum is smaller than this share of the larger cancel each other."""
-
-_MANY = 0.05
-"""Points set aside are bad readings while they are at most this share; more of them may be the structure."""
 
 _POINTS_A_PARAMETER = 6
 """Fewer points a parameter are few."""
@@ -196,7 +190,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     if not first.held_out_error > EXCESS * max(fitted, NOISE_LEAST):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
-    badly = first.held_out_error > _PREDICTED_BADLY
+    badly = first.held_out_error > LARGE
     found = [Finding("levels-predicted-worse", "doubt" if badly else "warning", numbers=numbers)]
     better = [
         candidate
@@ -216,7 +210,7 @@ def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Fi
     found = []
     if out:
         numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
-        many = out > _MANY * (len(points) + aside)
+        many = out > FEW * (len(points) + aside)
         found.append(Finding("ranking-points-aside", "doubt" if many else "warning", numbers=numbers))
     if len(points) < _POINTS_A_PARAMETER * parameters:
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
