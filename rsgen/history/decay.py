@@ -21,10 +21,11 @@ from rsgen.errors import MeasurementError
 from rsgen.finding import Finding, Quantity
 from rsgen.history.envelope import PERIODS, demodulate, independent_instants, place_windows
 from rsgen.history.quasi_steady import steady_force
-from rsgen.history.record import DERIVATIVES, FEWEST, TimeHistory, as_histories, check_options
+from rsgen.history.record import FEWEST, TimeHistory, as_histories, check_options
 from rsgen.history.release import Stretch, find_decays, force_ends
 from rsgen.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.surface import ResponseSurface
+from rsgen.surface.columns import DERIVATIVE
 
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
@@ -290,7 +291,7 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     names = {"record": history.label}
     size, time = decay.amplitude, decay.time + history.start
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
-    unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVES[history.quantity]
+    unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
     numbers = {
         "begin": begin,
         "first": Quantity(float(time[0]), "s"),

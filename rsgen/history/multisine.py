@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.history.record import DERIVATIVES, TimeHistory, as_histories, name_levels
+from rsgen.history.record import TimeHistory, as_histories, name_levels
 from rsgen.multisine.spectra import MultisineSpectra, rms
+from rsgen.surface.columns import DERIVATIVE
 
 __all__ = ["find_period", "from_multisine"]
 
@@ -121,7 +122,7 @@ def from_multisine(
     rate: ComplexArray = np.asarray(1j * omega0 * np.arange(length // 2 + 1), dtype=np.complex128)
     rate[0] = 1.0
     force = np.stack([f[len(f) - settled :] for f, _ in cut])
-    response = np.stack([x[len(x) - settled :] for _, x in cut]) / rate ** DERIVATIVES[first.quantity]
+    response = np.stack([x[len(x) - settled :] for _, x in cut]) / rate ** DERIVATIVE[first.quantity]
     mean_known = first.quantity == "displacement"
     if not mean_known:
         response[:, :, 0] = 0.0
@@ -184,7 +185,7 @@ def _copies(
     """Find records whose response, or a derivative of it, is the force times a number."""
     findings = []
     for record, one, other in zip(records, force[:, 1:], response[:, 1:], strict=True):
-        for power in DERIVATIVES.values():
+        for power in DERIVATIVE.values():
             moved = other * rate[1:] ** power
             size = float(np.linalg.norm(one) * np.linalg.norm(moved))
             if size > 0 and abs(complex(np.vdot(one, moved))) > (1 - _COPY) * size:

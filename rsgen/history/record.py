@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
+from rsgen.surface.columns import DERIVATIVE
 from rsgen.surface.directions import group_forces
 
 __all__ = [
     "BLOCK",
-    "DERIVATIVES",
     "FAINT",
     "FEWEST",
     "QUIET",
@@ -29,8 +29,6 @@ __all__ = [
     "sampling_rate",
 ]
 
-DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
-"""What a response may be, and which time derivative of the displacement that is."""
 QUIET = 0.02
 """A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
 BLOCK = 2**18
@@ -188,9 +186,9 @@ class TimeHistory:
         for name, unit in (("rate", "Hz"), ("level", "N"), ("start", "s")):
             if getattr(self, name) is not None or name != "level":
                 object.__setattr__(self, name, _number(getattr(self, name), name, unit, self.label))
-        if self.quantity not in tuple(DERIVATIVES):
+        if self.quantity not in tuple(DERIVATIVE):
             raise MeasurementError(
-                f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(DERIVATIVES)}"
+                f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(DERIVATIVE)}"
             )
         object.__setattr__(self, "response", _samples(self.response, "response", self.label))
         if self.force is not None:

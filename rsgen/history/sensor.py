@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.history.record import DERIVATIVES
+from rsgen.surface.columns import DERIVATIVE
 
 __all__ = ["HARMONICS", "Kinematics", "differentiate", "displacement_harmonics", "highest_order"]
 
@@ -90,7 +90,7 @@ def displacement_harmonics(
     """
     table = np.full((len(measured), harmonics + 1), np.nan, dtype=complex)
     order = np.arange(1, measured.shape[1])
-    table[:, order] = measured[:, order] / (1j * order * omega[:, None]) ** DERIVATIVES[quantity]
+    table[:, order] = measured[:, order] / (1j * order * omega[:, None]) ** DERIVATIVE[quantity]
     if quantity == "displacement":
         table[:, 0] = measured[:, 0].real
     return table

@@ -21,10 +21,11 @@ from rsgen.measurement.nominal_levels import (
 )
 from rsgen.measurement.passivity import passivity_findings
 from rsgen.measurement.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
-from rsgen.measurement.sources import Sources, derivatives, read_sources, with_across
+from rsgen.measurement.sources import Sources, read_sources, with_across
 from rsgen.measurement.title_units import contradiction
 from rsgen.multisine import MultisineSpectra
 from rsgen.surface import ResponseSurface, recognise_directions
+from rsgen.surface.columns import below_acceleration
 from rsgen.surface.driven_base import base_findings
 from rsgen.surface.phase_lag import lag_findings
 from rsgen.surface.plausibility import quantity_findings
@@ -206,7 +207,7 @@ def _drive(
     """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
     if test.base is None:
         return force
-    left = derivatives("acceleration") - derivatives(test.terms("base")[0][1].quantity)
+    left = below_acceleration(test.terms("base")[0][1].quantity)
     return np.asarray(force / (2 * np.pi * frequency) ** left)
 
 

@@ -16,16 +16,9 @@ from rsgen.measurement.plan import MeasuredTest
 from rsgen.measurement.signals import NamedChannel, Signal
 from rsgen.measurement.title_units import unit_doubts
 from rsgen.surface import ResponseSurface
-from rsgen.surface.columns import QUANTITIES
+from rsgen.surface.columns import DERIVATIVE
 
-__all__ = ["Sources", "derivatives", "file_of", "read_sources", "with_across"]
-
-_DERIVATIVES = tuple(QUANTITIES)
-
-
-def derivatives(quantity: str | None) -> int:
-    """How often the displacement was differentiated."""
-    return _DERIVATIVES.index(quantity or "displacement")
+__all__ = ["Sources", "file_of", "read_sources", "with_across"]
 
 
 def file_of(test: MeasuredTest, channel: NamedChannel, number: int) -> Path:
@@ -65,7 +58,7 @@ class Sources:
         for factor, channel in self.test.terms(what):
             part = factor * self.amplitude(channel, what)
             if channel.quantity != "force":
-                part = part / (1j * omega) ** derivatives(channel.quantity)
+                part = part / (1j * omega) ** DERIVATIVE[channel.quantity or "displacement"]
             # what arrives later lags by more than it did
             total += part * np.exp(1j * omega * channel.delay) if channel.delay else part
         self.main.refuse(~np.isfinite(total), f"{what} is too large after conversion to SI units")

@@ -14,7 +14,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import RsgenError
 from rsgen.steady_state.solver import ACCURACY, HARMONICS
-from rsgen.surface.columns import BASE_UNITS, DERIVATIVE
+from rsgen.surface.columns import BASE_UNITS, below_acceleration
 
 __all__ = ["SimulatedTest", "level_grid"]
 
@@ -149,5 +149,5 @@ class SimulatedTest:
         """
         if self.base is None:
             return np.asarray(level, dtype=np.complex128)
-        derivatives = DERIVATIVE["acceleration"] - DERIVATIVE[self.base]
+        derivatives = below_acceleration(self.base)
         return np.asarray(-mass * (2j * np.pi * frequency) ** derivatives * level)

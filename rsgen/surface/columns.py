@@ -16,6 +16,7 @@ __all__ = [
     "DERIVATIVE",
     "QUANTITIES",
     "SWEEPS",
+    "below_acceleration",
     "check_numbers",
     "column",
     "force_columns",
@@ -122,6 +123,11 @@ def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[An
         raise RsgenError("surface.force_harmonics: needs at least the mean and the fundamental")
     whole[:, 1] = fundamental
     return {"force": fundamental, "force_harmonics": column(whole, "force_harmonics", (rows, -1))}
+
+
+def below_acceleration(quantity: str | None) -> int:
+    """How often a quantity must be differentiated to be an acceleration; None is a displacement."""
+    return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
 
 
 def check_numbers(columns: dict[str, Any]) -> None:

@@ -19,8 +19,8 @@ from rsgen.surface.columns import (
     BASE_UNITS,
     COLUMN_UNITS,
     CONTROLS,
-    DERIVATIVE,
     SWEEPS,
+    below_acceleration,
     check_numbers,
     column,
     force_columns,
@@ -278,7 +278,7 @@ class ResponseSurface:
         size = np.abs(self.force)
         if not (self.base and self.per_mass):
             return size
-        return size / self.omega ** (DERIVATIVE["acceleration"] - DERIVATIVE[self.base])
+        return size / self.omega ** below_acceleration(self.base)
 
     @property
     def answer(self) -> Array:

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import rsgen as rs
+from rsgen.surface.columns import QUANTITIES
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0
@@ -164,7 +165,7 @@ def test_no_record_makes_a_library_warn(seed: int) -> None:
             scale = random.choice(scales)
             record = scale * (records[k] + random.choice([0.0, 1.0, 1e4]))
             pair.append(record.astype(np.float32) if 1e-12 <= scale <= 1e12 and seed % 2 else record)
-        quantity = random.choice(list(rs.history.record.DERIVATIVES))
+        quantity = random.choice(list(QUANTITIES))
         history = rs.history.TimeHistory(10 ** random.uniform(0, 4), *pair, quantity)
         for use in (
             rs.history.from_swept_sine,
