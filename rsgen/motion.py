@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 
-__all__ = ["FourierSeries", "Motion", "cycle_work", "fourier_series", "project"]
+__all__ = [
+    "FourierSeries", "Motion", "cycle_work", "fourier_series", "harmonics_of", "project", "waveform",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,11 +57,8 @@ class Motion:
 
         ``samples`` must be more than 2 H.
         """
-        spectrum = np.zeros((len(self), samples // 2 + 1), dtype=complex)
-        spectrum[:, : len(self.orders)] = self.harmonics * (samples / 2)
-        spectrum[:, 0] *= 2
-        rate = 1j * self.omega[:, None] * np.arange(samples // 2 + 1)
-        x, v, a = (np.fft.irfft(spectrum * rate**power, samples) for power in range(3))
+        rate = 1j * self.omega[:, None] * self.orders
+        x, v, a = (waveform(self.harmonics * rate**power, samples) for power in range(3))
         return x, v, a
 
     def interval(self, samples: int) -> Array:
@@ -75,6 +74,20 @@ class Motion:
         """(n, 2) displacement [m] and velocity [m/s] at t = 0."""
         velocity = 1j * self.orders * self.omega[:, None] * self.harmonics
         return np.stack([self.harmonics.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
+
+
+def waveform(harmonics: ComplexArray, samples: int) -> Array:
+    """Sample one period of signals with complex harmonics (..., H+1), mean first: (..., samples)."""
+    spectrum = harmonics * (samples / 2)
+    spectrum[..., 0] *= 2
+    return np.fft.irfft(spectrum, samples)
+
+
+def harmonics_of(signals: Array, count: int) -> ComplexArray:
+    """Find the first harmonics (..., count), mean first, of signals (..., samples) over one period."""
+    found = np.fft.rfft(signals)[..., :count] * (2 / signals.shape[-1])
+    found[..., 0] /= 2
+    return np.asarray(found)
 
 
 def cycle_work(force: ComplexArray, fundamental: ComplexArray) -> Array:

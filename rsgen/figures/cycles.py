@@ -26,6 +26,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import CHANCE
 
 __all__ = [
     "Energy",
@@ -49,9 +50,6 @@ Floats = NDArray[np.float64]
 
 SAMPLES = 512
 """Of a loop: no corner of it can be seen."""
-
-_TIMES_NOISE = 4.0
-"""A harmonic this many times the noise is none of it (once in 30 000)."""
 
 _FEWEST_FOR_NOISE = 4
 """Harmonics from which on the last two are a measure of the noise: of fewer both may be signal."""
@@ -146,7 +144,7 @@ def _above_noise(surface: ResponseSurface) -> Motion:
     # points that did not settle say nothing of the noise
     last = np.median(size[moves, -2:], axis=0)
     noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
-    kept = size > _TIMES_NOISE * noise
+    kept = size > CHANCE * noise
     kept[:, 1] = True
     return Motion(surface.omega, np.where(kept, harmonics, 0))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
-from rsgen.identification.tolerances import NORMAL
+from rsgen.tolerances import NORMAL
 
 __all__ = [
     "Backbone",

@@ -14,6 +14,7 @@ from rsgen.errors import RsgenError, require
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours
 from rsgen.identification import MultisineIdentification
+from rsgen.motion import waveform
 from rsgen.multisine import BestLinear
 from rsgen.prediction.multisine import MultisinePrediction, PredictedRecord
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
@@ -214,11 +215,10 @@ def _draw_time(axes: Axes, one: PredictedRecord) -> None:
     """The largest motion of the record in time, judged lines only."""
     count = len(one.frequency)
     samples = 8 * count
-    waves = []
-    for spectrum in (one.measured, one.predicted):
-        padded = np.zeros(samples // 2 + 1, dtype=complex)
-        padded[:count] = np.where(one.judged, np.nan_to_num(spectrum), 0) * samples / 2
-        waves.append(np.fft.irfft(padded, samples))
+    waves = [
+        waveform(np.where(one.judged, np.nan_to_num(spectrum), 0), samples)
+        for spectrum in (one.measured, one.predicted)
+    ]
     strongest = one.frequency[int(np.argmax(np.where(one.judged, np.abs(one.measured), 0)))]
     period = 1 / one.frequency[1]
     width = min(int(samples * 12 / strongest / period), samples)

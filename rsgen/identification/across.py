@@ -19,10 +19,10 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.identification.data import Points
 from rsgen.identification.forward import Response
-from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
 from rsgen.motion import Motion, project
+from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
 
 __all__ = ["LawAtTwoPlaces", "MeasuredAcross", "Place", "law_of", "places_of"]
 

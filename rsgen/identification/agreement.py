@@ -20,7 +20,7 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
+from rsgen.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
 
 __all__ = ["Agreement", "Difference", "compare_parts", "jackknife"]
 

@@ -21,8 +21,8 @@ from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.result import Estimate
-from rsgen.identification.tolerances import CONFIDENCE, FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER
 from rsgen.motion import Motion
+from rsgen.tolerances import CONFIDENCE, FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER
 
 __all__ = ["explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric", "widen_squares"]
 

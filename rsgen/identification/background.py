@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 from rsgen.arrays import Array
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Background, Estimate
-from rsgen.identification.tolerances import CONFIDENCE
+from rsgen.tolerances import CONFIDENCE
 from rsgen.units import per_mass_unit
 
 __all__ = ["state_background"]

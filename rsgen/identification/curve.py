@@ -10,9 +10,9 @@ from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.result import EquivalentCurve, Resonance
-from rsgen.identification.tolerances import SAMPLES_SWITCHED
 from rsgen.motion import Motion, project
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.tolerances import SAMPLES_SWITCHED
 
 __all__ = ["equivalent_curve", "force_levels"]
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.across import LawAtTwoPlaces
-from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw, ForceSample
 from rsgen.motion import Motion, project
+from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
 
 __all__ = ["Equations", "equation_rows", "rows_of_trials"]
 

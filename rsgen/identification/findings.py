@@ -27,11 +27,11 @@ from rsgen.identification.soundness import (
     phase_findings,
     sign_findings,
 )
-from rsgen.identification.tolerances import CONFIDENCE, ERRORS, EXCESS, NULL_PART
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
+from rsgen.tolerances import CONFIDENCE, ERRORS, EXCESS, NULL_PART
 from rsgen.units import parameter_units, per_mass_unit
 
 __all__ = [

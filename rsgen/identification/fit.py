@@ -17,10 +17,10 @@ from rsgen.identification.least_squares import Regression, fit
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
+from rsgen.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
 
 __all__ = ["RESOLUTION", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 

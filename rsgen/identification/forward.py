@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.tolerances import BLOCK, SAMPLES
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
+from rsgen.tolerances import BLOCK, SAMPLES
 
 __all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hold_amplitude"]
 

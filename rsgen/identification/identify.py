@@ -46,13 +46,13 @@ from rsgen.identification.result import (
 from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.start import start_fit, with_phase
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, TAIL
 from rsgen.law import LawLike
 from rsgen.law.remarks import law_remarks
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, TAIL
 
 __all__ = ["identify"]
 

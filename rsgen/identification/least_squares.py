@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from rsgen.arrays import Array
-from rsgen.identification.tolerances import GAIN, NULL_PART, OUTLIERS, ROUND_OFF
+from rsgen.tolerances import GAIN, NULL_PART, OUTLIERS, ROUND_OFF
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 

@@ -22,7 +22,9 @@ from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.forward import following_harmonics, hold_amplitude
 from rsgen.identification.result import Estimate
-from rsgen.identification.tolerances import (
+from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion, project
+from rsgen.tolerances import (
     ERRORS,
     LARGE,
     MEANINGLESS,
@@ -32,8 +34,6 @@ from rsgen.identification.tolerances import (
     SAME_NUMBER,
     SAMPLES_SWITCHED,
 )
-from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion, project
 
 __all__ = ["left_out_findings"]
 

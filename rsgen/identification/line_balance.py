@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.tolerances import ROUND_OFF, TAIL
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion
+from rsgen.motion import Motion, harmonics_of, waveform
 from rsgen.multisine import MultisineSpectra
 from rsgen.multisine.spectra import scatter, smooth
+from rsgen.tolerances import ROUND_OFF, TAIL
 
 __all__ = ["Balance", "Lines", "NoiseOfBalance", "lines_of"]
 
@@ -332,13 +332,11 @@ class _Along:
 
     def _spectrum(self, waves: Array) -> ComplexArray:
         """(n, extended + 1) of signals (n, s)."""
-        found = np.fft.rfft(waves, axis=1)[:, : self.lines.extended + 1] * (2 / self.lines.samples)
-        found[:, 0] /= 2
-        return np.asarray(found)
+        return harmonics_of(waves, self.lines.extended + 1)
 
     def _wave(self, spectrum: ComplexArray) -> Array:
-        """(n, s) signals without mean of spectra (n, extended + 1)."""
-        return np.fft.irfft(spectrum * (self.lines.samples / 2), self.lines.samples, axis=1)
+        """(n, s) signals of spectra (n, extended + 1)."""
+        return waveform(spectrum, self.lines.samples)
 
 
 def _centred(law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array) -> tuple[Array, float]:

@@ -11,9 +11,9 @@ from scipy.special import fdtri, ndtr
 from rsgen.arrays import Array
 from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.tolerances import CHANCE, EXCESS, GAIN, GROUPS
 from rsgen.law.numeric import ForceLaw
 from rsgen.multisine.spectra import SMOOTHED, smooth
+from rsgen.tolerances import CHANCE, EXCESS, GAIN, GROUPS
 
 __all__ = [
     "LineFit",

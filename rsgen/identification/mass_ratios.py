@@ -29,12 +29,12 @@ from rsgen.identification.phase_resonance import (
 )
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.result import Estimate, Identification
-from rsgen.identification.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, project
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
+from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.units import per_mass_unit
 
 __all__ = ["identify_ratios"]

@@ -16,7 +16,11 @@ from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import (
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw
+from rsgen.observation import OFFSET
+from rsgen.surface import ResponseSurface
+from rsgen.tolerances import (
     APART,
     ERRORS,
     LARGE,
@@ -29,10 +33,6 @@ from rsgen.identification.tolerances import (
     SEVERAL,
     TAKEN,
 )
-from rsgen.law.element import make_element
-from rsgen.law.numeric import ForceLaw
-from rsgen.observation import OFFSET
-from rsgen.surface import ResponseSurface
 
 __all__ = ["free_curves_leave", "misfit_findings", "severity_of"]
 

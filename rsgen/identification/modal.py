@@ -39,11 +39,11 @@ from rsgen.identification.phase_resonance import (
 )
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, EXCESS, NORMAL, POOR
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.tolerances import ANY_LAW, EXCESS, NORMAL, POOR
 
 __all__ = ["modal_table"]
 

@@ -16,7 +16,7 @@ from rsgen.identification.least_squares import Regression, fit, solve_scaled
 from rsgen.identification.modal_splines import SplineBasis, SplineMode
 from rsgen.identification.observed import Observed
 from rsgen.identification.systematic import is_systematic
-from rsgen.identification.tolerances import NOISY
+from rsgen.tolerances import NOISY
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines"]
 

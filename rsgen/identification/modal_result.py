@@ -16,9 +16,9 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.result import Background
-from rsgen.identification.tolerances import CONFIDENCE, NORMAL
 from rsgen.observation import Observation
 from rsgen.text_table import Printed, TextTable, data_frame, short
+from rsgen.tolerances import CONFIDENCE, NORMAL
 
 __all__ = ["MODAL_COLUMNS", "ModalTable", "ModalTest"]
 

@@ -27,11 +27,11 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.identification.tolerances import CHANCE, LARGE, NOTICEABLE, NULL_PART, SIGMAS, TAKEN
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
+from rsgen.tolerances import CHANCE, LARGE, NOTICEABLE, NULL_PART, SIGMAS, TAKEN
 
 __all__ = [
     "MultisineIdentification",

@@ -8,10 +8,10 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import ERRORS, LARGE
 from rsgen.law.numeric import ForceLaw
 from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import BackboneGap, backbone_gap
+from rsgen.tolerances import ERRORS, LARGE
 
 __all__ = [
     "DAMPED",

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.identification.data import ASYMMETRIC, Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 
 __all__ = ["JUMP", "Repeats", "gather_repeats", "with_repeats"]
 

@@ -30,7 +30,8 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import EquivalentCurve, RestoringForce
-from rsgen.identification.tolerances import (
+from rsgen.motion import Motion, project
+from rsgen.tolerances import (
     CHANCE,
     CONFIDENCE,
     EXCESS,
@@ -40,7 +41,6 @@ from rsgen.identification.tolerances import (
     SIGNIFICANT,
     STIFFENING,
 )
-from rsgen.motion import Motion, project
 
 __all__ = ["invert_curve", "invert_motion"]
 

@@ -14,8 +14,8 @@ from rsgen.arrays import Array
 from rsgen.identification.equations import Equations, equation_rows, rows_of_trials
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.natural import natural_sizes
-from rsgen.identification.tolerances import SIGNIFICANT
 from rsgen.law.numeric import ForceLaw
+from rsgen.tolerances import SIGNIFICANT
 
 __all__ = ["search_nonlinear"]
 

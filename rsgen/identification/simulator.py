@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.identification.forward import Response
-from rsgen.identification.tolerances import MOVE, ROUND_OFF, SIGMAS
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state import SteadyStates, solve_steady_states
+from rsgen.tolerances import MOVE, ROUND_OFF, SIGMAS
 
 __all__ = ["Simulator", "go_on"]
 

@@ -15,9 +15,9 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import severity_of
-from rsgen.identification.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
 from rsgen.motion import Motion, cycle_work, project
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
+from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
 
 __all__ = [
     "aside_findings",

@@ -22,10 +22,10 @@ from rsgen.identification.forward import Response, following_harmonics, hold_amp
 from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
-from rsgen.identification.tolerances import ANY_LAW, FLAT, POOR, QUICK, SAMPLES, SAMPLES_SWITCHED, START_ORDER
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, SAMPLES, SAMPLES_SWITCHED, START_ORDER
 
 __all__ = [
     "point_misfit",

@@ -6,7 +6,7 @@ import numpy as np
 
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
-from rsgen.identification.tolerances import CHANCE, NOTICEABLE
+from rsgen.tolerances import CHANCE, NOTICEABLE
 
 __all__ = ["is_systematic"]
 

@@ -8,6 +8,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
 from rsgen.surface.any_law import driven_points, fit_any_law
+from rsgen.tolerances import NOTICEABLE
 
 __all__ = ["has_levels", "offset_findings"]
 
@@ -21,8 +22,6 @@ _MOST = 400
 """Points looked at, spread over the test."""
 _SPREAD = 1.3
 """Ratio of the forces above which a part that follows the force and one that does not differ."""
-_NOTICEABLE = 1e-3
-"""Misfits below this, relative, change no engineering number."""
 _WEAKEST = 0.3
 """Share of the points, those of least force, from whose median a search begins: an offset is large there."""
 _LEFT = 0.5
@@ -65,7 +64,7 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
     }
     left = {name: _misfit(force, response, rate, parts) for name, parts in shares.items()}
     left["offset"] = min(left["offset"], _misfit(force, response, rate, shares["offset"], begin))
-    if left["none"] < _NOTICEABLE or left["offset"] > _LEFT * min(left["none"], left["background"]):
+    if left["none"] < NOTICEABLE or left["offset"] > _LEFT * min(left["none"], left["background"]):
         return []
     numbers = quantities(misfit=left["none"], left=left["offset"])
     return [Finding("offset-possible", "info", numbers=numbers, names={"kind": "phase+offset"})]

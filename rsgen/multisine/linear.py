@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
 from rsgen.multisine.spectra import MultisineSpectra, scatter, smooth
+from rsgen.tolerances import CHANCE
 
 __all__ = ["BestLinear", "Distortion", "best_linear"]
 
@@ -27,8 +28,6 @@ _TERMS = 3
 """Of the local polynomial: it has the curvature of what the mode leaves of a resonance within the window."""
 _FEWEST = 4
 """Excited lines that determine three values with one to spare."""
-_CHANCE = 4.0
-"""Standard deviations that noise exceeds once in 30 000."""
 _ROUNDS = 12
 """Reweightings of the resonance, each of which divides its error by ten or more."""
 
@@ -65,7 +64,7 @@ class Distortion:
             return float("nan"), float("nan")
         variance = np.nan_to_num(self.noise**2)
         left = power - float(variance.sum())
-        chance = _CHANCE * float(np.sqrt(np.sum(variance**2) / self.records))
+        chance = CHANCE * float(np.sqrt(np.sum(variance**2) / self.records))
         bound = float(np.sqrt((max(left, 0.0) + chance) / total))
         share = float(np.sqrt(left / total)) if left > chance else 0.0
         return share, bound if np.isfinite(self.noise).all() else float("nan")

@@ -17,6 +17,7 @@ import numpy as np
 from rsgen.arrays import Array, ComplexArray
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import harmonics_of, waveform
 
 __all__ = ["PeriodicResponse", "periodic_response"]
 
@@ -77,15 +78,10 @@ class _Problem:
         self.step = 2 * np.pi / omega0 / samples
 
     def wave(self, spectrum: ComplexArray) -> Array:
-        padded = np.zeros(self.samples // 2 + 1, dtype=complex)
-        padded[: self.count] = spectrum * (self.samples / 2)
-        padded[0] *= 2
-        return np.fft.irfft(padded, self.samples)
+        return waveform(spectrum, self.samples)
 
     def spectrum(self, wave: Array) -> ComplexArray:
-        found = np.fft.rfft(wave)[: self.count] * (2 / self.samples)
-        found[0] /= 2
-        return np.asarray(found)
+        return harmonics_of(wave, self.count)
 
     def sample(self, motion: ComplexArray) -> ForceSample:
         x, v, a = (self.wave(motion * self.rate**power)[None] for power in range(3))
@@ -210,10 +206,7 @@ def _begin(problem: _Problem) -> ComplexArray:
     if problem.law.remembers:
         return linear
     count = _samples_in_time(problem)
-    padded = np.zeros(count // 2 + 1, dtype=complex)
-    padded[: problem.count] = problem.force * (count / 2)
-    padded[0] *= 2
-    force = np.fft.irfft(padded, count)
+    force = waveform(problem.force, count)
     step = problem.step * problem.samples / count
     state, last = np.zeros(2), np.zeros(count)
     for _ in range(_PERIODS):
@@ -223,9 +216,7 @@ def _begin(problem: _Problem) -> ComplexArray:
         if np.linalg.norm(x - last) < _SETTLED * np.linalg.norm(x):
             break
         last = x
-    found = np.fft.rfft(x)[: problem.count] * (2 / count)
-    found[0] /= 2
-    return np.asarray(found)
+    return harmonics_of(x, problem.count)
 
 
 def _linear_motion(problem: _Problem) -> ComplexArray:

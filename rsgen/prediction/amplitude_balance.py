@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.result import Identification
-from rsgen.identification.tolerances import NORMAL
 from rsgen.law.numeric import compile_law
+from rsgen.tolerances import NORMAL
 
 __all__ = ["AmplitudeBalance"]
 

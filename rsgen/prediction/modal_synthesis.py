@@ -15,10 +15,10 @@ from rsgen.finding import Finding
 from rsgen.identification import EquivalentCurve, Estimate, Identification, ModalTable
 from rsgen.identification.forward import Response
 from rsgen.identification.modal_splines import SplineMode
-from rsgen.identification.tolerances import ANY_LAW
 from rsgen.oscillator import Model
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.prediction_result import BEYOND
+from rsgen.tolerances import ANY_LAW
 
 __all__ = ["SynthesisBalance", "table_as_identification"]
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.observed import Observed
-from rsgen.identification.tolerances import BLOCK, EXPECTED_NOISE
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
+from rsgen.tolerances import BLOCK, EXPECTED_NOISE
 
 __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 

@@ -24,7 +24,6 @@ from rsgen.identification.fit import Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.phase_resonance import at_resonance_alone
 from rsgen.identification.start import start_fit
-from rsgen.identification.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
@@ -45,6 +44,7 @@ from rsgen.ranking.reference import (
 from rsgen.ranking.sums import Term, base_law, terms_of
 from rsgen.ranking.verdict import implausible, judge
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
 
 __all__ = ["identify_best", "rank"]
 

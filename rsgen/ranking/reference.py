@@ -12,7 +12,6 @@ from rsgen.errors import RsgenError
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import go_on
-from rsgen.identification.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work
@@ -20,6 +19,7 @@ from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
+from rsgen.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS
 
 __all__ = [
     "NOISE_LEAST",

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
-from rsgen.identification.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT, TURNED
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms
+from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT, TURNED
 
 __all__ = ["Judgement", "implausible", "judge"]
 

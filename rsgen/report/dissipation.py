@@ -18,9 +18,9 @@ from rsgen.figures.cycles import (
 from rsgen.figures.equivalent import solution_of
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
-from rsgen.identification.tolerances import NORMAL
 from rsgen.law.element import Element
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import NORMAL
 
 __all__ = ["dissipation_entry", "dissipation_findings", "slip_findings"]
 

@@ -15,12 +15,12 @@ from rsgen.expression.memory import remembers
 from rsgen.figures.equivalent import evaluated, standard_errors
 from rsgen.finding import Finding, Quantity
 from rsgen.identification import Identification
-from rsgen.identification.tolerances import NORMAL
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
 from rsgen.report.dissipation import slip_findings
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface
+from rsgen.tolerances import CHANCE, NORMAL
 
 __all__ = ["describe_elements", "element_findings", "mean_finding"]
 
@@ -36,9 +36,6 @@ _TURN = 0.05
 
 _FACTOR = 2.0
 """From this ratio on a change is given as a factor: "falls by 99.7 %" says little."""
-
-_BEYOND_NOISE = 4.0
-"""A mean of this many times the noise is no accident of one point."""
 
 _DEGREES = {0: "constant force", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
@@ -275,7 +272,7 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
     i = int(settled[np.argmax(surface.amplitude[settled])])
     mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
     noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
-    if abs(mean) < max(1e-3, _BEYOND_NOISE * noise) * amplitude or not np.isfinite(surface.peak[i]).all():
+    if abs(mean) < max(1e-3, CHANCE * noise) * amplitude or not np.isfinite(surface.peak[i]).all():
         return None
     top, bottom = (float(value) for value in surface.peak[i])
     numbers = {"low": Quantity(bottom, "m"), "high": Quantity(top, "m"), "mean": Quantity(mean, "m")}

@@ -1,4 +1,4 @@
-"""Numbers that several steps of an identification decide with, each with its reason."""
+"""Numbers that several steps from a surface to a result decide with, each with its reason."""
 
 from __future__ import annotations
 
