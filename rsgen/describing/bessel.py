@@ -21,8 +21,6 @@ _EXPONENTIAL = (sympy.exp, sympy.sinh, sympy.cosh)
 MOST_WAVES = 64
 """Single waves that a product of waves may become."""
 
-_HALF = sympy.Rational(1, 2)
-
 
 @dataclass(frozen=True, slots=True)
 class Wave:
@@ -74,9 +72,9 @@ def product_of_waves(waves: list[Wave]) -> list[tuple[sympy.Expr, Wave]] | None:
 def _exponentials(wave: Wave) -> list[tuple[sympy.Expr, Wave]]:
     if wave.kind is sympy.exp:
         return [(sympy.S.One, wave)]
-    falling = _HALF if wave.kind is sympy.cosh else -_HALF
+    falling = sympy.S.Half if wave.kind is sympy.cosh else -sympy.S.Half
     return [
-        (_HALF, Wave(sympy.exp, wave.rate, wave.shift)),
+        (sympy.S.Half, Wave(sympy.exp, wave.rate, wave.shift)),
         (falling, Wave(sympy.exp, -wave.rate, -wave.shift)),
     ]
 
@@ -87,9 +85,9 @@ def _beat(left: Wave, right: Wave) -> list[tuple[sympy.Expr, Wave]]:
     minus = (left.rate - right.rate, left.shift - right.shift)
     if left.kind is right.kind:
         sign = 1 if left.kind is sympy.cos else -1
-        return [(_HALF, Wave(sympy.cos, *minus)), (sign * _HALF, Wave(sympy.cos, *plus))]
+        return [(sympy.S.Half, Wave(sympy.cos, *minus)), (sign * sympy.S.Half, Wave(sympy.cos, *plus))]
     sign = 1 if left.kind is sympy.sin else -1
-    return [(_HALF, Wave(sympy.sin, *plus)), (sign * _HALF, Wave(sympy.sin, *minus))]
+    return [(sympy.S.Half, Wave(sympy.sin, *plus)), (sign * sympy.S.Half, Wave(sympy.sin, *minus))]
 
 
 def _split(kind: type, shift: sympy.Expr) -> list[tuple[sympy.Expr, type]]:
@@ -141,9 +139,9 @@ def _over_side(kind: type, polynomial: sympy.Poly, z: sympy.Expr) -> sympy.Expr:
         if (odd and kind in (sympy.cos, sympy.cosh)) or (not odd and kind in (sympy.sin, sympy.sinh)):
             continue
         if kind in _CIRCULAR:
-            spherical = (-1) ** ((degree - odd) // 2) * sympy.besselj(degree + _HALF, z)
+            spherical = (-1) ** ((degree - odd) // 2) * sympy.besselj(degree + sympy.S.Half, z)
         else:
-            spherical = sympy.besseli(degree + _HALF, z)
+            spherical = sympy.besseli(degree + sympy.S.Half, z)
         total += factor * sympy.sqrt(2 * sympy.pi / z) * spherical
     return total
 
@@ -155,18 +153,18 @@ def elementary(formula: sympy.Expr) -> sympy.Expr:
     """
 
     def circular(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
-        if not (order - _HALF).is_Integer:
+        if not (order - sympy.S.Half).is_Integer:
             return sympy.besselj(order, z)
         earlier, now = sympy.cos(z) / z, sympy.sin(z) / z
-        for n in range(int(order - _HALF)):
+        for n in range(int(order - sympy.S.Half)):
             earlier, now = now, sympy.expand((2 * n + 1) / z * now - earlier)
         return sympy.sqrt(2 * z / sympy.pi) * now
 
     def hyperbolic(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
-        if not (order - _HALF).is_Integer:
+        if not (order - sympy.S.Half).is_Integer:
             return sympy.besseli(order, z)
         earlier, now = sympy.cosh(z) / z, sympy.sinh(z) / z
-        for n in range(int(order - _HALF)):
+        for n in range(int(order - sympy.S.Half)):
             earlier, now = now, sympy.expand(earlier - (2 * n + 1) / z * now)
         return sympy.sqrt(2 * z / sympy.pi) * now
 

@@ -17,13 +17,11 @@ from rsgen.arrays import Array
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import MemoryForm
 from rsgen.law.pieces import normal_form
 
 __all__ = ["Branches", "loop_of", "on_cycle"]
-
-X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 
 def _virgin_at(virgin: sympy.Expr, place: sympy.Expr) -> sympy.Expr:

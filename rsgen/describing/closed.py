@@ -13,11 +13,11 @@ from rsgen.describing.arcs import Arc, End, make_arc
 from rsgen.describing.terms import read_addend
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.names import OMEGA, X0, X
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["ClosedPart", "Triple", "close"]
 
-X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
 
 LONGEST = 150
 """Terms beyond which a formula is read by nobody and would take many seconds: quadrature is better there."""

@@ -18,6 +18,7 @@ from rsgen.describing.regimes import Reading, read
 from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
+from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
 from rsgen.law.character import vanishes
 from rsgen.law.element import Element, Law, make_element
 from rsgen.law.normal_form import expanded
@@ -26,8 +27,6 @@ from rsgen.law.pieces import NormalForm, normal_form
 
 __all__ = ["derive"]
 
-X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 ZERO_MEAN = 1e-12
 """Mean forces below this share of the mean absolute force, on all random cycles, are zero by symmetry."""

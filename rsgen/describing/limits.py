@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import sympy
 
 from rsgen.expression import symbol
+from rsgen.expression.names import X0, X
 
 __all__ = ["Limit", "grows_slowly", "limit_at_infinity", "limit_at_rest", "limit_at_zero"]
 
-X, X0 = symbol("X"), symbol("X0")
 STATES = symbol("x"), symbol("v")
 
 ORDER = 5

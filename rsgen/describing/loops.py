@@ -18,11 +18,11 @@ from rsgen.describing.stepping import Cycles, System
 from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.names import STATE_V, STATE_X
 from rsgen.law.memory import MemoryForm, Rate
 
 __all__ = ["Loop", "is_odd", "try_loops"]
 
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 CLOSED = 1e-11
 """Difference between two turns, relative to the largest state, at which a loop is closed."""

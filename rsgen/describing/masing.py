@@ -24,15 +24,12 @@ from rsgen.describing.limits import Limit
 from rsgen.describing.powers import quarter
 from rsgen.describing.regimes import Reading, tidy
 from rsgen.describing.virgin import pieces_of
-from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.names import OMEGA, PHI, STATE_X, X0, X
 from rsgen.law.pieces import NormalForm, Piece
 
 __all__ = ["ClosedMasing", "asymptotes", "close_masing"]
 
-X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
-STATE_X = symbol("x")
-HALF = sympy.Rational(1, 2)
 
 HIGHEST_POWER = 40
 """Whole powers behind a threshold beyond which are left to quadrature: their formulas would be pages long."""
@@ -245,7 +242,7 @@ def _behind(
     power: sympy.Expr, level: sympy.Expr, partials: dict[tuple[sympy.Expr, sympy.Expr], Partial]
 ) -> sympy.Expr:
     """Give J in angle, root and cosine at the threshold."""
-    first = _rise(power + HALF, level)
+    first = _rise(power + sympy.S.Half, level)
     if power.is_zero:
         return -first
     if (2 * power).is_Integer:
@@ -262,17 +259,17 @@ def _rise(half: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
     """Give sin(T)**(2 half) cos(T)."""
     if half.is_Integer:
         return level**half * X**-half * _COSINE
-    return level ** (half - HALF) * X ** (-half - HALF) * _ROOT
+    return level ** (half - sympy.S.Half) * X ** (-half - sympy.S.Half) * _ROOT
 
 
 def _whole(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
     """Give integral_T^(pi/2) sin(t)**(2 P) dt for whole 2 P."""
     if power.is_zero:
         return _ANGLE
-    if power == HALF:
+    if power == sympy.S.Half:
         return _COSINE
     double = 2 * power
-    return _rise(power - HALF, level) / double + (double - 1) / double * _whole(power - 1, level)
+    return _rise(power - sympy.S.Half, level) / double + (double - 1) / double * _whole(power - 1, level)
 
 
 def _wave(addend: sympy.Expr) -> Pair | None:

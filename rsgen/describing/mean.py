@@ -9,11 +9,10 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.expression import symbol
+from rsgen.expression.names import X0
 
 __all__ = ["closed_mean", "solve_mean"]
 
-X0 = symbol("X0")
 
 Balance = Callable[[Array, NDArray[np.intp]], Array]
 """Mean force at trial means (m,) for the cycles with these numbers (m,)."""

@@ -9,11 +9,10 @@ import sympy
 from rsgen.describing.arcs import Arc, End
 from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import ClosedPart
-from rsgen.expression import symbol
+from rsgen.expression.names import OMEGA, X
 
 __all__ = ["Reading", "read", "tidy"]
 
-X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
 
 MOST_COLLECTED = 12
 """Angles, roots and Bessel functions that are collected; more make no formula a person reads."""

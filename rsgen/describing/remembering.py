@@ -25,14 +25,13 @@ from rsgen.describing.virgin import decisive_in
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import Masing, State
+from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import Inner, MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 
 __all__ = ["Parts", "add_memory", "take_apart"]
 
-X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 DRAWN = 400
 """Sets of parameters of which those are taken in which the assumptions of a formula hold."""

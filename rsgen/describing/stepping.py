@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import Inner, Rate
 from rsgen.law.pieces import Switch, normal_form
 
 __all__ = ["Cycles", "System"]
 
-X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 COLUMNS = 6
 """Midpoint rules with 2, 4, ... 12 steps: order 12, where smooth laws take a dozen steps a half cycle."""

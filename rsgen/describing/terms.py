@@ -10,12 +10,10 @@ import sympy
 from rsgen.describing.arcs import Arc, integral_over
 from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
 from rsgen.describing.powers import over_quarters
-from rsgen.expression import symbol
+from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X
 
 __all__ = ["Addend", "read_addend"]
 
-X, X0, OMEGA = symbol("X"), symbol("X0"), symbol("omega")
-STATE_X, STATE_V = symbol("x"), symbol("v")
 
 HIGHEST_POWER = 40
 """Whole powers beyond are left to quadrature: their formulas would be pages long."""

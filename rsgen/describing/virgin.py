@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import sympy
 
-from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.expression.names import STATE_X
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.pieces import NormalForm, normal_form, normal_form_at
 
 __all__ = ["Pieces", "decisive_in", "pieces_of"]
-
-STATE_X = symbol("x")
 
 
 def decisive_in(virgin: sympy.Expr) -> set[str]:

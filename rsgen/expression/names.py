@@ -11,7 +11,10 @@ import sympy
 
 from rsgen.errors import ExpressionError
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "STATES", "check_name", "closest", "shown", "symbol"]
+__all__ = [
+    "CONSTANTS", "FUNCTIONS", "OMEGA", "PHI", "STATES", "STATE_V", "STATE_X", "X", "X0", "check_name", "closest", "shown",
+    "symbol",
+]  # fmt: skip
 
 FUNCTIONS = (
     "abs", "Abs", "sign", "Piecewise", "Min", "Max", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos",
@@ -137,3 +140,10 @@ def symbol(name: str) -> sympy.Symbol:
     """
     legal = _check_form(name)
     return sympy.Symbol(legal, positive=True) if legal in _POSITIVE else sympy.Symbol(legal, real=True)
+
+
+STATE_X, STATE_V = symbol("x"), symbol("v")
+"""Displacement [m] and velocity [m/s] in a law."""
+
+X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
+"""Amplitude and mean [m], angular frequency [rad/s] and phase [rad] of a motion in formulas."""

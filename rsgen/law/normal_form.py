@@ -14,8 +14,8 @@ from typing import NamedTuple
 import sympy
 
 from rsgen.errors import ExpressionError
-from rsgen.expression import symbol
 from rsgen.expression.memory import Inner
+from rsgen.expression.names import STATE_V, STATE_X
 
 __all__ = [
     "ALWAYS",
@@ -39,8 +39,6 @@ __all__ = [
     "without_signs",
 ]
 
-STATE_X = symbol("x")
-STATE_V = symbol("v")
 STATES = frozenset((STATE_X, STATE_V))
 
 LARGEST_FORM = 96

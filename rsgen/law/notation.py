@@ -22,7 +22,6 @@ _GREEK = frozenset({
 })  # fmt: skip
 _LETTERS = re.compile(r"([A-Za-z]+)([0-9]*)(.*)")
 _CLOSE = re.compile(r"(\\?[A-Za-z]+(_\{\w+\})?(\^\{\w+\})?|[0-9.]+)$|\\(frac|left|sqrt)")
-_HALF = sympy.Rational(1, 2)
 
 
 def _escaped(text: str) -> str:
@@ -151,7 +150,7 @@ class _LatexPrinter(Printer):
         return self.juxtaposed([fraction, *(self.write(factor, Level.POWER) for factor in wide)])
 
     def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:
-        if exponent == _HALF:
+        if exponent == sympy.S.Half:
             return rf"\sqrt{{{self.write(base)}}}", Level.ATOM
         if exponent.is_Rational and exponent.p == 1 and exponent.q <= 5:
             return rf"\sqrt[{exponent.q}]{{{self.write(base)}}}", Level.ATOM
