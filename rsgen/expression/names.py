@@ -12,8 +12,8 @@ import sympy
 from rsgen.errors import ExpressionError
 
 __all__ = [
-    "CONSTANTS", "FUNCTIONS", "OMEGA", "PHI", "STATES", "STATE_V", "STATE_X", "X", "X0", "check_name", "closest", "shown",
-    "symbol",
+    "CONSTANTS", "FUNCTIONS", "OMEGA", "PHI", "STATES", "STATE_V", "STATE_X", "X0", "X", "check_name",
+    "closest", "shown", "symbol",
 ]  # fmt: skip
 
 FUNCTIONS = (

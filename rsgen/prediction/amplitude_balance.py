@@ -13,17 +13,17 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.result import Identification
 from rsgen.law.numeric import compile_law
-from rsgen.tolerances import NORMAL
+from rsgen.tolerances import NORMAL, ORDER, SAMPLES
 
 __all__ = ["AmplitudeBalance"]
 
 
-_ORDER = 9
 _ORDER_WITH_JUMPS = 3
 """Where friction holds the mass for a while, higher harmonics of a balance do not settle."""
 
-_SAMPLES_SMOOTH = 64
 _SAMPLES_SWITCHED = 128
+"""A period, of a law with switches: a curve is drawn, not fitted."""
+
 _COARSE = 120
 """Amplitudes at which the least force that holds them is tabulated."""
 
@@ -48,9 +48,9 @@ class AmplitudeBalance:
         self._law = compile_law(identification.model.force)
         self._values = np.array(identification.solution)
         self._mass = identification.mass
-        self._order = _ORDER_WITH_JUMPS if self._law.jumps else _ORDER
+        self._order = _ORDER_WITH_JUMPS if self._law.jumps else ORDER
         self._following = following_harmonics(self._law, self._order)
-        self._samples = _SAMPLES_SWITCHED if self._law.switched else _SAMPLES_SMOOTH
+        self._samples = _SAMPLES_SWITCHED if self._law.switched else SAMPLES
         self._covariance = np.nan_to_num(identification.covariance)
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)

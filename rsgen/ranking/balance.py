@@ -20,7 +20,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.observed import Observed
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
-from rsgen.tolerances import BLOCK, EXPECTED_NOISE
+from rsgen.tolerances import BLOCK, EXPECTED_NOISE, ORDER
 
 __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 
@@ -28,6 +28,9 @@ __all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted
 _REACH = 0.02
 """Relative change of force and response that a background may bring to a candidate: the square of it, which
 the linear balance leaves out, is less than noise. Larger ones wait for the candidate's own motion."""
+
+_SAMPLES = 128
+"""A period; laws are compared along one waveform, so that coarse sampling cancels."""
 
 _UNKNOWN = 1e3
 """Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
@@ -131,7 +134,6 @@ def predicted_motion(
     harmonics: ComplexArray,
     force: ComplexArray,
     turn: Array,
-    order: int,
 ) -> ReferenceMotion:
     """Take the motion that a fitted law predicts nearest to the measured one.
 
@@ -141,15 +143,13 @@ def predicted_motion(
         The measured points, and the background fitted with the law.
     harmonics, force, turn
         Predicted, relative to a fundamental of phase zero, and the phase of the true one (``Fit``).
-    order
-        Highest harmonic of the balance.
     """
     mode = observed.mode(background)
-    count = min(order + 1, mode.harmonics.shape[1])
+    count = min(ORDER + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
-    off = np.zeros((len(mode), order + 1), dtype=complex)
+    off = np.zeros((len(mode), ORDER + 1), dtype=complex)
     off[:, :count] = mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
-    measured = np.isin(np.arange(order + 1), mode.measured)
+    measured = np.isin(np.arange(ORDER + 1), mode.measured)
     off[:, ~measured] = 0
     return ReferenceMotion(
         mode.omega,
@@ -248,7 +248,6 @@ def make_rows(
     mass: float,
     noise: Array,
     *,
-    samples: int,
     balanced: bool,
 ) -> Rows:
     """Prepare rows at a motion; a law near the truth says how noise of the motion becomes noise of the force.
@@ -261,8 +260,6 @@ def make_rows(
         A law near the truth.
     noise
         (H+1,) relative noise of mean, fundamental (and force) and harmonics, that of complex numbers.
-    samples
-        A period.
     balanced
         True where the motion is one of this very law. Other laws are then compared with it along the same
         waveform, so that what a truncated waveform leaves of a jump or corner cancels.
@@ -270,9 +267,9 @@ def make_rows(
     width, count = 2 * motion.order + 1, len(motion.omega)
     right, columns = np.empty((count, width)), np.empty((count, width))
     background = np.empty((count, width, motion.force_by.shape[1]))
-    project = np.empty((count, width, samples))
-    trajectory = motion.trajectory(samples)
-    series = fourier_series(tuple(range(motion.order + 1)), samples, half=False)
+    project = np.empty((count, width, _SAMPLES))
+    trajectory = motion.trajectory(_SAMPLES)
+    series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES, half=False)
     projection = series.project.T
     known = np.repeat(motion.measured, 2)[1:]
     spread = np.where(known, np.repeat(noise, 2)[1:], _UNKNOWN * float(noise[1])) / np.sqrt(2)

@@ -34,9 +34,6 @@ __all__ = [
 WAVEFORM = 31
 """Harmonics of the waveform along which laws with jumps and corners are compared."""
 
-SAMPLES = 128
-"""A period; laws are compared along one waveform, so that coarse sampling cancels."""
-
 _ACCURACY = 3e-5
 """Of the simulated amplitude, far less than the least noise of a ranking."""
 
@@ -80,7 +77,7 @@ class Reference:
 
     def rows(self, noise: Array) -> Rows:
         """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
-        return make_rows(self.motion, self.law, self.values, self.mass, noise, samples=SAMPLES, balanced=True)
+        return make_rows(self.motion, self.law, self.values, self.mass, noise, balanced=True)
 
     def select(self, chosen: NDArray[np.intp]) -> Reference:
         """Keep some of the points chosen."""
@@ -125,7 +122,6 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
         np.array(found[:2], dtype=np.float64),
         inertia,
         np.ones(2),
-        samples=SAMPLES,
         balanced=False,
     )
 
@@ -163,9 +159,7 @@ def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12)
     if len(chosen) < FOLLOWED * len(found.force):
         return None
     part = found.select(chosen)
-    motion = predicted_motion(
-        part.problem.observed, found.background, part.harmonics, part.force, part.turn, ORDER
-    )
+    motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
     return Reference(chosen, motion, law, found.values, found.mass)
 
 
@@ -257,7 +251,7 @@ def _hold(
     lag = np.angle(states.harmonics[chosen, 1])
     harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
     drive, turn = drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag
-    motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn, ORDER)
+    motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn)
     return Reference(chosen, motion, law, values, mass)
 
 
