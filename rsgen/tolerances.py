@@ -70,8 +70,9 @@ NOISY = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
 
-NORMAL = 1.96
-"""Standard errors to both ends of a 95 % interval, where many points determine them."""
+NORMAL = 1.959964
+"""Standard errors to both ends of a 95 % interval, where many points determine them: the quantile
+of the normal distribution for ``CONFIDENCE``."""
 
 NOTICEABLE = 1e-3
 """Misfits below this, relative, change no engineering number: a law may be as wrong."""
