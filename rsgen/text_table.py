@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 
 from rsgen.errors import RsgenError, UnknownNameError
 
-__all__ = ["Printed", "TextTable", "data_frame", "lookup", "short", "with_error"]
+__all__ = ["MOST_DIGITS", "Printed", "TextTable", "data_frame", "lookup", "short", "with_error"]
 
 T = TypeVar("T")
 
-_MOST_DIGITS = 10
+MOST_DIGITS = 10
 """More digits than this say nothing about a measured structure."""
 
 
@@ -41,8 +41,8 @@ def with_error(value: float, standard_error: float) -> int:
     if not (isfinite(value) and isfinite(standard_error)):
         return 4
     if standard_error <= 0 or value == 0:
-        return _MOST_DIGITS if value else 4
-    return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), _MOST_DIGITS)
+        return MOST_DIGITS if value else 4
+    return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), MOST_DIGITS)
 
 
 @dataclass(frozen=True, slots=True)

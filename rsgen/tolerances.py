@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 __all__ = [
-    "ANY_LAW", "APART", "BLOCK", "CHANCE", "CONFIDENCE", "ERRORS", "EXCESS", "EXPECTED_NOISE", "FEW",
-    "FLAT", "FOLLOWED", "GAIN", "GROUPS", "LARGE", "MEANINGLESS", "MOVE", "NOISY", "NORMAL", "NOTICEABLE",
-    "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUND_OFF", "SAME_NUMBER",
-    "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STIFFENING",
-    "TAIL", "TAKEN", "TURNED",
+    "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "ERRORS", "EXCESS", "EXPECTED_NOISE",
+    "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "LARGE", "MEANINGLESS", "MOVE", "NOISY", "NORMAL",
+    "NOTICEABLE", "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUND_OFF",
+    "SAME_NUMBER", "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER",
+    "STIFFENING", "TAIL", "TAKEN", "TURNED",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -19,6 +19,9 @@ structures have misfits that differ by less than two."""
 
 BLOCK = 384
 """Points worked on at once: their sample arrays stay in the processor's cache."""
+
+BRANCH = 0.2
+"""A steady state predicted farther from the measured one, relatively, is on another branch."""
 
 CHANCE = 4.0
 """Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""

@@ -1,4 +1,4 @@
-"""Whether the parts of a test agree: levels, runs and stretches of frequency identified apart.
+"""Whether misfits have a pattern, and the parts of a test agree: levels, runs and stretches of frequency.
 
 A part is identified apart by one Gauss-Newton step from the solution of the whole, with the rows of the fit.
 In the coordinates of ``Regression.basis`` the whole has unit information, so that a part and the rest, I and
@@ -20,9 +20,9 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, quantities
 from rsgen.identification.data import Points
 from rsgen.identification.least_squares import Regression
-from rsgen.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
+from rsgen.tolerances import CHANCE, CONFIDENCE, ERRORS, GROUPS, LARGE, NOTICEABLE, SEVERAL
 
-__all__ = ["Agreement", "Difference", "compare_parts", "jackknife"]
+__all__ = ["Agreement", "Difference", "compare_parts", "is_systematic", "jackknife"]
 
 
 _BY_CHANCE = 1e-5
@@ -38,6 +38,12 @@ left."""
 
 _SLIGHT = 3e-4
 """Parts whose predictions differ by less, relative, change no engineering number."""
+
+_SYSTEMATIC = 0.3
+"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+
+_PAIRS = 6
+"""Pairs of neighbours below which their correlation says nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,3 +242,30 @@ class Agreement:
         wider = self.wider[: len(found.covariance)]
         covariance = found.covariance * np.outer(wider, wider)
         return replace(found, covariance=covariance, freedom=self.freedom)
+
+
+def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
+    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
+
+    Of all levels, or of one.
+    """
+    pairs = points.neighbours
+    counted = regression.used if level is None else regression.used & (points.level == level)
+    pairs = pairs[counted[pairs].all(axis=1)]
+    if len(pairs) < _PAIRS:
+        return False
+    first, second = (regression.residual[side] for side in pairs.T)
+    # (M,) of force, fundamental and harmonics, real and imaginary parts
+    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
+    counts = power > NOTICEABLE**2 / 2
+    product = np.mean(first * second, axis=0)[counts]
+    if not counts.any():
+        return False
+    # real and imaginary part are two independent numbers of a pair, whatever was recorded
+    each, together = np.max(product / power[counts]), product.sum() / power[counts].sum()
+    return bool(each > _by_chance(len(pairs)) or together > _by_chance(2 * len(pairs)))
+
+
+def _by_chance(pairs: int) -> float:
+    """Correlation of so many pairs that noise hardly reaches (Fisher, Metron 1, 1921: atanh r is normal)."""
+    return max(_SYSTEMATIC, float(np.tanh(CHANCE / np.sqrt(pairs - 3))))

@@ -11,6 +11,7 @@ from rsgen.errors import RsgenError
 from rsgen.motion import Motion
 from rsgen.oscillator import Model
 from rsgen.surface import OUTCOMES, ResponseSurface, match_level
+from rsgen.surface.phase_lag import RESONANT
 
 __all__ = ["ASYMMETRIC", "Points", "held_out_mask", "per_unit_mass", "select_points"]
 
@@ -24,11 +25,7 @@ _SOME = 3
 _QUADRATURE = 0.2
 """Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
 
-_COMMON = 0.52
-"""Farthest from a quarter period of a lag that all points of a loop may share, 30 degrees [rad]: a delay that
-nobody corrected says as little of the mass as a quarter period does."""
-
-_FEWEST = 4
+FEWEST = 4
 """Points: a mass, a spring and a damper, and one to disagree with them."""
 
 _RANGE = (1e-60, 1e60)
@@ -108,7 +105,7 @@ class Points:
     def in_quadrature(self) -> NDArray[np.bool_]:
         """(n,) True where the response lags the force by nearly a quarter period, or as in all points."""
         common = float(np.median(self.lag))
-        return np.abs(self.lag - (common if abs(common) < _COMMON else 0.0)) < _QUADRATURE
+        return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _QUADRATURE
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
@@ -230,10 +227,10 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         if len(far):
             found = f"{np.abs(size[far[0]]):g} in row {far[0]}"
             raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
-    if len(index) < _FEWEST:
+    if len(index) < FEWEST:
         raise RsgenError(
             f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "
-            f"band, finite force and response); identification needs at least {_FEWEST}{_why_unused(surface)}"
+            f"band, finite force and response); identification needs at least {FEWEST}{_why_unused(surface)}"
         )
     chosen = harmonics[index]
     measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))

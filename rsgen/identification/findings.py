@@ -1,4 +1,4 @@
-"""What a reader should know of an identification, as data: what is not identifiable, what disagrees."""
+"""Estimates with their intervals, and what a reader should know of them, as data."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.across import LawAtTwoPlaces
@@ -17,9 +18,10 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Solution
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import misfit_findings
+from rsgen.identification.observed import Observed
 from rsgen.identification.phase_resonance import of_one_mode
 from rsgen.identification.repeats import Repeats
-from rsgen.identification.result import Estimate, Resonance
+from rsgen.identification.result import Background, Estimate, Resonance
 from rsgen.identification.soundness import (
     aside_findings,
     feeds_exciter,
@@ -40,6 +42,7 @@ __all__ = [
     "names_of",
     "parameter_finding",
     "repeat_findings",
+    "state_background",
     "units_of",
 ]
 
@@ -96,6 +99,38 @@ def make_estimates(
             finding = Finding("not-determined", "warning", name)
         estimates.append(Estimate(name, centre, error, interval, units[name], finding))
     return tuple(estimates)
+
+
+def state_background(
+    observed: Observed, values: Array, variance: Array, freedom: int, *, per_mass: bool = False
+) -> Background | None:
+    """Give the values (b,) of a background with 95 % intervals; None where none was asked for.
+
+    Parameters
+    ----------
+    observed
+        The points that were fitted.
+    values, variance
+        (b,) of the background; a variance that is not finite is not known.
+    freedom
+        Degrees of freedom of the noise that the variance rests on.
+    per_mass
+        Whether the force is one per mass.
+    """
+    shape, points = observed.background, observed.points
+    if not len(values):
+        return None
+    wide = float(stdtrit(freedom, CONFIDENCE))
+    errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
+    # the residue of a neighbour, one over its mass, is then a number
+    units = [per_mass_unit(unit).replace("1/kg*kg", "") if per_mass else unit for unit in shape.units]
+    estimates = tuple(
+        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
+        for name, v, e, unit in zip(shape.names, values, errors, units, strict=True)
+    )
+    part = np.abs(shape.receptance(values) * points.force)
+    share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
+    return Background(observed.kind, observed.band, estimates, share)
 
 
 def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:

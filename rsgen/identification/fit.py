@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.across import LawAtTwoPlaces, MeasuredAcross
+from rsgen.identification.agreement import is_systematic
 from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
 from rsgen.identification.forward import Forward, HarmonicBalance
 from rsgen.identification.least_squares import Regression, fit
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
-from rsgen.identification.systematic import is_systematic
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion

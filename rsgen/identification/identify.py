@@ -13,10 +13,8 @@ from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
-from rsgen.identification.agreement import Agreement
+from rsgen.identification.agreement import Agreement, is_systematic
 from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
-from rsgen.identification.background import state_background
-from rsgen.identification.curve import equivalent_curve, force_levels
 from rsgen.identification.data import Points, per_unit_mass, select_points
 from rsgen.identification.findings import (
     Findings,
@@ -24,6 +22,7 @@ from rsgen.identification.findings import (
     names_of,
     parameter_finding,
     repeat_findings,
+    state_background,
     units_of,
 )
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
@@ -35,7 +34,7 @@ from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.phase_resonance import resonance_findings, with_loop_error
 from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
 from rsgen.identification.resonance import fit_resonances
-from rsgen.identification.restoring_force import invert_curve, invert_motion
+from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
 from rsgen.identification.result import (
     Background,
     EquivalentCurve,
@@ -45,7 +44,6 @@ from rsgen.identification.result import (
 )
 from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.start import start_fit, with_phase
-from rsgen.identification.systematic import is_systematic
 from rsgen.law import LawLike
 from rsgen.law.remarks import law_remarks
 from rsgen.multisine import MultisineSpectra

@@ -27,9 +27,6 @@ _NULL = 1e-9
 _UNCHANGED = 1e-3
 """A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
 
-_SMALL = 1e-12
-"""Relative step of every parameter at which the fit has converged."""
-
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
 
@@ -282,7 +279,7 @@ def _descend(
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
         least = max(GAIN, _UNCHANGED * residual[good].size) if reached else GAIN
-        if realised < least or relative < _SMALL:
+        if realised < least or relative < ROUND_OFF:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
     return parameters, nuisance, line, False

@@ -27,13 +27,10 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, harmonics_of, waveform
 from rsgen.multisine import MultisineSpectra
 from rsgen.multisine.spectra import scatter, smooth
+from rsgen.multisine.steady import OVERSAMPLED
 from rsgen.tolerances import ROUND_OFF, TAIL
 
 __all__ = ["Balance", "Lines", "NoiseOfBalance", "lines_of"]
-
-_OVERSAMPLED = 4
-"""Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
-back above it only."""
 
 _EXTENDED, _MOST_LINES = 16, 16384
 """Times the recorded lines that a motion has along a law with switches, and most lines: the velocity at a
@@ -98,7 +95,7 @@ def lines_of(spectra: MultisineSpectra, band: tuple[float, float] | None, *, swi
     used = np.stack([inside & (spectra.lines <= (np.inf if band else end)) for end in last])
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENDED * recorded, _MOST_LINES)) if switched else recorded
-    samples = 1 << (_OVERSAMPLED * (extended + 1) - 1).bit_length()
+    samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
     first, seen = spectra.reach()
     return Lines(spectra, used, samples, first, seen, extended)
 

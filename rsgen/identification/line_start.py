@@ -7,7 +7,7 @@ import numpy as np
 from rsgen.arrays import Array, ComplexArray
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.line_balance import Lines
-from rsgen.identification.natural import natural_sizes
+from rsgen.identification.natural import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 from rsgen.multisine.spectra import rms
@@ -16,8 +16,6 @@ __all__ = ["start_values"]
 
 _SAMPLES = 1500
 """Instants at which a law without memory is tried: many times its parameters, spread over all motions."""
-_DECADES = 2.0
-"""To both sides of the natural size of a parameter: beyond, it acts nowhere or everywhere."""
 _TRIALS = 400
 """Values tried of the parameters in which the law is not linear; of one with memory a quarter."""
 _PER_DECADE = 24
@@ -117,9 +115,9 @@ def _search(instants: _Instants) -> Array:
     natural = np.where(np.isfinite(natural) & (natural > 0), natural, 1.0)
     count = _TRIALS // (4 if law.remembers else 1)
     if len(natural) == 1:
-        shares = np.linspace(-_DECADES, _DECADES, int(2 * _DECADES * _PER_DECADE) + 1)[:, None]
+        shares = np.linspace(-DECADES, DECADES, int(2 * DECADES * _PER_DECADE) + 1)[:, None]
     else:
-        shares = (2 * qmc.Halton(len(natural), seed=1).random(count) - 1) * _DECADES
+        shares = (2 * qmc.Halton(len(natural), seed=1).random(count) - 1) * DECADES
     trials = natural * 10**shares
     costs = np.array([instants.solve(trial)[1] for trial in trials])
     best, lowest = trials[int(np.argmin(costs))], float(costs.min())

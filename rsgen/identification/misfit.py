@@ -10,12 +10,12 @@ import numpy as np
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, Severity, quantities
 from rsgen.identification.across import LawAtTwoPlaces, law_of
+from rsgen.identification.agreement import is_systematic
 from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.observed import Observed
 from rsgen.identification.result import Resonance
-from rsgen.identification.systematic import is_systematic
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
 from rsgen.observation import OFFSET

@@ -18,8 +18,8 @@ import numpy as np
 
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
-from rsgen.identification.background import state_background
-from rsgen.identification.data import Points, select_points
+from rsgen.identification.data import FEWEST, Points, select_points
+from rsgen.identification.findings import state_background
 from rsgen.identification.fit import Problem, fit_balance
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.modal_fit import ModeProblem, SeenMode, choose_splines, fit_splines
@@ -56,9 +56,6 @@ _ROWS = 21
 
 _NEAR = np.sqrt(0.5)
 """Sine of the lag at the half-power points, 45 degrees from resonance: there damping is half of the force."""
-
-_FEWEST = 4
-"""Points near resonance: fewer do not tell a constant from its error."""
 
 
 def modal_table(
@@ -137,10 +134,10 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
             mode = replace(mode, force=force, harmonics=np.abs(mode.harmonics).astype(np.complex128))
     stiffness = mode.force / mode.harmonics[:, 1]
     near = np.abs(stiffness.imag) > _NEAR * np.abs(stiffness)
-    if np.count_nonzero(near) < _FEWEST:
+    if np.count_nonzero(near) < FEWEST:
         raise RsgenError(
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
-            f"at least {_FEWEST} are needed"
+            f"at least {FEWEST} are needed"
         )
     if np.median(np.sign(stiffness.imag[near])) < 0:
         raise RsgenError(
@@ -182,7 +179,7 @@ def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, 
     """Fit k/m and c with any mass to the points at phase resonance, whose lags have an error [rad]."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
     rows = np.flatnonzero(seen.mode.in_quadrature)
-    if len(rows) < _FEWEST:
+    if len(rows) < FEWEST:
         raise RsgenError(
             f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "
             "where it is not needed; give the mass, or measure on both sides of resonance"

@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.identification.agreement import Agreement
+from rsgen.identification.agreement import Agreement, is_systematic
 from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
 from rsgen.identification.forward import Forward
 from rsgen.identification.least_squares import Regression, fit, solve_scaled
 from rsgen.identification.modal_splines import SplineBasis, SplineMode
 from rsgen.identification.observed import Observed
-from rsgen.identification.systematic import is_systematic
-from rsgen.tolerances import NOISY
+from rsgen.tolerances import NOISY, ROUND_OFF
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines"]
 
@@ -54,9 +53,6 @@ _APART = 0.05
 
 _UNLIKELY = 1e-3
 """Shapes so much less likely than the best are left out: together they move no interval."""
-
-_FLOOR = 1e-12
-"""Misfits below are round-off, and one is as good as the other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +128,7 @@ class ModeProblem:
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
         each = np.log(len(right)) if len(self.seen.background) else 2.0
         price = each * len(right) / max(len(right) - used - 1, 1)
-        return found, len(right) * np.log(max(misfit, _FLOOR**2)) + used * price
+        return found, len(right) * np.log(max(misfit, ROUND_OFF**2)) + used * price
 
 
 def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:

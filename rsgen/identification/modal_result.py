@@ -17,7 +17,7 @@ from rsgen.finding import Finding
 from rsgen.identification.modal_splines import ModalSplines
 from rsgen.identification.result import Background
 from rsgen.observation import Observation
-from rsgen.text_table import Printed, TextTable, data_frame, short
+from rsgen.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.tolerances import CONFIDENCE, NORMAL
 
 __all__ = ["MODAL_COLUMNS", "ModalTable", "ModalTest"]
@@ -170,7 +170,7 @@ class ModalTable(Printed):
             label = f"{name} [{unit or '1'}]"
             heads += [label, f"lower {label}", f"upper {label}"]
         lines = [",".join(heads)]
-        lines += [",".join(short(value, _CSV_DIGITS) for value in row.values()) for row in self]
+        lines += [",".join(short(value, MOST_DIGITS) for value in row.values()) for row in self]
         return "\n".join(lines) + "\n"
 
     def _table(self) -> TextTable:
@@ -189,10 +189,6 @@ class ModalTable(Printed):
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
         return TextTable(heads, tuple(rows), caption, tuple(map(repr, self.findings)))
-
-
-_CSV_DIGITS = 10
-"""More than any test has."""
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

@@ -10,7 +10,11 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.units.deduction import parameter_units
 from rsgen.units.unit_text import read_unit
 
-__all__ = ["natural_sizes"]
+__all__ = ["DECADES", "natural_sizes"]
+
+DECADES = 2
+"""To both sides of its natural size a parameter is searched: beyond, it acts nowhere or everywhere, as a loop
+that closes or saturates within a hundredth of the motion, or not within hundred times the motion."""
 
 
 def natural_sizes(law: ForceLaw, amplitude: float, omega: float, force: float) -> Array:

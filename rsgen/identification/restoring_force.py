@@ -1,4 +1,4 @@
-"""Forces without a law: by an Abel inversion of k(X) and c(X), or by splines along the measured motion.
+"""k(X) and c(X) of every point, and forces without a law: by an Abel inversion, or by splines along motions.
 
 The describing-function integral is of Abel type and inverts in closed form. With g(X) = X k(X), the amplitude
 of the fundamental of the stiffness force, an odd force is
@@ -24,13 +24,17 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from rsgen.arrays import Array, ComplexArray
+from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.data import Points
+from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.result import EquivalentCurve, RestoringForce
+from rsgen.identification.result import EquivalentCurve, Resonance, RestoringForce
 from rsgen.motion import Motion, project
+from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (
     CHANCE,
     CONFIDENCE,
@@ -38,11 +42,12 @@ from rsgen.tolerances import (
     GROUPS,
     POINTS_A_KNOT,
     SAMPLES,
+    SAMPLES_SWITCHED,
     SIGNIFICANT,
     STIFFENING,
 )
 
-__all__ = ["invert_curve", "invert_motion"]
+__all__ = ["equivalent_curve", "force_levels", "invert_curve", "invert_motion"]
 
 
 _DRAWN = 61
@@ -326,3 +331,48 @@ def _splines(at: Array, knots: Array) -> Array:
     whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
     inside = np.clip(at, knots[0], knots[-1]).ravel()
     return np.asarray(BSpline.design_matrix(inside, whole, _DEGREE).toarray().reshape(*at.shape, -1))
+
+
+def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
+    """Amplitude (n,) [m] that the law follows, and what it gives there over it, k + i omega c [N/m]."""
+    law, response, omega = found.problem.law, surface.harmonics[:, 1], surface.omega
+    if not isinstance(law, LawAtTwoPlaces) or surface.across is None:
+        return np.abs(response), surface.force / response + found.mass * omega**2
+    fundamental = np.zeros((len(surface), 2), dtype=complex)
+    fundamental[:, 1] = response
+    here = law.here.law.along(Motion(omega, fundamental), found.values[law.here.places], SAMPLES_SWITCHED)
+    left = surface.force + found.mass * omega**2 * response - project(here.force, 1)
+    return np.abs(surface.across[:, 1]), left / surface.across[:, 1]
+
+
+def equivalent_curve(
+    surface: ResponseSurface, points: Points, used: NDArray[np.bool_], found: Fit
+) -> EquivalentCurve:
+    """k and c of every settled point, with the mass found; ``used`` of the points took part.
+
+    Of a law at two places they are those of the elements across: what the others leave, over their motion.
+    """
+    response = surface.harmonics[:, 1]
+    rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
+    omega = surface.omega[rows]
+    amplitude, stiffness = _dynamic(surface.select(rows), found)
+    took_part = np.zeros(len(surface), dtype=bool)
+    took_part[points.index[used]] = True
+    return EquivalentCurve(
+        amplitude=amplitude,
+        frequency=surface.frequency[rows],
+        level=surface.level[rows],
+        stiffness=stiffness.real,
+        damping=stiffness.imag / omega,
+        used=took_part[rows],
+        level_unit=surface.level_unit,
+        per_mass=surface.per_mass,
+    )
+
+
+def force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
+    """Levels of force: as measured near the resonances; where the amplitude was held, what these needed."""
+    if not surface.response_held:
+        return np.unique(typical_amounts(surface.select(points.index)))
+    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
+    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])

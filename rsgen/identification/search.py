@@ -13,7 +13,7 @@ import numpy as np
 from rsgen.arrays import Array
 from rsgen.identification.equations import Equations, equation_rows, rows_of_trials
 from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.natural import natural_sizes
+from rsgen.identification.natural import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.tolerances import SIGNIFICANT
 
@@ -31,11 +31,6 @@ _WANDER = 3.0
 
 _SOLVER = 1e-6
 """Relative misfit that the simulator may leave; a part of the force as small is as good as none."""
-
-_DECADES = 2
-"""Decades to both sides of their natural size in which parameters of a law with memory are searched: a loop
-that closes or saturates within a hundredth of the motion, or not within hundred times the motion, shows no
-more of it. (Scanning as for other laws would close ten thousand loops.)"""
 
 _FOLLOWED = 4
 """Trials of a law with memory that are followed on few points, a parameter that is searched: of four equal
@@ -251,7 +246,7 @@ class _Search:
         if which in self.pins:
             return np.array([1.0, -1.0])
         if self._law.remembers and np.isfinite(self._natural[which]):
-            size = self._natural[which] * np.logspace(-_DECADES, _DECADES, 12 * _DECADES + 1)
+            size = self._natural[which] * np.logspace(-DECADES, DECADES, 12 * DECADES + 1)
             return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))

@@ -21,13 +21,10 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.steady_state import SteadyStates, solve_steady_states
-from rsgen.tolerances import MOVE, ROUND_OFF, SIGMAS
+from rsgen.tolerances import BRANCH, MOVE, ROUND_OFF, SIGMAS
 
 __all__ = ["Simulator", "go_on"]
 
-
-_BRANCH = 0.2
-"""A prediction farther from the measured fundamental, relatively, is on another branch."""
 
 _CURVED = (MOVE, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
@@ -77,7 +74,7 @@ class Simulator:
         self._amplitude, self._accuracy = amplitude, accuracy
         self.harmonics = tuple(h for h in compared if (h % 2 or not law.odd) and (h or law.springs))
         self._highest = max([1, *self.harmonics])
-        self._branch = max(_BRANCH, SIGMAS * noise)
+        self._branch = max(BRANCH, SIGMAS * noise)
         self.step = float(np.clip(noise, *_CURVED))
         self._moves = _moves(parameters, strength)
         self._slopes: tuple[ComplexArray, ComplexArray, NDArray[np.bool_]] | None = None

@@ -19,10 +19,11 @@ from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import harmonics_of, waveform
 
-__all__ = ["PeriodicResponse", "periodic_response"]
+__all__ = ["OVERSAMPLED", "PeriodicResponse", "periodic_response"]
 
-_OVERSAMPLED = 4
-"""Samples a period over lines: cubes of signals do not fold back."""
+OVERSAMPLED = 4
+"""Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
+back above it only."""
 _PER_CYCLE = 16
 """Samples in a cycle of the highest excited line: the start need only be right to some per cent."""
 _WINDOW = 48
@@ -131,7 +132,7 @@ def periodic_response(
     start
         (H+1,) a motion near it [m]; None: integrated in time from rest.
     """
-    samples = 1 << (_OVERSAMPLED * len(force) - 1).bit_length()
+    samples = 1 << (OVERSAMPLED * len(force) - 1).bit_length()
     problem = _Problem(law, values, mass, omega0, force, samples)
     with np.errstate(all="ignore"):
         motion = _begin(problem) if start is None else start

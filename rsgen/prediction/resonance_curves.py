@@ -28,6 +28,7 @@ from rsgen.prediction.prediction_result import (
     severity_of_error,
 )
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.tolerances import BRANCH
 
 __all__ = ["predict"]
 
@@ -40,9 +41,6 @@ _MARGIN = 0.05
 
 _WIDEST = 0.5
 """At a fold the band of the amplitude at a frequency opens without end; wider ones are not drawn."""
-
-_NEAR = 0.2
-"""A predicted steady state farther from the measured one, relatively, is another one."""
 
 _AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump: they are not judged."""
@@ -370,7 +368,7 @@ def _score(
                     level_unit=surface.level_unit,
                     force_unit=identification.curve.force_unit,
                     force=float(forces[surface.levels == level][0]),
-                    missing=len(rows) - int(np.count_nonzero(miss <= _NEAR * np.abs(measured))),
+                    missing=len(rows) - int(np.count_nonzero(miss <= BRANCH * np.abs(measured))),
                 )
             )
     return tuple(scored)

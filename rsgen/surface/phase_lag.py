@@ -14,10 +14,11 @@ from rsgen.finding import Finding, Quantity, Severity
 if TYPE_CHECKING:
     from rsgen.surface.response_surface import ResponseSurface
 
-__all__ = ["BackboneGap", "at_phase_resonance", "backbone_gap", "lag_findings"]
+__all__ = ["RESONANT", "BackboneGap", "at_phase_resonance", "backbone_gap", "lag_findings"]
 
-_RESONANT = 0.52
-"""Lags within 30 degrees of a quarter period may be meant to be one; others are slices off resonance."""
+RESONANT = 0.52
+"""Lags within 30 degrees of a quarter period [rad] may be meant to be one, with a delay that nobody
+corrected; others are slices off resonance."""
 
 _APART = 0.14
 """Lags that are set differ by more than eight degrees from the next; those of one loop scatter by less."""
@@ -61,7 +62,7 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
     if surface.control != "phase" or not surface.phase_known:
         return ()
     good = surface.select(surface.settled & np.isfinite(surface.amplitude) & (surface.amplitude > 0))
-    near = np.abs(good.phase - pi / 2) < _RESONANT
+    near = np.abs(good.phase - pi / 2) < RESONANT
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
     several = () if gap is None else (gap.finding(severity="warning"),)
     return several if surface.lag_assumed else (*several, *_lag(good.phase))
@@ -142,5 +143,5 @@ def _nearest(lag: Array) -> Array:
     """
     groups = np.split(np.sort(lag), np.flatnonzero(np.diff(np.sort(lag)) > _APART) + 1)
     away = [abs(float(np.median(group)) - pi / 2) if len(group) else np.inf for group in groups]
-    near = [i for i in range(len(groups)) if away[i] < _RESONANT]
+    near = [i for i in range(len(groups)) if away[i] < RESONANT]
     return groups[min(near, key=lambda i: (-len(groups[i]), away[i]))] if near else lag[:0]
