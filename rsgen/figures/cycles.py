@@ -41,7 +41,7 @@ __all__ = [
     "measured_loops",
     "mode_surface",
     "shows_loops",
-    "slip_limits",
+    "slip_limit",
     "small_stiffness",
     "stiffness_ratio",
 ]
@@ -316,25 +316,16 @@ class Slip:
     sticks: bool
 
 
-def slip_limits(force: sympy.Expr, values: Mapping[str, float], largest: float) -> tuple[Slip, ...]:
-    """Find where the virgin curves of a law reach a limit force, in the order of the curves.
+def slip_limit(curve: Curve, values: Mapping[str, float], largest: float) -> Slip | None:
+    """Find where a virgin curve reaches a limit force; None where it does not.
 
     Parameters
     ----------
-    force
-        The law.
-    values
-        Every parameter of it, SI.
+    curve, values
+        Of a law, and every parameter of it, SI.
     largest
         Displacement [m] of the test; limits beyond a thousand times of it are none.
     """
-    form = memory_form(force)
-    slips = (_slip(curve, values, largest) for curve in (() if form is None else form.curves))
-    return tuple(slip for slip in slips if slip is not None)
-
-
-def _slip(curve: Curve, values: Mapping[str, float], largest: float) -> Slip | None:
-    """Find where one virgin curve reaches a limit force; None where it does not."""
     names = sorted(free.name for free in curve.virgin.free_symbols if free.name != "x")
     law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
     numbers = [values[name] for name in names]
@@ -367,7 +358,7 @@ def identified_slips(identification: Identification, force: sympy.Expr | None = 
         return ()
     found = []
     for curve in form.curves:
-        slip = _slip(curve, values, largest)
+        slip = slip_limit(curve, values, largest)
         if slip is not None and _determined(identification, curve, values, slip.amplitude):
             found.append(slip)
     return tuple(found)
@@ -379,7 +370,7 @@ def _determined(
     """Decide whether the amplitude of a limit follows from the test."""
 
     def place(changed: Mapping[str, float]) -> Floats:
-        slip = _slip(curve, changed, identification.amplitude_range[1])
+        slip = slip_limit(curve, changed, identification.amplitude_range[1])
         return np.array([np.nan if slip is None else slip.amplitude])
 
     names = {free.name for free in curve.virgin.free_symbols} - {"x"}

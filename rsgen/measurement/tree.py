@@ -98,9 +98,9 @@ class Node(_Array):
         )
 
     @classmethod
-    def refused(cls, path: str, reason: str, shape: tuple[int, ...] = (), remark: str = "") -> Node:
+    def refused(cls, path: str, reason: str, shape: tuple[int, ...] = ()) -> Node:
         """Make a node that cannot be read."""
-        return cls(path=path, shape=shape, remark=remark, fault=reason)
+        return cls(path=path, shape=shape, fault=reason)
 
 
 @dataclass(frozen=True, slots=True)

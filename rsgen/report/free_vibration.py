@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["free_frequency"]
 
 
-def free_frequency(force: Callable[[float], float], mass: float, high: float, corner: float = 0.0) -> float:
+def free_frequency(force: Callable[[float], float], mass: float, high: float) -> float:
     """Compute the frequency [Hz] of undamped free vibration with the upper turning point at ``high``.
 
     The period is 2 integral dx / sqrt(2 (U(high) - U(x)) / m) between the turning points; x is a sine of
@@ -19,13 +19,11 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float, co
     Parameters
     ----------
     force
-        Spring force [N] at x [m], pushing back on both sides of ``corner``.
+        Spring force [N] at x [m], pushing back on both sides of zero; a corner there costs no accuracy.
     mass
         m [kg].
     high
-        Upper turning point [m], above ``corner``.
-    corner
-        Where the force vanishes [m]; a corner of the law there costs no accuracy.
+        Upper turning point [m], above zero.
 
     Returns
     -------
@@ -46,40 +44,39 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float, co
     from scipy.optimize import brentq
 
     def work(x: float) -> float:
-        return float(quad(force, corner, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])
+        return float(quad(force, 0.0, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])
 
     energy = work(high)
-    reach = high - corner
+    reach = high
     if not (energy > 0 and force(high) > 0):
         return float("nan")
     for _ in range(60):
-        if work(corner - reach) >= energy:
+        if work(-reach) >= energy:
             break
         reach *= 1.3
     else:
         return float("nan")
-    low = float(brentq(lambda x: work(x) - energy, corner - reach, corner, xtol=1e-15 * high, rtol=1e-14))
-    half = sum(_time(force, mass, corner, end) for end in (low, high))
+    low = float(brentq(lambda x: work(x) - energy, -reach, 0.0, xtol=1e-15 * high, rtol=1e-14))
+    half = sum(_time(force, mass, end) for end in (low, high))
     return 1 / (2 * half)
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
-def _time(force: Callable[[float], float], mass: float, corner: float, end: float) -> float:
-    """Compute the time [s] from ``corner`` to the turning point ``end``.
+def _time(force: Callable[[float], float], mass: float, end: float) -> float:
+    """Compute the time [s] from zero to the turning point ``end``.
 
-    With x = corner + (end - corner) sin(a), the energy left at x is integrated from x on, so that it keeps
+    With x = end sin(a), the energy left at x is integrated from x on, so that it keeps
     its digits where it vanishes.
     """
     angles: NDArray[np.float64] = np.pi / 4 * (_NODES + 1)
-    reach = end - corner
     total = 0.0
     for angle, weight in zip(angles.tolist(), _WEIGHTS.tolist(), strict=True):
-        x = corner + reach * np.sin(angle)
+        x = end * np.sin(angle)
         # end - x without cancellation: 1 - sin(a) = 2 sin^2((pi/2 - a)/2)
-        left = reach * 2 * np.sin((np.pi / 2 - angle) / 2) ** 2
+        left = end * 2 * np.sin((np.pi / 2 - angle) / 2) ** 2
         points = x + left * (_NODES + 1) / 2
         energy = left / 2 * float(np.dot(_WEIGHTS, [force(point) for point in points.tolist()]))
-        total += weight * abs(reach) * np.cos(angle) / np.sqrt(2 * energy / mass)
+        total += weight * abs(end) * np.cos(angle) / np.sqrt(2 * energy / mass)
     return float(np.pi / 4 * total)

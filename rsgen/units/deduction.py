@@ -246,15 +246,13 @@ def _solved(force: sympy.Expr, known: Mapping[str, str]) -> _Law:
     return law
 
 
-def parameter_units(force: sympy.Expr, known: Mapping[str, str] | None = None) -> dict[str, str]:
+def parameter_units(force: sympy.Expr) -> dict[str, str]:
     """Deduce the unit of every parameter of a force law.
 
     Parameters
     ----------
     force
         The law in x [m] and v [m/s]; every term must be a force [N].
-    known
-        Units of parameters that are known beforehand.
 
     Returns
     -------
@@ -265,7 +263,7 @@ def parameter_units(force: sympy.Expr, known: Mapping[str, str] | None = None) -
     Raises
     ------
     RsgenError
-        Two places of the law demand different units of one parameter, or a known unit contradicts the law.
+        Two places of the law demand different units of one parameter.
 
     Examples
     --------
@@ -274,7 +272,7 @@ def parameter_units(force: sympy.Expr, known: Mapping[str, str] | None = None) -
     >>> parameter_units(k1 * x + kn1 * x**3 + Ff * sign(v))
     {'Ff': 'N', 'k1': 'N/m', 'kn1': 'N/m^3'}
     """
-    law = _solved(force, known or {})
+    law = _solved(force, {})
     if law.faults:
         raise RsgenError("; ".join(law.faults))
     units = {}

@@ -233,10 +233,6 @@ def test_units_follow_from_the_law(law: str, units: dict[str, str]) -> None:
     assert parameter_units(parse(law)) == dict(sorted(units.items()))
 
 
-def test_known_units_help() -> None:
-    assert parameter_units(parse("a*b*x"), {"a": "%"}) == {"a": "1", "b": "N/m"}
-
-
 @pytest.mark.parametrize(
     ("law", "units", "faults"),
     [
