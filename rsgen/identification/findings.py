@@ -272,7 +272,7 @@ class Findings:
         found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement)
-        found += phase_findings(self.fit)
+        found += phase_findings(self.fit.background) if self.fit.problem.observed.phase_known else []
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()

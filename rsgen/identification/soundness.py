@@ -228,10 +228,10 @@ def runs_away(fit: Fit) -> bool:
     return not bool(project(force, 1)[0].real > 0)
 
 
-def phase_findings(fit: Fit) -> list[Finding]:
-    """Find a phase error that is a sign, a sense or another quantity, taken up by the background."""
-    turned = float(np.angle(np.exp(1j * fit.background[0]))) if len(fit.background) else 0.0
-    if not (fit.problem.observed.phase_known and abs(turned) > TURNED):
+def phase_findings(background: Array) -> list[Finding]:
+    """Find a phase error that is a sign, a sense or another quantity, taken up by a background (b,)."""
+    turned = float(np.angle(np.exp(1j * background[0]))) if len(background) else 0.0
+    if not abs(turned) > TURNED:
         return []
     return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
 

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.identification.data import Points
+from rsgen.identification.soundness import phase_findings
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms
-from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT, TURNED
+from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT
 
 __all__ = ["Judgement", "implausible", "judge"]
 
@@ -144,10 +145,7 @@ def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
             numbers = {"value": Quantity(value)}
             found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
     found += _cancelling(guess, rows)
-    phase = float(np.angle(np.exp(1j * guess.background[0]))) if len(guess.background) else 0.0
-    if abs(phase) > TURNED:
-        found.append(Finding("phase-turned", "doubt", "psi", {"phase": Quantity(phase, "rad")}))
-    return found
+    return found + phase_findings(guess.background)
 
 
 def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:

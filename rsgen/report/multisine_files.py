@@ -11,10 +11,9 @@ from typing import Any, cast
 import numpy as np
 from markupsafe import Markup
 
-import rsgen
 from rsgen import kernel
 from rsgen.case import Case
-from rsgen.comparison import Comparison, verdict_of
+from rsgen.comparison import Comparison
 from rsgen.expression.memory import Structural
 from rsgen.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record
 from rsgen.identification import Identification, MultisineIdentification
@@ -23,26 +22,20 @@ from rsgen.multisine import BestLinear, MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction.multisine import MultisinePrediction, predict_multisine
 from rsgen.report.environment import page_environment
-from rsgen.report.inline import inline_svg
-from rsgen.report.interpretation import describe_elements
 from rsgen.report.multisine_notebook import write_multisine_notebook
 from rsgen.report.notebook_cells import KnownResults
-from rsgen.report.page_tables import Cell, Table, TableRow, verdict_table
+from rsgen.report.page import common_context
+from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import (
-    SCHEMA,
-    elements_entry,
+    common_entries,
     finite_or_none,
     numbers_or_none,
     resonance_entry,
     result_text,
-    rows_entry,
 )
-from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
-from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.page_sentences import error_text, share_text
-from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["write_multisine_files"]
@@ -153,19 +146,7 @@ def _result(
 ) -> dict[str, Any]:
     """The content of result.json: the keys that every result has, and those of a multisine."""
     return {
-        "schema": SCHEMA,
-        "case": subject.name,
-        "title": subject.title,
-        "source": subject.source,
-        "passed": comparison.passed,
-        "verdict": state_verdict(verdict_of(found, comparison, prediction)),
-        "outcome": sentence(found.outcome),
-        "warnings": [*subject.warnings, *map(sentence, found.findings)],
-        "findings": [finding.to_dict() for finding in found.findings],
-        "mass": finite_or_none(found.mass),
-        "parameters": rows_entry(comparison, forces=False),
-        "forces": rows_entry(comparison, forces=True),
-        "elements": elements_entry(subject),
+        **common_entries(subject, found, comparison, prediction),
         # what every result says of its test: here a point is an excited line of a record
         "surface": {
             "points": int(spectra.excited().sum()),
@@ -193,7 +174,6 @@ def _result(
             }
             for one in prediction.records
         ],
-        "residual": {"relative": finite_or_none(found.residual), "noise": finite_or_none(found.noise)},
     }
 
 
@@ -274,35 +254,10 @@ def _page(
     drawings: Sequence[Drawing],
     provenance: Mapping[str, str],
 ) -> str:
-    verdict = verdict_of(found, comparison, prediction)
-    stated = state_verdict(verdict)
-    warnings = [*subject.warnings, *map(full_sentence, found.findings)]
-    shown = {
-        drawing.name: {
-            "svg": inline_svg(drawing),
-            "caption": drawing.caption,
-            "alternative": drawing.alternative,
-        }
-        for drawing in drawings
-    }
-    context = {
-        "title": subject.title,
-        "name": subject.name,
-        "source": subject.source,
-        "state": verdict.state,
-        "verdict": stated["headline"],
-        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
-        "mark": MARKED.get(verdict.state, ""),
-        "outcome": full_sentence(found.outcome),
-        "verdict_table": verdict_table(comparison),
-        "meaning": list(describe_elements(subject.elements, found).items()),
-        "warnings": warnings,
-        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
+    context = common_context(subject, found, comparison, prediction, drawings, provenance) | {
         "test_sentence": _test_sentence(spectra, found),
         "levels_table": _levels_table(found),
         "record_table": _record_table(prediction),
-        "prediction_remarks": [full_sentence(finding) for finding in prediction.findings],
-        "drawings": shown,
         "elements": [
             {
                 "name": element.name,
@@ -310,8 +265,5 @@ def _page(
             }
             for element in subject.elements
         ],
-        "provenance": list(provenance.items()),
-        "case_text": subject.case.text if subject.case is not None else "",
-        "version": rsgen.__version__,
     }
     return page_environment().get_template("report/multisine.html").render(context)

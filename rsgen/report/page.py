@@ -38,7 +38,7 @@ from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence
 from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.surface import ResponseSurface
 
-__all__ = ["render_page"]
+__all__ = ["common_context", "render_page"]
 
 _CONTENTS = (
     ("verdict", "Result"),
@@ -86,6 +86,40 @@ def _drawing(drawing: Drawing) -> dict[str, Any]:
     return {"svg": inline_svg(drawing), "caption": drawing.caption, "alternative": drawing.alternative}
 
 
+def common_context(
+    subject: Subject,
+    identification: Identification,
+    comparison: Comparison,
+    prediction: Prediction,
+    drawings: Iterable[Drawing],
+    provenance: Mapping[str, str],
+) -> dict[str, Any]:
+    """Give what every page says, of whatever test: heading, verdict, meaning, figures, provenance."""
+    verdict = verdict_of(identification, comparison, prediction)
+    stated = state_verdict(verdict)
+    # what comes from the case stays as it is written there
+    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
+    return {
+        "title": subject.title,
+        "name": subject.name,
+        "source": subject.source,
+        "state": verdict.state,
+        "verdict": stated["headline"],
+        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
+        "mark": MARKED.get(verdict.state, ""),
+        "outcome": full_sentence(identification.outcome),
+        "verdict_table": verdict_table(comparison),
+        "meaning": list(describe_elements(subject.elements, identification).items()),
+        "warnings": warnings,
+        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
+        "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
+        "prediction_remarks": [full_sentence(found) for found in prediction.findings],
+        "provenance": list(provenance.items()),
+        "case_text": subject.case.text if subject.case is not None else "",
+        "version": rsgen.__version__,
+    }
+
+
 def render_page(
     subject: Subject,
     surface: ResponseSurface,
@@ -116,32 +150,13 @@ def render_page(
         The templates are not found.
     """
     mean = mean_finding(surface, identification)
-    meaning = describe_elements(subject.elements, identification)
-    verdict = verdict_of(identification, comparison, prediction)
-    shown = {drawing.name: _drawing(drawing) for drawing in drawings}
-    energy = dissipation_findings(surface, identification) if "energy" in shown else []
-    stated = state_verdict(verdict)
-    # what comes from the case stays as it is written there
-    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
-    context = {
-        "title": subject.title,
-        "name": subject.name,
-        "source": subject.source,
+    common = common_context(subject, identification, comparison, prediction, drawings, provenance)
+    energy = dissipation_findings(surface, identification) if "energy" in common["drawings"] else []
+    context = common | {
         "contents": _CONTENTS,
-        "state": verdict.state,
-        "verdict": stated["headline"],
-        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
-        "mark": MARKED.get(verdict.state, ""),
-        "outcome": full_sentence(identification.outcome),
-        "verdict_table": verdict_table(comparison),
-        "meaning": list(meaning.items()),
         "mean_sentence": None if mean is None else full_sentence(mean),
-        "warnings": warnings,
-        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
         "surface_sentence": surface_sentence(surface),
-        "drawings": shown,
         "energy_sentences": [full_sentence(finding) for finding in energy],
-        "prediction_remarks": [full_sentence(found) for found in prediction.findings],
         "held_out_table": held_out_table(prediction.held_out),
         "elements": [_element(element) for element in subject.elements],
         "printed": list(map(_printed, printed)),
@@ -155,8 +170,5 @@ def render_page(
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
-        "provenance": list(provenance.items()),
-        "case_text": subject.case.text if subject.case is not None else "",
-        "version": rsgen.__version__,
     }
     return page_environment().get_template("report/report.html").render(context)

@@ -29,6 +29,7 @@ from rsgen.surface import ResponseSurface
 __all__ = [
     "SCHEMA",
     "build_result",
+    "common_entries",
     "elements_entry",
     "finite_or_none",
     "numbers_or_none",
@@ -128,6 +129,31 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
     }
 
 
+def common_entries(
+    subject: Subject, identification: Identification, comparison: Comparison, prediction: Prediction
+) -> dict[str, Any]:
+    """Give what every result says, of whatever test: heading, verdict, values."""
+    return {
+        "schema": SCHEMA,
+        "case": subject.name,
+        "title": subject.title,
+        "source": subject.source,
+        "passed": comparison.passed,
+        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
+        "outcome": sentence(identification.outcome),
+        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
+        "findings": [finding.to_dict() for finding in identification.findings],
+        "mass": finite_or_none(identification.mass),
+        "parameters": rows_entry(comparison, forces=False),
+        "forces": rows_entry(comparison, forces=True),
+        "elements": elements_entry(subject),
+        "residual": {
+            "relative": finite_or_none(identification.residual),
+            "noise": finite_or_none(identification.noise),
+        },
+    }
+
+
 def build_result(
     subject: Subject,
     surface: ResponseSurface,
@@ -152,19 +178,7 @@ def build_result(
     """
     curve = identification.curve
     return {
-        "schema": SCHEMA,
-        "case": subject.name,
-        "title": subject.title,
-        "source": subject.source,
-        "passed": comparison.passed,
-        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
-        "outcome": sentence(identification.outcome),
-        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
-        "findings": [finding.to_dict() for finding in identification.findings],
-        "mass": finite_or_none(identification.mass),
-        "parameters": rows_entry(comparison, forces=False),
-        "forces": rows_entry(comparison, forces=True),
-        "elements": elements_entry(subject),
+        **common_entries(subject, identification, comparison, prediction),
         "printed": [
             {
                 "what": formula.what,
@@ -190,10 +204,6 @@ def build_result(
         "resonances": [resonance_entry(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),
-        "residual": {
-            "relative": finite_or_none(identification.residual),
-            "noise": finite_or_none(identification.noise),
-        },
         "ranking": _ranking(identification.ranking),
     }
 
