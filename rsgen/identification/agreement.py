@@ -127,21 +127,21 @@ def _levels(points: Points) -> NDArray[np.intp]:
 
 
 def _runs(points: Points) -> NDArray[np.intp]:
-    """(n,) number of the level and sweep of each point."""
-    sweep = np.unique(points.sweep, return_inverse=True)[1]
-    return np.unique(_levels(points) * (sweep.max() + 1) + sweep, return_inverse=True)[1]
+    """(n,) number of the run of each point."""
+    number = np.empty(len(points), dtype=np.intp)
+    for run, rows in enumerate(points.runs):
+        number[rows] = run
+    return number
 
 
 def _stretches(points: Points) -> NDArray[np.intp]:
     """(n,) number of the stretch of frequency of each point, of all runs together at least ``GROUPS``."""
-    runs = _runs(points)
-    each = -(-GROUPS // int(runs.max() + 1))
-    place = np.empty(len(points), dtype=np.intp)
-    for run in range(runs.max() + 1):
-        rows = np.flatnonzero(runs == run)
-        rows = rows[np.argsort(points.omega[rows], kind="stable")]
-        place[rows] = np.arange(len(rows)) * each // max(len(rows), 1)
-    return runs * each + place
+    runs = points.runs
+    each = -(-GROUPS // len(runs))
+    stretch = np.empty(len(points), dtype=np.intp)
+    for run, rows in enumerate(runs):
+        stretch[rows] = run * each + np.arange(len(rows)) * each // len(rows)
+    return stretch
 
 
 def _splits(points: Points) -> dict[str, NDArray[np.bool_]]:

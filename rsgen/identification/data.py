@@ -108,6 +108,15 @@ class Points:
         return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _QUADRATURE
 
     @property
+    def runs(self) -> list[NDArray[np.intp]]:
+        """Rows of every level and sweep, ascending in frequency."""
+        runs = []
+        for level, sweep in sorted({*zip(self.level.tolist(), self.sweep.tolist(), strict=True)}):
+            rows = np.flatnonzero((self.level == level) & (self.sweep == sweep))
+            runs.append(rows[np.argsort(self.omega[rows], kind="stable")])
+        return runs
+
+    @property
     def neighbours(self) -> NDArray[np.intp]:
         """(k, 2) pairs next to each other in frequency within one level and sweep.
 

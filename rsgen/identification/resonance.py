@@ -31,18 +31,6 @@ _BENT = 2.0
 """Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
 
 
-def _runs(points: Points) -> list[NDArray[np.intp]]:
-    """Rows of every level and sweep, ascending in frequency."""
-    keys = sorted(
-        {(float(level), str(sweep)) for level, sweep in zip(points.level, points.sweep, strict=True)}
-    )
-    runs = []
-    for level, sweep in keys:
-        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
-        runs.append(rows[np.argsort(points.omega[rows], kind="stable")])
-    return runs
-
-
 def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(len(run) - 1,) True where two neighbours lie on one smooth branch."""
     stiffness = points.force[run] / points.harmonics[run, 1]
@@ -62,7 +50,7 @@ def mass_from_slices(points: Points, slices: int = 25) -> tuple[float, float] | 
     size, square = points.amplitude, points.omega**2
     heights = np.quantile(size, np.linspace(0.1, 0.95, slices))
     crossed: list[list[tuple[float, float]]] = [[] for _ in heights]
-    for run in _runs(points):
+    for run in points.runs:
         smooth = _neighbours(points, run) if len(run) > 1 else np.zeros(0, dtype=bool)
         first, second = run[:-1][smooth], run[1:][smooth]
         for crossings, height in zip(crossed, heights, strict=True):
@@ -110,7 +98,7 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
     peaks = np.where(np.isfinite(points.peak), points.peak, points.motion.peaks())
     found: list[Resonance] = []
     turning: list[Array] = []
-    for run in _runs(points):
+    for run in points.runs:
         held = np.abs(stiffness[run].real) < _NEAR * np.abs(stiffness[run].imag)
         place = _crossing(stiffness[run].real, points.amplitude[run], _neighbours(points, run), held)
         if place is None:

@@ -94,9 +94,7 @@ def aside_findings(
     severity = severity_of(share, FEW, _MANY_ASIDE) if count > _SINGLE else "warning"
     numbers = quantities(aside=all_aside, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
-    for level, sweep in sorted({*zip(points.level.tolist(), points.sweep.tolist(), strict=True)}):
-        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
-        rows = rows[np.argsort(points.omega[rows], kind="stable")]
+    for rows in points.runs:
         first, longest = _longest(aside[rows])
         lost = int(np.count_nonzero(aside[rows]))
         together = longest >= max(_STRETCH, _PIECE * len(rows))
@@ -105,9 +103,8 @@ def aside_findings(
             ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(aside=lost, points=len(rows), together=longest)
-            found.append(
-                Finding("run-set-aside", "doubt", numbers=data | {"level": Quantity(level, level_unit)})
-            )
+            data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
+            found.append(Finding("run-set-aside", "doubt", numbers=data))
     return found
 
 

@@ -283,9 +283,7 @@ def _guessed(points: Points) -> NDArray[np.float64]:
     size, force = points.amplitude, np.abs(points.force)
     side = np.zeros(len(points))
     peaks: list[tuple[float, float]] = []
-    runs = {(float(level), str(sweep)) for level, sweep in zip(points.level, points.sweep, strict=True)}
-    for level, sweep in sorted(runs):
-        rows = np.flatnonzero((points.level == level) & (points.sweep == sweep))
+    for rows in points.runs:
         top = rows[np.argmax(size[rows])]
         side[rows] = np.sign(points.omega[rows] - points.omega[top])
         if points.omega[rows].min() < points.omega[top] < points.omega[rows].max():
