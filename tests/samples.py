@@ -141,7 +141,6 @@ def cubic_prediction(surface: ResponseSurface, held_out: tuple[float, ...] = ())
     return Prediction(
         curves=tuple(_cubic_curve(float(level)) for level in surface.levels),
         held_out=tuple(_held_out(surface, level) for level in held_out),
-        tested_amplitude=(float(surface.amplitude.min()), float(surface.amplitude.max())),
         findings=(),
     )
 

@@ -84,12 +84,6 @@ class Case:
         return self.model.observation
 
     @property
-    def data_files(self) -> tuple[Path, ...]:
-        """The measured files; none of a simulated case."""
-        test = self.test
-        return test.all_files if isinstance(test, MeasuredTest) else ()
-
-    @property
     def folder(self) -> Path:
         """The folder of the case file."""
         return self.path.parent

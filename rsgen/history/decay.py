@@ -41,8 +41,6 @@ _CLEAR = 20.0
 """A point is used where the amplitude is this many times its scatter: 5 % of noise in c(X)."""
 _GROUP = 7
 """Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
-_HALF_WIDTHS = 3.0
-"""Forced points this near to resonance are compared; farther off, k(X) is lost in m omega^2."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -106,36 +104,6 @@ class FreeDecay:
         omega = 2 * pi * self.frequency
         needed = self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
         return np.asarray(needed * self.harmonics[:, 1])
-
-    def differ(self, forced: ResponseSurface) -> tuple[float, float]:
-        """Compare with a forced test of the same structure: median relative difference of k(X) and of c(X).
-
-        Only forced points within the amplitudes of the decay and within three half widths of resonance count.
-
-        Raises
-        ------
-        MeasurementError
-            The mass is not known, or the two tests share no amplitude.
-        """
-        if self.mass is None:
-            raise MeasurementError(f"{self.label}: give the mass to compare with a forced test")
-        order = np.argsort(self.amplitude)
-        size = self.amplitude[order]
-        x = forced.harmonics[:, 1]
-        dynamic = forced.force / x
-        omega = forced.omega
-        stiffness = np.interp(np.abs(x), size, self.stiffness[order])
-        damping = np.interp(np.abs(x), size, self.damping[order])
-        near = np.abs(dynamic.real) < _HALF_WIDTHS * np.abs(dynamic.imag)
-        shared = forced.settled & near & (np.abs(x) >= size[0]) & (np.abs(x) <= size[-1])
-        if not shared.any():
-            raise MeasurementError(
-                f"{self.label}: the free and the forced test share no amplitude near resonance"
-            )
-        return (
-            float(np.median(np.abs((dynamic.real + self.mass * omega**2) / stiffness - 1)[shared])),
-            float(np.median(np.abs(dynamic.imag / omega / damping - 1)[shared])),
-        )
 
 
 def from_free_decay(

@@ -104,12 +104,12 @@ def predict_multisine(
         held = held_out_records(own, found.model.observation.hold_out)
         spectra = own.select(np.flatnonzero(held)) if held.any() else None
     if spectra is None:
-        return MultisinePrediction((), (), found.amplitude_range, ())
+        return MultisinePrediction((), (), ())
     if not isinstance(spectra, MultisineSpectra):
         raise RsgenError(f"surface: {type(spectra).__name__}; a multisine is predicted for MultisineSpectra")
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
     findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
-    return MultisinePrediction((), (), found.amplitude_range, tuple(findings), records)
+    return MultisinePrediction((), (), tuple(findings), records)
 
 
 def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:

@@ -128,16 +128,12 @@ class Prediction(Printed):
         One a level, in the order asked for.
     held_out
         One a held-out level and sweep; empty without held-out levels or without a surface.
-    tested_amplitude
-        (lowest, highest) X [m] that took part in identification; beyond is extrapolation. Of an oscillator,
-        whose law is known, (0, inf).
     findings
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
     """
 
     curves: tuple[ResonanceCurve, ...]
     held_out: tuple[HeldOutLevel, ...]
-    tested_amplitude: tuple[float, float]
     findings: tuple[Finding, ...]
 
     def __getitem__(self, level: float) -> ResonanceCurve:

@@ -106,7 +106,7 @@ def predict(
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         about = Finding("curves-need-mass", "warning")
-        return Prediction((), (), found.amplitude_range, (about,))
+        return Prediction((), (), (about,))
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)
@@ -124,7 +124,7 @@ def predict(
         findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
         if surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    return Prediction(curves, held_out, tested, (*_findings(tested, curves, held_out), *findings))
+    return Prediction(curves, held_out, (*_findings(tested, curves, held_out), *findings))
 
 
 def _predict_across(
@@ -139,9 +139,7 @@ def _predict_across(
     held_out = () if surface is None else _score(found, None, surface)
     missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
     about = Finding("predicted-along-measured", "info", names={"sensors": sensors})
-    return Prediction(
-        (), held_out, found.amplitude_range, (about, *_findings(found.amplitude_range, (), held_out), *missed)
-    )
+    return Prediction((), held_out, (about, *_findings(found.amplitude_range, (), held_out), *missed))
 
 
 def _levels(

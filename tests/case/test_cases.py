@@ -31,7 +31,7 @@ def outcome(path: Path) -> tuple[Comparison, dict[str, Any]]:
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
-    nothing = Prediction((), (), identification.amplitude_range, ())
+    nothing = Prediction((), (), ())
     return comparison, build_result(
         Subject.of_case(case, identification), surface, identification, comparison, nothing, (), {}
     )
