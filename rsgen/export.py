@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError, require
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, ResonanceCurve
@@ -32,8 +32,8 @@ _FREQUENCY, _DISPLACEMENT, _FORCE, _NOTHING = 18, 8, 13, 0
 @dataclass(frozen=True, slots=True)
 class _Function:
     title: str
-    frequency: NDArray[np.float64]
-    receptance: NDArray[np.complex128]
+    frequency: Array
+    receptance: ComplexArray
 
 
 def _measured(surface: ResponseSurface) -> Iterator[_Function]:

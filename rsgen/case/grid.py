@@ -8,7 +8,8 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rsgen.arrays import Array
 
 __all__ = ["MAX_POINTS", "expand"]
 
@@ -17,7 +18,7 @@ MAX_POINTS = 1_000_000
 
 def expand(
     table: Any, path: str, quantity: Callable[[str, float | str], float | None], faults: list[str]
-) -> NDArray[np.float64] | None:
+) -> Array | None:
     """Expand a row of positive, ascending values; faults are appended as ``path: what; what is allowed``.
 
     Parameters
@@ -73,7 +74,7 @@ def _listed(
     path: str,
     quantity: Callable[[str, float | str], float | None],
     faults: list[str],
-) -> NDArray[np.float64] | None:
+) -> Array | None:
     if not values:
         faults.append(f"{path}.values: is empty; at least one value needed")
         return None

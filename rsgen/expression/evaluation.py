@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 from sympy.printing.numpy import SciPyPrinter
 
+from rsgen.arrays import Array
 from rsgen.expression.bounds import as_float
 
 __all__ = ["Numeric", "compiled"]
 
-Numeric = Callable[..., tuple[NDArray[np.float64], ...]]
+Numeric = Callable[..., tuple[Array, ...]]
 
 _LARGEST_WHOLE = 2**53
 """Whole numbers beyond this are printed as floats: numpy has no functions of Python's large integers."""
@@ -89,7 +89,7 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
         list(names.values()), own, modules=[constants], printer=_printer(), cse=True
     )
 
-    def evaluate(*values: Any) -> tuple[NDArray[np.float64], ...]:
+    def evaluate(*values: Any) -> tuple[Array, ...]:
         with np.errstate(all="ignore"):
             return tuple(np.asarray(value, dtype=np.float64) for value in function(*values))
 

@@ -10,8 +10,8 @@ import numpy as np
 import sympy
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
@@ -44,10 +44,8 @@ REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
 FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
 TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
-Floats = NDArray[np.float64]
 
-
-def _span(values: Floats, unit: str) -> str:
+def _span(values: Array, unit: str) -> str:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "not known"
@@ -55,7 +53,7 @@ def _span(values: Floats, unit: str) -> str:
     return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
 
 
-def _say_empty(axes: Axes, drawn: Sequence[Floats]) -> None:
+def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
     """Say in an empty panel that nothing is known."""
     if not any(np.isfinite(values).any() for values in drawn):
         axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
@@ -164,8 +162,8 @@ def _draw_equivalent(
     grid = amplitudes_tested(identification)
     model, *halves = refined_band(identification, grid)
     half = halves[list(_KINDS).index(what)]
-    refined: Floats = getattr(model, what)
-    first: Floats = getattr(backbone(identification, values_of(identification.first_order), grid), what)
+    refined: Array = getattr(model, what)
+    first: Array = getattr(backbone(identification, values_of(identification.first_order), grid), what)
     lines = [refined, first]
     x, y = (
         choose_scale(grid, "m"),
@@ -179,7 +177,7 @@ def _draw_equivalent(
         axes.plot(grid / x.factor, first / y.factor, label="first-order fit, all points", **FIRST_ORDER)
     axes.plot(grid / x.factor, refined / y.factor, label="refined fit, 95 % band", **REFINED)
     if truth is not None:
-        true: Floats = getattr(backbone(identification, truth, grid), what)
+        true: Array = getattr(backbone(identification, truth, grid), what)
         lines.append(true)
         axes.plot(grid / x.factor, true / y.factor, label=f"derived {symbol}, true values", **TRUTH)
     calm_limits(axes, [measured / y.factor, *(line / y.factor for line in lines)], least=0.06)
@@ -196,7 +194,7 @@ def _draw_equivalent(
     return Drawing(what, figure, caption, text, ax is None)
 
 
-def _equivalent_words(what: str, grid: Floats, fitted: Floats, measured: Floats, y: Scale) -> str:
+def _equivalent_words(what: str, grid: Array, fitted: Array, measured: Array, y: Scale) -> str:
     if not grid.size:
         return f"No amplitude was tested, so there is no equivalent {what} to show."
     read = measured[np.isfinite(measured)]
@@ -233,10 +231,10 @@ class _Collapse:
     """Points (``place``, ``cloud``) and the ``line`` of the model over ``course``, SI."""
 
     what: str
-    cloud: Floats
-    line: Floats
-    place: Floats
-    course: Floats
+    cloud: Array
+    line: Array
+    place: Array
+    course: Array
     scale: Scale
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
@@ -45,8 +46,6 @@ __all__ = [
     "small_stiffness",
     "stiffness_ratio",
 ]
-
-Floats = NDArray[np.float64]
 
 SAMPLES = 512
 """Of a loop: no corner of it can be seen."""
@@ -89,8 +88,8 @@ class MeasuredLoops:
     """
 
     motion: Motion
-    displacement: Floats
-    force: Floats
+    displacement: Array
+    force: Array
 
 
 def shows_loops(surface: ResponseSurface, model: Model) -> bool:
@@ -139,7 +138,7 @@ def _above_noise(surface: ResponseSurface) -> Motion:
     """Take the harmonics of every motion that rise above the noise, the smaller one of the last two."""
     harmonics = np.nan_to_num(surface.harmonics)
     moves = harmonics[:, 1] != 0
-    size: Floats = np.zeros(harmonics.shape)
+    size: Array = np.zeros(harmonics.shape)
     size[moves] = np.abs(harmonics[moves]) / np.abs(harmonics[moves, 1:2])
     # points that did not settle say nothing of the noise
     last = np.median(size[moves, -2:], axis=0)
@@ -169,13 +168,13 @@ def measured_loops(surface: ResponseSurface, rows: NDArray[np.intp], mass: float
     return MeasuredLoops(motion, motion.waveforms(SAMPLES)[0], sampled)
 
 
-def loop_force(model: Model, values: Mapping[str, float], motion: Motion) -> Floats:
+def loop_force(model: Model, values: Mapping[str, float], motion: Motion) -> Array:
     """(n, s) force of a model along n motions [N]; NaN where its loop does not close."""
     law = compile_law(model.force)
     return law.along(motion, np.array([values[name] for name in law.parameters]), SAMPLES).force
 
 
-def branch_mean(displacement: Floats, force: Floats) -> tuple[Floats, Floats] | None:
+def branch_mean(displacement: Array, force: Array) -> tuple[Array, Array] | None:
     """Give the mean of the rising and the falling branch of one loop (s,): its part without memory.
 
     Returns
@@ -210,18 +209,18 @@ class Energy:
         Standard error of the exponent; NaN where it is not known.
     """
 
-    amplitude: Floats
-    energy: Floats
+    amplitude: Array
+    energy: Array
     exponent: float
     error: float
 
     @property
-    def course(self) -> Floats:
+    def course(self) -> Array:
         """(n,) local slope of log D over log X."""
         return np.asarray(np.gradient(np.log(self.energy), np.log(self.amplitude)))
 
 
-def _fitted(amplitude: Floats, energy: Floats) -> Energy:
+def _fitted(amplitude: Array, energy: Array) -> Energy:
     order = np.argsort(amplitude, kind="stable")
     amplitude, energy = amplitude[order], energy[order]
     # as many distinct places as a line and its error need
@@ -290,7 +289,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
 
 def stiffness_ratio(
     identification: Identification, values: Mapping[str, float] | None = None
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     """Give amplitudes [m] and k(X)/k(0) along the resonance of a model; NaN where k(0) is not known."""
     values = solution_of(identification) if values is None else values
     grid = amplitudes_tested(identification)
@@ -369,7 +368,7 @@ def _determined(
 ) -> bool:
     """Decide whether the amplitude of a limit follows from the test."""
 
-    def place(changed: Mapping[str, float]) -> Floats:
+    def place(changed: Mapping[str, float]) -> Array:
         slip = slip_limit(curve, changed, identification.amplitude_range[1])
         return np.array([np.nan if slip is None else slip.amplitude])
 

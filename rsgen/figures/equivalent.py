@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.errors import RsgenError
 from rsgen.identification import Estimate, Identification
@@ -27,8 +27,6 @@ __all__ = [
     "values_of",
 ]
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Backbone:
@@ -37,20 +35,20 @@ class Backbone:
     ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m], ``mean`` X0 [m].
     """
 
-    amplitude: Floats
-    omega: Floats
-    stiffness: Floats
-    damping: Floats
-    mean: Floats
+    amplitude: Array
+    omega: Array
+    stiffness: Array
+    damping: Array
+    mean: Array
     mass: float
 
     @property
-    def frequency(self) -> Floats:
+    def frequency(self) -> Array:
         """(n,) resonance frequency [Hz]."""
         return self.omega / (2 * np.pi)
 
     @property
-    def damping_ratio(self) -> Floats:
+    def damping_ratio(self) -> Array:
         """(n,) c / (2 m omega_n) [1]."""
         return np.asarray(self.damping / (2 * self.mass * self.omega), dtype=np.float64)
 
@@ -60,7 +58,7 @@ def values_of(estimates: Iterable[Estimate]) -> dict[str, float]:
     return {estimate.name: estimate.value for estimate in estimates}
 
 
-def amplitudes_tested(identification: Identification, points: int = 160) -> Floats:
+def amplitudes_tested(identification: Identification, points: int = 160) -> Array:
     """Give amplitudes [m] that cover what was tested, none outside."""
     amplitude = identification.curve.amplitude
     amplitude = amplitude[np.isfinite(amplitude) & (amplitude > 0)]
@@ -86,10 +84,10 @@ def solution_of(identification: Identification) -> dict[str, float]:
 
 def evaluated(
     law: DescribingFunction,
-    amplitude: Floats,
-    omega: Floats,
+    amplitude: Array,
+    omega: Array,
     values: Mapping[str, float],
-    mean: Floats | None = None,
+    mean: Array | None = None,
 ) -> Equivalent:
     """Evaluate a describing function; NaN everywhere where the loop of a state does not close.
 
@@ -114,7 +112,7 @@ def _evaluated(
         return Equivalent(unknown, unknown, unknown)
 
 
-def backbone(identification: Identification, values: Mapping[str, float], amplitude: Floats) -> Backbone:
+def backbone(identification: Identification, values: Mapping[str, float], amplitude: Array) -> Backbone:
     """Evaluate the describing functions at m omega^2 = k(X), where the levels have their resonance.
 
     Parameters
@@ -149,12 +147,12 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     return Backbone(amplitude, omega, stiffness, damping, mean, mass)
 
 
-def refined_band(identification: Identification, amplitude: Floats) -> tuple[Backbone, Floats, Floats]:
+def refined_band(identification: Identification, amplitude: Array) -> tuple[Backbone, Array, Array]:
     """Give the backbone of the refined model and half the width of the 95 % band of stiffness and damping."""
     values = solution_of(identification)
     names = [estimate.name for estimate in identification.refined if estimate.name != "m"]
 
-    def evaluate(changed: Mapping[str, float]) -> Floats:
+    def evaluate(changed: Mapping[str, float]) -> Array:
         model = backbone(identification, changed, amplitude)
         return np.array([model.stiffness, model.damping])
 
@@ -166,8 +164,8 @@ def standard_errors(
     identification: Identification,
     values: Mapping[str, float],
     names: Iterable[str],
-    evaluate: Callable[[Mapping[str, float]], Floats],
-) -> Floats:
+    evaluate: Callable[[Mapping[str, float]], Array],
+) -> Array:
     """Give the standard error of every number that ``evaluate`` makes of the values, by linear propagation.
 
     Only the covariance of ``names`` counts; a derivative is the difference over one standard error.
@@ -186,7 +184,7 @@ def standard_errors(
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 
-def calm_limits(axes: Axes, values: Iterable[Floats], least: float = 0.1) -> None:
+def calm_limits(axes: Axes, values: Iterable[Array], least: float = 0.1) -> None:
     """Choose y limits that show change where there is some and no noise where there is none.
 
     The axis spans at least ``least`` of the largest value, so that a constant looks constant; outliers

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
@@ -18,13 +18,11 @@ from rsgen.units.scale import choose_scale, number_text, quantity_text
 
 __all__ = ["draw_forces", "force_function"]
 
-Floats = NDArray[np.float64]
-
 _WIDEST_BAND = 0.5
 """Half width of a band, relative to the largest force, beyond which a point says nothing about the law."""
 
 
-def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Floats, Floats], Floats]:
+def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array, Array], Array]:
     """Give the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
 
     Parameters
@@ -35,7 +33,7 @@ def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Float
     law = compile_law(model.force)
     point = np.array([float(values[name]) for name in law.parameters])
 
-    def force(x: Floats, v: Floats) -> Floats:
+    def force(x: Array, v: Array) -> Array:
         with np.errstate(all="ignore"):
             result = law.force(x, v, point)
         return np.broadcast_to(result, np.broadcast_shapes(np.shape(x), np.shape(v)))
@@ -94,11 +92,11 @@ def draw_forces(
 def _panel(
     axes: Axes,
     what: str,
-    place: Floats,
+    place: Array,
     unit: str,
-    force: Floats,
-    true: Floats | None,
-    inverted: tuple[Floats, Floats, Floats] | None,
+    force: Array,
+    true: Array | None,
+    inverted: tuple[Array, Array, Array] | None,
     force_unit: str,
 ) -> str:
     x = choose_scale(place, unit)

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.describing import DescribingFunction
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
@@ -22,8 +22,6 @@ from rsgen.law.pieces import normal_form
 from rsgen.units.scale import choose_scale, number_text, quantity_text
 
 __all__ = ["draw_derivation", "telling_amplitude"]
-
-Floats = NDArray[np.float64]
 
 POINTS = 481
 WIDTH = 72
@@ -88,7 +86,7 @@ def _edges(function: DescribingFunction, values: Mapping[str, float], omega: flo
 
 def _upward(
     function: DescribingFunction, values: Mapping[str, float], omega: float
-) -> tuple[Floats, list[Floats]]:
+) -> tuple[Array, list[Array]]:
     """Go up in amplitude until the powers of k(X) or c(X) have changed."""
     fields = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
     X, curves = np.empty(0), [np.empty(0)] * 2

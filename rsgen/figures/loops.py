@@ -11,6 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.cycles import (
@@ -38,8 +39,6 @@ from rsgen.units.scale import choose_scale, count_text, number_text, quantity_te
 
 __all__ = ["draw_energy", "draw_loops"]
 
-Floats = NDArray[np.float64]
-
 _LOOPS = 3
 """Of small, middle and largest level: more of them hide each other."""
 
@@ -63,7 +62,7 @@ def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:
     return np.array(sorted(set(rows), key=lambda row: surface.amplitude[row]), dtype=np.intp)
 
 
-def _chord(x: Floats, force: Floats) -> Floats:
+def _chord(x: Array, force: Array) -> Array:
     """The straight line through the turning points of a loop."""
     low, high = int(np.argmin(x)), int(np.argmax(x))
     slope = (force[high] - force[low]) / (x[high] - x[low])
@@ -112,7 +111,7 @@ def draw_loops(
     if mass is None:
         mass = estimate_mass(surface) if identification is None else identification.mass
     loops = measured_loops(surface, rows, mass)
-    lines: list[tuple[str, dict[str, Any], Floats]] = []
+    lines: list[tuple[str, dict[str, Any], Array]] = []
     if identification is not None:
         for name, style, values in (
             ("identified", REFINED, solution_of(identification)),
@@ -145,7 +144,7 @@ def draw_loops(
 
 
 def _draw_loop(
-    axes: Axes, name: str, style: dict[str, Any], place: Floats, force: Floats, factor: float, chord: bool
+    axes: Axes, name: str, style: dict[str, Any], place: Array, force: Array, factor: float, chord: bool
 ) -> None:
     drawn = (force - _chord(place, force) if chord else force) / factor
     if style is POINT:
@@ -162,8 +161,8 @@ def _loop_words(
     surface: ResponseSurface,
     rows: NDArray[np.intp],
     mass: float,
-    force: Floats,
-    lines: list[tuple[str, dict[str, Any], Floats]],
+    force: Array,
+    lines: list[tuple[str, dict[str, Any], Array]],
 ) -> str:
     work = cycle_work(surface.force[rows], surface.harmonics[rows, 1])
     parts = []

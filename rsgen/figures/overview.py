@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import RsgenError
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, new_figure, take_axes
 from rsgen.surface import ResponseSurface
@@ -70,7 +70,7 @@ def _what(surface: ResponseSurface, words: str) -> str:
 
 def _grid(
     surface: ResponseSurface,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+) -> tuple[Array, Array, Array] | None:
     """Give frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
     level, frequency = np.unique(surface.level), np.unique(surface.frequency)
     if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
 from rsgen.motion import Motion
@@ -170,9 +170,7 @@ def _shown_levels(
     return forces, surface.select(surface.settled), {force: force for force in forces}
 
 
-def _tested(
-    shown: ResponseSurface, level: float, sweep: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Array]:
     """Give frequency and amplitude of the points at a force; where X was held, between neighbours."""
     if not shown.response_held:
         part = shown.select((shown.level == level) & (shown.sweep == sweep))

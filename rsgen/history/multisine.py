@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
@@ -49,7 +48,7 @@ _INSTEAD = (
 )
 
 
-def find_period(force: NDArray[np.float64], label: str = "time history") -> int:
+def find_period(force: Array, label: str = "time history") -> int:
     """Find the samples of a period from a force (n,) that repeats.
 
     Raises

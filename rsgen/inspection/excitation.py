@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
@@ -164,7 +163,7 @@ def _loudness(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values[: length * _BLOCKS].reshape(_BLOCKS, length) ** 2, axis=1)))
 
 
-def dies_away(response: NDArray[np.float64]) -> bool:
+def dies_away(response: Array) -> bool:
     """Whether a response (n,) gets loud at once and dies away: a decay, not a passage through a resonance."""
     if len(response) < 4 * _BLOCKS:
         return True

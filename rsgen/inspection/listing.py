@@ -9,8 +9,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.inspection.clues import unit_for
 from rsgen.measurement.column_titles import unit_in
@@ -198,9 +198,7 @@ def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[
     return names[-1] if names and len(names[-1]) == width else []
 
 
-def _numbers(
-    path: Path, layout: Layout, wanted: list[int]
-) -> tuple[dict[int, NDArray[np.float64]], dict[int, str], str]:
+def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, Array], dict[int, str], str]:
     """Read columns, together or, where one is at fault, each alone: numbers, faults by column, a remark."""
     try:
         found = read_columns(path, layout, wanted)
@@ -214,7 +212,7 @@ def _numbers(
             {},
             _passed(found),
         )
-    numbers: dict[int, NDArray[np.float64]] = {}
+    numbers: dict[int, Array] = {}
     faults: dict[int, str] = {}
     remark = ""
     for number in wanted:

@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.kernel.generation import generate, parameter_order
 from rsgen.kernel.memory_rows import MemoryRows
@@ -43,14 +44,14 @@ class Integrated:
         (k, 2) largest and smallest displacement of the last period [m]; (0, 2) where none were recorded.
     """
 
-    state: NDArray[np.float64]
-    history: NDArray[np.float64]
-    harmonics: NDArray[np.complex128]
-    peak: NDArray[np.float64]
+    state: Array
+    history: Array
+    harmonics: ComplexArray
+    peak: Array
 
 
 @lru_cache(maxsize=32)
-def _phases(steps: int) -> NDArray[np.float64]:
+def _phases(steps: int) -> Array:
     angle = np.pi / steps * np.arange(2 * steps)
     return np.ascontiguousarray([np.cos(angle), np.sin(angle)])
 
@@ -60,11 +61,11 @@ def _address(array: NDArray[Any]) -> int:
     return address
 
 
-def _work() -> NDArray[np.float64]:
+def _work() -> Array:
     """Work space of one thread."""
     if not hasattr(_space, "rows"):
         _space.rows = np.zeros(_WORK)
-    rows: NDArray[np.float64] = _space.rows
+    rows: Array = _space.rows
     return rows
 
 
@@ -87,11 +88,11 @@ class Kernel:
     def integrate(
         self,
         points: NDArray[np.intp],
-        state: NDArray[np.float64],
-        force: NDArray[np.float64],
-        omega: NDArray[np.float64],
+        state: Array,
+        force: Array,
+        omega: Array,
         mass: float,
-        values: NDArray[np.float64],
+        values: Array,
         *,
         steps: int,
         periods: int,

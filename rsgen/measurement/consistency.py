@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, quantities
 from rsgen.surface import ResponseSurface
 
@@ -29,9 +30,7 @@ _APART = 1.5
 """Amplitudes of a larger ratio lie on two branches."""
 
 
-def repeated_rows(
-    frequency: NDArray[np.float64], force: NDArray[np.complex128], response: NDArray[np.complex128]
-) -> NDArray[np.bool_]:
+def repeated_rows(frequency: Array, force: ComplexArray, response: ComplexArray) -> NDArray[np.bool_]:
     """(n,) True for a row that is the one before, to the last digit: written twice, not measured twice.
 
     None where only a few are, as at the turn of a sweep or where a display has few digits.

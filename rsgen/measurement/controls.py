@@ -58,7 +58,7 @@ def hold(
     frequency: Array,
     force: ComplexArray,
     displacement: ComplexArray,
-    run: NDArray[np.float64] | NDArray[np.int64] | None,
+    run: Array | NDArray[np.int64] | None,
     block: NDArray[np.int64],
     files: NDArray[np.intp],
 ) -> Held:

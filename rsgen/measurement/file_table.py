@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, quantities
 from rsgen.measurement.column_titles import unit_in
@@ -74,7 +75,7 @@ class Table:
                 f"{self.label}: {self.unit_of_place} {int(self.number[int(np.argmax(bad))])}: {what}"
             )
 
-    def real(self, column: int | str) -> NDArray[np.float64]:
+    def real(self, column: int | str) -> Array:
         """Give a column of real numbers."""
         values = self.columns[column]
         if np.iscomplexobj(values):

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding
 from rsgen.history import TimeHistory
@@ -67,7 +68,7 @@ _BETA = 9.0
 """Of the Kaiser window over these: side lobes of 1e-4 and less."""
 
 
-def shifted(samples: NDArray[Any], delay: float) -> NDArray[np.float64]:
+def shifted(samples: NDArray[Any], delay: float) -> Array:
     """Move samples to earlier times by ``delay`` samples; what lies beyond the ends is their last value.
 
     By whole samples, and by a part of one with a windowed sinc.

@@ -14,8 +14,8 @@ from math import inf, isfinite, nan
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.measurement.text_cells import LONGEST_NUMBER, MISSING, number_in
 from rsgen.measurement.tree import Node
@@ -187,7 +187,7 @@ def _unit(cell: str) -> str:
     return _LONG_UNITS.get(cell.casefold(), cell)
 
 
-def _without_tail(pair: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+def _without_tail(pair: Sequence[Array]) -> list[Array]:
     """Cut the end off where channels with an abscissa of their own have fewer rows than others."""
     filled = np.flatnonzero(np.isfinite(np.stack(pair)).any(axis=0))
     return [values[: filled[-1] + 1 if len(filled) else 0] for values in pair]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, Quantity
 from rsgen.measurement.data_files import file_label
@@ -45,7 +46,7 @@ _FEWEST = 8
 """Points of a level from which on quantiles say what was held."""
 
 
-def group_levels(force: NDArray[np.float64], spread: float) -> NDArray[np.float64]:
+def group_levels(force: Array, spread: float) -> Array:
     """Group like forces to levels: in ascending order, a gap of more than ``spread`` begins a new level.
 
     Parameters
@@ -69,13 +70,11 @@ def group_levels(force: NDArray[np.float64], spread: float) -> NDArray[np.float6
     return _medians(force, group)[group]
 
 
-def _medians(values: NDArray[np.float64], group: NDArray[np.intp]) -> NDArray[np.float64]:
+def _medians(values: Array, group: NDArray[np.intp]) -> Array:
     return np.array([np.median(values[group == number]) for number in range(int(group.max()) + 1)])
 
 
-def group_runs(
-    force: NDArray[np.float64], frequency: NDArray[np.float64], block: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Array:
     """Group sweeps of like force to levels; the force within a sweep may fall at the resonance.
 
     Rows that are no sweeps, as in a table with all levels side by side, are grouped point by point.
@@ -137,7 +136,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     return level
 
 
-def _moved(values: NDArray[np.float64]) -> float:
+def _moved(values: Array) -> float:
     """Range of amounts over their median, without the outermost."""
     low, middle, high = np.quantile(values, [0.1, 0.5, 0.9])
     return float((high - low) / middle) if middle > 0 else np.inf
@@ -154,7 +153,7 @@ def _held_findings(surface: ResponseSurface) -> list[Finding]:
     return [Finding("response-not-held", "doubt", numbers=numbers)]
 
 
-def recognise_control(force: NDArray[np.float64], size: NDArray[np.float64], run: NDArray[Any]) -> str:
+def recognise_control(force: Array, size: Array, run: NDArray[Any]) -> str:
     """Find what was held within every run: "response" where its amplitude stays while the force moves.
 
     Parameters
@@ -170,7 +169,7 @@ def recognise_control(force: NDArray[np.float64], size: NDArray[np.float64], run
     return "response" if held else "force"
 
 
-def _named(amount: NDArray[np.float64]) -> NDArray[np.float64]:
+def _named(amount: Array) -> Array:
     """Round amounts to names, with as many digits as keep different ones apart."""
     for digits in range(_DIGITS, 17):
         names = np.array([float(f"{value:.{digits}g}") for value in amount])
@@ -179,7 +178,7 @@ def _named(amount: NDArray[np.float64]) -> NDArray[np.float64]:
     return amount
 
 
-def _coincide(amount: NDArray[np.float64]) -> bool:
+def _coincide(amount: Array) -> bool:
     """Whether several levels were all measured with one amount."""
     return len(amount) > 1 and float(np.ptp(amount)) < _SPREAD * float(amount.min())
 
@@ -237,9 +236,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
     return replace(renamed, findings=(*surface.findings, finding))
 
 
-def _order_findings(
-    surface: ResponseSurface, levels: NDArray[np.float64], median: NDArray[np.float64]
-) -> list[Finding]:
+def _order_findings(surface: ResponseSurface, levels: Array, median: Array) -> list[Finding]:
     """Find two levels of which the lower one was driven harder: their labels or files are swapped."""
     unit = surface.level_unit
     for i in range(len(levels) - 1):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.finding import Finding, quantities
 from rsgen.measurement.column_titles import is_angular, unit_in
@@ -41,18 +42,18 @@ __all__ = ["read_measurement"]
 class _Part:
     """What one file gives; the level is None where it is to be found from the forces of all files."""
 
-    frequency: NDArray[np.float64]
-    force: NDArray[np.complex128]
-    displacement: NDArray[np.complex128]
-    across: NDArray[np.complex128] | None
-    level: NDArray[np.float64] | None
-    mark: NDArray[np.float64] | None
+    frequency: Array
+    force: ComplexArray
+    displacement: ComplexArray
+    across: ComplexArray | None
+    level: Array | None
+    mark: Array | None
     block: NDArray[np.int64]
     findings: tuple[Finding, ...]
     unit_said: bool
 
 
-def _level(test: MeasuredTest, number: int, table: Table) -> NDArray[np.float64] | None:
+def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
     """Give the level of each row [N]; None where it is to be found from the forces of all files."""
     alone = level_of_file(test, number)
     if alone is not None:
@@ -141,8 +142,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
 
 
 def _driven(
-    sources: Sources, frequency: NDArray[np.float64], level: NDArray[np.float64] | None
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128] | None]:
+    sources: Sources, frequency: Array, level: Array | None
+) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
     """(n,) force [N], [N/kg] of a driven base; displacement [m], relative to the base; motion across [m]."""
     test = sources.test
     displacement = sources.sum("response", frequency)
@@ -156,7 +157,7 @@ def _driven(
         force = sources.sum("force", frequency)
     else:
         # without a force the plan asks for a level
-        force = np.asarray(cast("NDArray[np.float64]", level), dtype=np.complex128)
+        force = np.asarray(cast("Array", level), dtype=np.complex128)
     return force, displacement * force if test.per_force else displacement, across
 
 
@@ -171,9 +172,9 @@ def _as_number(value: int | str | None) -> float:
 
 def _directions(
     rule: SweepRule,
-    frequency: NDArray[np.float64],
-    level: NDArray[np.float64],
-    marks: list[NDArray[np.float64]],
+    frequency: Array,
+    level: Array,
+    marks: list[Array],
     block: NDArray[np.int64],
 ) -> NDArray[np.str_]:
     if marks:
@@ -201,9 +202,7 @@ def _called(test: MeasuredTest, number: int, entry: int) -> str:
     return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
 
 
-def _drive(
-    test: MeasuredTest, force: NDArray[np.complex128], frequency: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> ComplexArray:
     """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
     if test.base is None:
         return force
@@ -211,7 +210,7 @@ def _drive(
     return np.asarray(force / (2 * np.pi * frequency) ** left)
 
 
-def _joined(parts: list[NDArray[np.complex128]]) -> NDArray[np.complex128] | None:
+def _joined(parts: list[ComplexArray]) -> ComplexArray | None:
     """(n, 2) mean, which no such test measures, and fundamental of all files; None without any."""
     if not parts:
         return None

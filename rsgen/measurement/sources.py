@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError, quote
 from rsgen.finding import Finding, quantities
 from rsgen.measurement.file_table import Table, read_table
@@ -46,12 +47,12 @@ class Sources:
         """Keep some rows of all tables."""
         return replace(self, tables={path: table.keep(mask) for path, table in self.tables.items()})
 
-    def amplitude(self, channel: NamedChannel, what: str) -> NDArray[np.complex128]:
+    def amplitude(self, channel: NamedChannel, what: str) -> ComplexArray:
         """(n,) complex peak amplitude of a channel, its quantity in SI."""
         table = self.tables[file_of(self.test, channel, self.number)]
         return _signal(table, channel.signal, self.test.scale_of(channel), what)
 
-    def sum(self, what: str, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def sum(self, what: str, frequency: Array) -> ComplexArray:
         """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m]."""
         omega = 2 * np.pi * frequency
         total = np.zeros(len(frequency), dtype=np.complex128)
@@ -78,7 +79,7 @@ class Sources:
         return tuple(finding for table in self.tables.values() for finding in table.findings)
 
 
-def _signal(table: Table, signal: Signal, factor: float, what: str) -> NDArray[np.complex128]:
+def _signal(table: Table, signal: Signal, factor: float, what: str) -> ComplexArray:
     """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
     first, *second = signal.columns
     value: NDArray[Any]

@@ -8,8 +8,8 @@ from math import isfinite
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node, array_bytes, is_wanted
 
@@ -41,7 +41,7 @@ def _unit_of_steps(properties: Mapping[str, Any]) -> str:
     return _text(properties, "wf_xunit_string") or ("Hz" if frequency else "")
 
 
-def _even(start: float, step: float, count: int) -> NDArray[np.float64]:
+def _even(start: float, step: float, count: int) -> Array:
     return np.asarray(start + step * np.arange(count), dtype=np.float64)
 
 

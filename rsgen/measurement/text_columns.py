@@ -20,6 +20,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
 from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, file_label, open_text
 from rsgen.measurement.plan import Layout
@@ -80,7 +81,7 @@ class Columns:
         False where the last row has no line end, as that of a file that was cut off.
     """
 
-    values: NDArray[np.float64]
+    values: Array
     line: NDArray[np.int64]
     block: NDArray[np.int64]
     names: tuple[str, ...] = ()

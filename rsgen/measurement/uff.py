@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node, array_bytes
 from rsgen.measurement.uff_meaning import Qualifiers, fault_of, qualifiers, remark_of, scale_of
@@ -157,9 +158,9 @@ def _head(lines: _Lines) -> _Head:
     )  # fmt: skip
 
 
-def _ascii(lines: _Lines, most: int) -> tuple[NDArray[np.float64], int]:
+def _ascii(lines: _Lines, most: int) -> tuple[Array, int]:
     """Read the lines of numbers up to the closing -1, some at a time."""
-    arrays: list[NDArray[np.float64]] = []
+    arrays: list[Array] = []
     parts: list[bytes] = []
     total = 0
     first = start = lines.number + 1
@@ -179,7 +180,7 @@ def _ascii(lines: _Lines, most: int) -> tuple[NDArray[np.float64], int]:
         parts.append(raw)
 
 
-def _parse(text: bytes, first: int) -> NDArray[np.float64]:
+def _parse(text: bytes, first: int) -> Array:
     if _PLAIN.match(text):
         try:
             return np.array(text.upper().replace(b"D", b"E").split(), dtype=np.float64)

@@ -13,8 +13,8 @@ from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.measurement.column_titles import is_unit, unit_in
 from rsgen.measurement.text_cells import MISSING, WORD
@@ -128,7 +128,7 @@ def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int
     ]
 
 
-def _column(rows: Sequence[_Row], place: int, begin: int) -> NDArray[np.float64]:
+def _column(rows: Sequence[_Row], place: int, begin: int) -> Array:
     """Read a column; words and errors of formulas are numbers that are missing."""
     values = np.full(len(rows), np.nan)
     for number, row in enumerate(rows):

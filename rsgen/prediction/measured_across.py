@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, ComplexArray
 from rsgen.identification import Identification
 from rsgen.identification.across import LawAtTwoPlaces, MeasuredAcross, law_of
 from rsgen.motion import Motion
@@ -31,7 +30,7 @@ def acts_across(identification: Identification) -> str:
     return next((element.across for element in identification.model.elements if element.across), "")
 
 
-def respond_across(identification: Identification, surface: ResponseSurface) -> NDArray[np.complex128]:
+def respond_across(identification: Identification, surface: ResponseSurface) -> ComplexArray:
     """(n,) predicted fundamental [m] under the measured force.
 
     The motion across goes with the response as it was measured at the same point. Of several amplitudes that

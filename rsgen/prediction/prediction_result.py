@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Severity
 from rsgen.identification.result import frozen_array
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
@@ -56,14 +57,14 @@ class ResonanceCurve:
     """
 
     level: float
-    frequency: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-    phase: NDArray[np.float64]
+    frequency: Array
+    amplitude: Array
+    phase: Array
     stable: NDArray[np.bool_]
     extrapolated: NDArray[np.bool_]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    folds: NDArray[np.float64]
+    lower: Array
+    upper: Array
+    folds: Array
     level_unit: str = "N"
 
     def __post_init__(self) -> None:
@@ -100,9 +101,9 @@ class HeldOutLevel:
 
     level: float
     sweep: str
-    frequency: NDArray[np.float64]
-    measured: NDArray[np.complex128]
-    predicted: NDArray[np.complex128]
+    frequency: Array
+    measured: ComplexArray
+    predicted: ComplexArray
     error: float
     largest_error: float
     missing: int

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from math import inf, isfinite, nan
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity, quantities
 from rsgen.identification import Identification, ModalTable, MultisineIdentification
@@ -251,7 +250,7 @@ def _curve(
 
 
 def _as_seen(
-    identification: Identification, omega: Array, size: Array, force: NDArray[np.complex128]
+    identification: Identification, omega: Array, size: Array, force: ComplexArray
 ) -> tuple[Array, Array]:
     """Amplitude and lag of the response that the sensor sees, background included."""
     background = identification.background
@@ -279,7 +278,7 @@ def _branches(
 
 def _respond(
     identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
-) -> NDArray[np.complex128]:
+) -> ComplexArray:
     """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
     background = identification.background
     if balance is None:
@@ -294,9 +293,7 @@ def _respond(
     return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
 
 
-def _miss(
-    predicted: NDArray[np.complex128], measured: NDArray[np.complex128], surface: ResponseSurface
-) -> Array:
+def _miss(predicted: ComplexArray, measured: ComplexArray, surface: ResponseSurface) -> Array:
     """(n,) distance from prediction to measurement [m]; of amplitudes where the phase was not recorded."""
     if surface.phase_known:
         return np.asarray(np.abs(predicted - measured))

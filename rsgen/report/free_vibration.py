@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rsgen.arrays import Array
 
 __all__ = ["free_frequency"]
 
@@ -70,7 +71,7 @@ def _time(force: Callable[[float], float], mass: float, end: float) -> float:
     With x = end sin(a), the energy left at x is integrated from x on, so that it keeps
     its digits where it vanishes.
     """
-    angles: NDArray[np.float64] = np.pi / 4 * (_NODES + 1)
+    angles: Array = np.pi / 4 * (_NODES + 1)
     total = 0.0
     for angle, weight in zip(angles.tolist(), _WEIGHTS.tolist(), strict=True):
         x = end * np.sin(angle)

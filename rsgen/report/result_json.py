@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.comparison import FORCE_KEYS, Comparison, Row, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import write
@@ -54,7 +54,7 @@ def _finite_ones(record: object, names: Iterable[str]) -> dict[str, float | None
     return {name: finite_or_none(getattr(record, name)) for name in names}
 
 
-def numbers_or_none(values: NDArray[np.float64]) -> list[float | None]:
+def numbers_or_none(values: Array) -> list[float | None]:
     """Give an array with nine digits, null where it is not known."""
     return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
 

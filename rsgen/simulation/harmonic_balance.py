@@ -14,13 +14,14 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.arrays import ComplexArray
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.memory import memory_form
 from rsgen.oscillator import Oscillator
 from rsgen.simulation.harmonic_basis import (
+    Array,
     Basis,
-    Floats,
     basis_of,
     product,
     project,
@@ -61,15 +62,15 @@ class _Law(Protocol):
         """m [kg]."""
         ...
 
-    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
         """Waveforms (n, samples) of the force [N]."""
         ...
 
-    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
         """Coefficients (n, 2H+1) of the force [N], and how they change with q (n, 2H+1, 2H+1) [N/m]."""
         ...
 
-    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
         """States with equations at the start of the period (r, n)."""
         ...
 
@@ -98,20 +99,20 @@ class _Plain:
         functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
         return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
 
-    def _along(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, ...]:
+    def _along(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, ...]:
         x = q @ basis.displacement.T
         v = omega[:, None] * (q @ basis.velocity.T)
         return tuple(wave + 0 * x for wave in self.functions(x, v, *self.values))
 
-    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
         return self._along(basis, q, omega)[0]
 
-    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
         force, by_x, by_v = self._along(basis, q, omega)
         slope = product(basis, by_x) + product(basis, omega[:, None] * by_v) @ basis.turn
         return project(basis, force), slope
 
-    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
         return np.zeros((0, len(q)))
 
 
@@ -122,20 +123,20 @@ class _Remembering:
     mass: float
     loops: MemoryLoops
 
-    def loop(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    def loop(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
         """Waveforms of the force, and the states at the start of the period."""
         order = np.maximum(basis.order, 1)
         between = waveforms(2 * basis.samples, int(basis.order[-1]))
         x, v = (q @ wave.T for wave in between)
         return self.loops(x, omega[:, None] * v, q @ (basis.velocity / order).T, omega)
 
-    def force(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
         return self.loop(basis, q, omega)[0]
 
-    def states(self, basis: Basis, q: Floats, omega: Floats) -> Floats:
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
         return self.loop(basis, q, omega)[1]
 
-    def linearised(self, basis: Basis, q: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
         n, size = q.shape
         offset = _NEIGHBOUR * np.linalg.norm(q, axis=1) + np.finfo(float).tiny
         trials = np.concatenate([q, *(q + offset[:, None] * unit for unit in np.eye(size))])
@@ -150,7 +151,7 @@ def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
     return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
 
 
-def _balance(law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats) -> tuple[Floats, Floats]:
+def _balance(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> tuple[Array, Array]:
     """Residual (n, 2H+1) [N] and Jacobian (n, 2H+1, 2H+1) [N/m] of the balance of every harmonic."""
     inertia = law.mass * (omega[:, None] * basis.order) ** 2
     force, jacobian = law.linearised(basis, q, omega)
@@ -159,12 +160,12 @@ def _balance(law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats) ->
     return residual, jacobian
 
 
-def _residual(law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats) -> Floats:
+def _residual(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> Array:
     inertia = law.mass * (omega[:, None] * basis.order) ** 2
     return project(basis, law.force(basis, q, omega)) - inertia * q - load
 
 
-def _solve(matrix: Floats, right: Floats) -> Floats:
+def _solve(matrix: Array, right: Array) -> Array:
     """Solve a batch; a singular member gets the shortest of its best steps instead of ending all others."""
     try:
         return np.asarray(np.linalg.solve(matrix, right))
@@ -174,9 +175,7 @@ def _solve(matrix: Floats, right: Floats) -> Floats:
         return step
 
 
-def _newton(
-    law: _Law, basis: Basis, q: Floats, load: Floats, omega: Floats
-) -> tuple[Floats, NDArray[np.bool_]]:
+def _newton(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> tuple[Array, NDArray[np.bool_]]:
     q = q.copy()
     done = np.zeros(len(q), dtype=bool)
     active = np.arange(len(q))
@@ -207,7 +206,7 @@ def solve_harmonic_balance(
     frequency: ArrayLike,
     *,
     harmonics: int = 7,
-    guess: NDArray[np.complex128] | None = None,
+    guess: ComplexArray | None = None,
 ) -> SteadyStates:
     """Find steady states by harmonic balance; stable or not, near the guess.
 
@@ -244,7 +243,7 @@ def solve_harmonic_balance(
     return _states(law, basis, q, F, omega, done)
 
 
-def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics: int) -> Floats:
+def _linear_guess(law: _Law, F: ComplexArray, omega: Array, harmonics: int) -> Array:
     basis = basis_of(1)
     tiny = np.zeros((len(F), 3))
     tiny[:, 1] = _TINY * np.maximum(np.abs(F), np.finfo(float).tiny) / (law.mass * omega**2)
@@ -257,7 +256,7 @@ def _linear_guess(law: _Law, F: NDArray[np.complex128], omega: Floats, harmonics
 
 
 def _states(
-    law: _Law, basis: Basis, q: Floats, F: NDArray[np.complex128], omega: Floats, done: NDArray[np.bool_]
+    law: _Law, basis: Basis, q: Array, F: ComplexArray, omega: Array, done: NDArray[np.bool_]
 ) -> SteadyStates:
     x = q @ basis.displacement.T
     v = omega[:, None] * (q @ basis.velocity.T)
@@ -287,11 +286,11 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
     Harmonic balance does not separate stable answers from unstable ones.
     """
 
-    def solve(level: Floats, frequency: Floats, guess: NDArray[np.complex128] | None = None) -> SteadyStates:
+    def solve(level: Array, frequency: Array, guess: ComplexArray | None = None) -> SteadyStates:
         force = test.drive(oscillator.mass, level, frequency)
         return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
 
-    def go_on(frequency: Floats, last: SteadyStates | None) -> SteadyStates:
+    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
         if last is None:
             return solve(test.level, frequency)
         near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
@@ -305,8 +304,8 @@ def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress
 
 
 def first_order_force(
-    oscillator: Oscillator, amplitude: Floats, omega: Floats
-) -> tuple[NDArray[np.complex128], Floats, Floats]:
+    oscillator: Oscillator, amplitude: Array, omega: Array
+) -> tuple[ComplexArray, Array, Array]:
     """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic.
 
     Then the states of the law at t = 0, (r, n), r = 0 without memory.

@@ -8,9 +8,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Array, ComplexArray
+
 __all__ = [
+    "Array",
     "Basis",
-    "Floats",
     "basis_of",
     "product",
     "project",
@@ -18,8 +20,6 @@ __all__ = [
     "to_harmonics",
     "waveforms",
 ]
-
-Floats = NDArray[np.float64]
 
 _SAMPLES_A_HARMONIC = 16
 """Samples of the waveform a harmonic: polynomials to the power 15 are projected without aliasing."""
@@ -36,14 +36,14 @@ class Basis:
     the coefficients of the derivative by the phase.
     """
 
-    displacement: Floats
-    velocity: Floats
-    order: Floats
-    turn: Floats
+    displacement: Array
+    velocity: Array
+    order: Array
+    turn: Array
     same: NDArray[np.intp]
     sum: NDArray[np.intp]
-    same_sign: Floats
-    sum_sign: Floats
+    same_sign: Array
+    sum_sign: Array
 
     @property
     def samples(self) -> int:
@@ -85,7 +85,7 @@ def basis_of(harmonics: int) -> Basis:
 
 
 @lru_cache(maxsize=8)
-def waveforms(samples: int, harmonics: int) -> tuple[Floats, Floats]:
+def waveforms(samples: int, harmonics: int) -> tuple[Array, Array]:
     """Displacement and velocity over omega of each coefficient (samples, 2H+1)."""
     phase = 2 * np.pi * np.arange(samples) / samples
     shape = np.ones((samples, 2 * harmonics + 1))
@@ -96,26 +96,26 @@ def waveforms(samples: int, harmonics: int) -> tuple[Floats, Floats]:
     return shape, rate
 
 
-def project(basis: Basis, waveform: Floats) -> Floats:
+def project(basis: Basis, waveform: Array) -> Array:
     """Coefficients (n, 2H+1) of waveforms (n, samples)."""
     spectrum = np.fft.rfft(waveform, axis=1)[:, : int(basis.order[-1]) + 1] * (2 / basis.samples)
     return to_coefficients(spectrum / np.where(np.arange(spectrum.shape[1]) == 0, 2, 1))
 
 
-def product(basis: Basis, waveform: Floats) -> Floats:
+def product(basis: Basis, waveform: Array) -> Array:
     """Matrices (n, 2H+1, 2H+1) that multiply by waveforms (n, samples)."""
     spectrum = np.fft.rfft(waveform, axis=1)[:, : 2 * int(basis.order[-1]) + 1] * (2 / basis.samples)
     parts = np.hstack([spectrum.real, -spectrum.imag])
-    matrix: Floats = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
+    matrix: Array = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
     return matrix
 
 
-def to_harmonics(q: Floats) -> NDArray[np.complex128]:
+def to_harmonics(q: Array) -> ComplexArray:
     """Harmonics (n, H+1) of coefficients (n, 2H+1)."""
     return np.hstack([q[:, :1].astype(np.complex128), q[:, 1::2] - 1j * q[:, 2::2]])
 
 
-def to_coefficients(harmonics: NDArray[np.complex128]) -> Floats:
+def to_coefficients(harmonics: ComplexArray) -> Array:
     """Coefficients (n, 2H+1) of harmonics (n, H+1)."""
     q = np.empty((len(harmonics), 2 * harmonics.shape[1] - 1))
     q[:, 0], q[:, 1::2], q[:, 2::2] = harmonics[:, 0].real, harmonics[:, 1:].real, -harmonics[:, 1:].imag

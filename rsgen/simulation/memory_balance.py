@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.memory import MemoryForm
 from rsgen.oscillator import Oscillator
 
 __all__ = ["MemoryLoops"]
-
-Floats = NDArray[np.float64]
 
 _TURNS = 60
 """Periods after which a state that still changes is taken as it is: what forgets slower hardly settles."""
@@ -58,7 +56,7 @@ class MemoryLoops:
             tuple(oscillator.values[name] for name in oscillator.parameters),
         )
 
-    def __call__(self, x: Floats, v: Floats, lag: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    def __call__(self, x: Array, v: Array, lag: Array, omega: Array) -> tuple[Array, Array]:
         """Force (n, s) [N], and the states with equations at the start of the period (r, n).
 
         x [m] and v [m/s] (n, 2 s) are two samples for each of the force; lag (n, s) [m] is the displacement a
@@ -70,7 +68,7 @@ class MemoryLoops:
         (force,) = self.force(place, speed, *moving, *self.values)
         return force + 0 * place, np.array([state[:, 0] for state in states])
 
-    def _states(self, x: Floats, v: Floats, omega: Floats) -> Floats:
+    def _states(self, x: Array, v: Array, omega: Array) -> Array:
         """States (r, n, s) along the motion."""
         samples, count = x.shape[1] // 2, len(self.form.rates)
         waves = np.zeros((count, len(x), samples))
@@ -79,7 +77,7 @@ class MemoryLoops:
         step = 2 * np.pi / omega / samples
         x, v = (np.ascontiguousarray(np.hstack([wave, wave[:, :1]]).T) for wave in (x, v))
 
-        def rate(at: int, z: Floats) -> Floats:
+        def rate(at: int, z: Array) -> Array:
             return np.array([row + 0 * z[0] for row in self.rates(x[at], v[at], *z, *self.values)])
 
         z = np.zeros((count, len(omega)))
@@ -104,7 +102,7 @@ class MemoryLoops:
             last = change
         return waves
 
-    def _masing(self, x: Floats) -> list[Floats]:
+    def _masing(self, x: Array) -> list[Array]:
         """Forces (n, s) of the Masing laws along the motion."""
         if not self.form.curves:
             return []
@@ -114,7 +112,7 @@ class MemoryLoops:
         order = (top[:, None] + np.arange(samples)) % samples
         path = np.take_along_axis(x, order, axis=1)
 
-        def virgin(distance: Floats) -> Floats:
+        def virgin(distance: Array) -> Array:
             return np.array([n + 0 * distance for n in self.virgins(distance, *self.values)])
 
         places = np.zeros((rows, _DEEPEST))
