@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -29,6 +29,7 @@ from rsgen.identification.soundness import (
     phase_findings,
     sign_findings,
 )
+from rsgen.law.identifiable import combinations_of
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
@@ -178,6 +179,23 @@ def parameter_finding(
         numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
         return Finding("not-distinct-from-zero", "warning", name, numbers)
     return None
+
+
+def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> dict[str, Finding | None]:
+    """Say of confounded parameters which combinations the law itself has of them, whatever the test."""
+    if not any(reason is not None and reason.code == "confounded" for reason in reasons.values()):
+        return dict(reasons)
+    named = dict(reasons)
+    for combination in combinations_of(model.force):
+        for name in combination.parameters:
+            reason = named.get(name)
+            if reason is not None and reason.code == "confounded":
+                names = {
+                    "with": ", ".join(other for other in combination.parameters if other != name),
+                    "determined": " and ".join(combination.determined),
+                }
+                named[name] = replace(reason, names=names)
+    return named
 
 
 def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Finding, ...]:

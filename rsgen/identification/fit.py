@@ -20,7 +20,7 @@ from rsgen.identification.simulator import Simulator
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion
-from rsgen.tolerances import NOISY, SAMPLES, SAMPLES_SWITCHED
+from rsgen.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED
 
 __all__ = ["RESOLUTION", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
 
@@ -312,6 +312,7 @@ def fit_simulator(
         before.parameters[: problem.count],
         before.strength[: problem.count],
         before.noise,
+        null=_null_of_law(before, problem.count),
         accuracy=accuracy,
     )
     descent = Descent(problem, forward)
@@ -344,6 +345,12 @@ def fit_simulator(
     if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
         return None
     return _finish(problem, descent, found)
+
+
+def _null_of_law(found: Regression, count: int) -> Array:
+    """(q, d) directions of parameters and mass that change no prediction, without those of a background."""
+    beside = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
+    return (found.null[:count] / found.scale[:count, None])[:, ~beside]
 
 
 def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:

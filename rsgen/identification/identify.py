@@ -24,6 +24,7 @@ from rsgen.identification.findings import (
     repeat_findings,
     state_background,
     units_of,
+    with_combinations,
 )
 from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
 from rsgen.identification.least_squares import Regression
@@ -254,7 +255,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
         name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
         for name in names
     }
-    reasons = explain_hidden(test.problem, reasons)
+    reasons = with_combinations(explain_hidden(test.problem, reasons), model)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])
     solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)
     estimates = make_estimates(solution, law, model, reasons, units)

@@ -70,6 +70,8 @@ class Regression:
         (q, q), scaled with the noise found in the residual; NaN for parameters that are not identifiable.
     null
         (q, d) directions in the space of scaled parameters that the points do not tell.
+    scale
+        (q,) by which the parameters are scaled there.
     noise
         Noise found, in units of the expected one.
     misfit
@@ -97,6 +99,7 @@ class Regression:
     nuisance: Array
     covariance: Array
     null: Array
+    scale: Array
     noise: float
     misfit: Array
     used: Mask
@@ -115,6 +118,7 @@ class Regression:
             parameters=self.parameters[:count],
             covariance=self.covariance[:count, :count],
             null=self.null[:count],
+            scale=self.scale[:count],
             strength=self.strength[:count],
             influence=self.influence[:, :, :count],
             basis=self.basis[:count],
@@ -326,7 +330,9 @@ def _summary(
     residual, matrix = eliminate(line)
     each = residual.shape[1] - line.by_nuisance.shape[2]
     count = len(parameters)
-    _, inverse, null = solve_scaled(*_stacked(matrix, residual, used), parameters, natural)
+    stacked, right = _stacked(matrix, residual, used)
+    _, inverse, null = solve_scaled(stacked, right, parameters, natural)
+    norm = np.sqrt(np.sum(stacked**2, axis=0))
     freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
     variance = float(np.sum(residual[used] ** 2)) / freedom
     fisher = inverse @ inverse.T * variance
@@ -335,14 +341,11 @@ def _summary(
     rows[used] = matrix[used] @ inverse
     scores = np.einsum("nmq,nm->nq", matrix[used], residual[used]) @ inverse
     points = int(np.count_nonzero(used))
-    correction = max(points, 1) / max(points - count, 1)
-    sandwich = inverse @ (scores.T @ scores) @ inverse.T * correction
+    sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
     widen = np.maximum(ratio, 1.0)
-    covariance = fisher * np.outer(widen, widen)
-    covariance = determined(covariance, null)
-    misfit = np.sqrt(np.sum(residual**2, axis=1) / each)
+    covariance = determined(fisher * np.outer(widen, widen), null)
     strength = np.sqrt(np.sum(line.by_parameter[used] ** 2, axis=(0, 1)) / max(np.count_nonzero(used), 1))
     influence = np.zeros_like(matrix)
     influence[used] = matrix[used] @ (inverse @ inverse.T)
@@ -351,8 +354,9 @@ def _summary(
         nuisance,
         covariance,
         null,
+        np.where(norm > 0, norm, 1.0),
         float(np.sqrt(variance)),
-        misfit,
+        np.sqrt(np.sum(residual**2, axis=1) / each),
         used,
         freedom,
         converged,

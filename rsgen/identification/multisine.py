@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities
-from rsgen.identification.findings import make_estimates, names_of, units_of
+from rsgen.identification.findings import make_estimates, names_of, units_of, with_combinations
 from rsgen.identification.fit import Solution
 from rsgen.identification.line_balance import Balance, Lines, lines_of
 from rsgen.identification.line_fit import (
@@ -277,7 +277,7 @@ def _reasons(
             unit = units_of(model)[name]
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
             reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
-    return reasons
+    return with_combinations(reasons, model)
 
 
 def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list[Finding]:

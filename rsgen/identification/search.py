@@ -226,14 +226,16 @@ class _Search:
             return 0
         return int(solve_scaled(matrix, right)[2].shape[1])
 
-    def _shape(self, some: Equations, trial: Array, whole: bool) -> Array | None:
-        """Columns of unit size; None where they are not finite, or soon will not be."""
+    def _shapes(self, some: Equations, trials: Array, whole: bool) -> list[Array | None]:
+        """Columns of unit size at each trial; None where they are not finite, or soon will not be."""
+        shapes: list[Array | None] = []
         with np.errstate(all="ignore"):
-            matrix, right = equation_rows(some, self._law, None, trial, scaled=True, coarse=True)
-            columns = np.column_stack([matrix, right]) if whole else matrix
-            norm = np.abs(columns).max(axis=0)
-            shape = columns / np.where(norm > 0, norm, 1.0)
-        return shape if np.all(np.isfinite(norm)) and norm.max() < _HUGE else None
+            for matrix, right in rows_of_trials(some, self._law, None, trials, coarse=True):
+                columns = np.column_stack([matrix, right]) if whole else matrix
+                norm = np.abs(columns).max(axis=0)
+                finite = np.all(np.isfinite(norm)) and norm.max() < _HUGE
+                shapes.append(columns / np.where(norm > 0, norm, 1.0) if finite else None)
+        return shapes
 
     def admitted(self, which: int) -> Array:
         """Values of one parameter as in ``active_values``, of the signs that the law admits."""
@@ -278,16 +280,14 @@ class _Search:
         for attempt in typical[:1] if len(self.free) == 1 else typical:
             others = np.full(len(self._law.nonlinear), attempt * generator.uniform(0.3, 0.7))
             others[self.pins] = 1.0
-            last: Array | None = None
-            for i, value in enumerate(values):
-                others[which] = value
-                shape = self._shape(some, others, whole)
-                if last is not None and shape is not None and i != len(size) and _apart(shape, last):
-                    others[which] = value * (1 + _TINY)
-                    again = self._shape(some, others, whole)
-                    # what a tiny change changes as well is round-off
-                    active[i] |= again is not None and not _apart(shape, again)
-                last = shape
+            trials = np.repeat(others[None, :], len(values), axis=0)
+            trials[:, which] = values
+            shapes = self._shapes(some, trials, whole)
+            moved = [i for i in range(1, len(values)) if i != len(size) and _apart(shapes[i], shapes[i - 1])]
+            trials[:, which] *= 1 + _TINY
+            for i, again in zip(moved, self._shapes(some, trials[moved], whole), strict=True):
+                # what a tiny change changes as well is round-off
+                active[i] |= again is not None and not _apart(shapes[i], again)
         active |= np.concatenate([active[1:], [False]])  # both ends of an active interval
         return values[active]
 
@@ -321,7 +321,10 @@ class _Search:
         return at(result.x), float(2 * result.cost)
 
 
-def _apart(shape: Array, other: Array) -> bool:
+def _apart(shape: Array | None, other: Array | None) -> bool:
+    """Whether two shapes are known and differ."""
+    if shape is None or other is None:
+        return False
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 

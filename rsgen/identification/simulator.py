@@ -50,6 +50,9 @@ class Simulator:
         (q,) near the solution, and root mean square change of the prediction by a unit of each, relative.
     noise
         Relative noise found so far.
+    null
+        (q, d) directions that change no response, as the exact slopes of the balance say. Differences of
+        simulations do not vanish along them: parameters would move there without end.
     accuracy
         Of the simulated amplitude, relative.
     """
@@ -68,6 +71,7 @@ class Simulator:
         strength: Array,
         noise: float,
         *,
+        null: Array,
         accuracy: float,
     ) -> None:
         self._elements, self._law, self._omega = elements, law, motion.omega
@@ -77,6 +81,9 @@ class Simulator:
         self._branch = max(BRANCH, SIGMAS * noise)
         self.step = float(np.clip(noise, *_CURVED))
         self._moves = _moves(parameters, strength)
+        unit = np.where(self._moves > 0, self._moves, 1.0)
+        none = null / unit[:, None]
+        self._determined: Array = (np.eye(len(unit)) - none @ np.linalg.pinv(none)) * unit[:, None] / unit
         self._slopes: tuple[ComplexArray, ComplexArray, NDArray[np.bool_]] | None = None
         self._state = motion.turned(-np.angle(force)).states()
         # a step is tried, refused perhaps, and the place before it asked for again
@@ -155,7 +162,9 @@ class Simulator:
         none = np.zeros((*base.shape, 0), dtype=complex)
         with np.errstate(invalid="ignore"):
             steep = ~(np.abs(by_force[:, 1]) < _STEEP * np.abs(base[:, 1]))
-        return by_force, np.stack(columns, axis=-1) if columns else none, steep
+        by_parameter = np.stack(columns, axis=-1) if columns else none
+        determined = (by_parameter @ self._determined).astype(complex)
+        return by_force, determined, steep
 
 
 def go_on(states: SteadyStates, good: NDArray[np.bool_], before: Array) -> Array:

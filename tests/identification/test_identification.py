@@ -159,7 +159,9 @@ def test_confounded_parameters_are_named() -> None:
     both = Model((make_element("one", "k*x + kn*x**3 + c*v"), make_element("two", "ka*x")))
     found = {e.name: e for e in identify(surface("cubic"), both).refined}
     assert isnan(found["k"].value)
-    assert found["k"].finding == Finding("confounded", "warning", "k", names={"with": "ka"})
+    assert found["k"].finding == Finding(
+        "confounded", "warning", "k", names={"with": "ka", "determined": "k + ka"}
+    )
     assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
 
 

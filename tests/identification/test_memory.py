@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from rsgen.identification import Identification, identify
+from rsgen.identification.data import select_points
+from rsgen.identification.fit import Problem, fit_balance, fit_simulator
+from rsgen.identification.observed import Observed
 from rsgen.law.element import make_element
 from rsgen.law.library import laws
+from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from tests.stepping import DAMPING, MASS, SPRING, stepped
@@ -20,19 +24,54 @@ def _errors(found: Identification, truth: dict[str, float]) -> list[float]:
     return [abs(e.value / truth[e.name] - 1) for e in found.refined]
 
 
-@pytest.mark.slow
-def test_bouc_wen_is_identified() -> None:
-    """From first guess to interval; a hundredth of the stiffness moves with the level."""
-    alpha, bg, bd = 2e4, 800.0, -500.0
-    surface = stepped(
+BOUC_WEN = {"alpha": 2e4, "bg": 800.0, "bd": -500.0, "c": DAMPING, "k": SPRING, "m": MASS}
+
+
+@pytest.fixture(scope="module")
+def hysteretic() -> ResponseSurface:
+    alpha, bg, bd = (BOUC_WEN[name] for name in ("alpha", "bg", "bd"))
+    return stepped(
         lambda v, z: alpha * v - bg * np.abs(v) * z - bd * v * np.abs(z),
         np.inf, (20.0, 60.0, 180.0), (25.0, 31.0),
     )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_bouc_wen_is_identified(hysteretic: ResponseSurface) -> None:
+    """From first guess to interval; a hundredth of the stiffness moves with the level."""
     memory = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
-    found = identify(surface, Model((make_element("law", "k*x + c*v + z", memory),)))
-    truth = {"alpha": alpha, "bg": bg, "bd": bd, "c": DAMPING, "k": SPRING, "m": MASS}
-    assert max(_errors(found, truth)) < 1e-3
+    found = identify(hysteretic, Model((make_element("law", "k*x + c*v + z", memory),)))
+    assert max(_errors(found, BOUC_WEN)) < 1e-3
     assert found.residual < 1e-5
+
+
+@pytest.mark.slow
+def test_names_that_act_in_products_only_leave_the_others_determined(hysteretic: ResponseSurface) -> None:
+    """Differences of simulations do not vanish along a direction that changes nothing."""
+    rng = np.random.default_rng(3)
+    readings = [hysteretic.force[:, None], hysteretic.harmonics[:, [0, 1]]]
+    noise = [
+        0.005 * (rng.normal(size=a.shape) + 1j * rng.normal(size=a.shape)) / np.sqrt(2) for a in readings
+    ]
+    force, response = (a * (1 + part) for a, part in zip(readings, noise, strict=True))
+    surface = ResponseSurface(hysteretic.level, hysteretic.frequency, force[:, 0], response[:, 1])
+    memory = {"z": "alpha*v - beta*(gamma*abs(v)*z + delta*v*abs(z))"}
+    wanted = Model((make_element("law", "k*x + c*v + z", memory),))
+    observed = Observed.of(select_points(surface, wanted))
+    problem = Problem(wanted.elements, compile_law(wanted.force), observed, None)
+    near = {**BOUC_WEN, "beta": 0.2, "gamma": 4000.0, "delta": -2500.0}
+    start = np.array([1.01 * near[name] for name in (*problem.law.parameters, "m")])
+    balanced = fit_balance(problem, start, order=9)
+    found = fit_simulator(problem, balanced, accuracy=1e-5)
+    assert found is not None
+    assert found.regression.converged
+    assert found.regression.null.shape[1] == 1
+    errors = np.sqrt(np.diag(found.regression.covariance))
+    for i, name in enumerate(problem.law.parameters):
+        if name in ("beta", "gamma", "delta"):
+            assert np.isnan(errors[i])
+        else:
+            assert abs(found.values[i] - BOUC_WEN[name]) < 4 * errors[i]
 
 
 @pytest.mark.slow

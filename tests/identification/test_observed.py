@@ -45,7 +45,7 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
         odd = following_harmonics(law, 5)
         made = Simulator(
             model("cubic").elements, law, Motion(points.omega, points.harmonics), points.amplitude,
-            points.force, odd, parameters[:4], strength, 0.05, accuracy=1e-9,
+            points.force, odd, parameters[:4], strength, 0.05, null=np.zeros((4, 0)), accuracy=1e-9,
         )  # fmt: skip
         nuisance = problem.observed.nuisances(np.abs(points.force), np.angle(points.force))
     scale = points.amplitude if logarithmic else None

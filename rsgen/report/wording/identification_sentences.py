@@ -25,9 +25,6 @@ say_plainly(
             "it everywhere"
         ),
         "values-given": "all parameters are given, none was identified",
-        "confounded": (
-            "{parameter}: only a combination with {with} is identifiable; give one of them, or test wider"
-        ),
         "confounded-with-background": (
             "{parameter}: only a combination with the background is identifiable; test wider, or fit a "
             "simpler background"
@@ -229,6 +226,20 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("confounded")
+def _(found: Finding) -> str:
+    partners = found.names["with"]
+    if found.names.get("determined"):
+        return (
+            f"{found.parameter}: any test determines only {found.names['determined']}; write one name for "
+            f"each of these, or give one of {found.parameter}, {partners}"
+        )
+    return (
+        f"{found.parameter}: only a combination with {partners} is identifiable; give one of them, or test "
+        "wider"
+    )
 
 
 @says("law-does-not-fit")
