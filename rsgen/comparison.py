@@ -285,7 +285,7 @@ def _force_row(
 def _force(identification: Identification, key: str, values: Mapping[str, float]) -> Array:
     """Stiffness force n(x, 0), damping force n(0, v), both without n(0, 0), or loops, over the tests."""
     law = compile_law(identification.model.force)
-    point = np.array([values[name] for name in law.parameters])
+    point = law.ordered(values)
     curve = identification.curve
     chosen = curve.used if curve.used.any() else np.ones(len(curve.used), dtype=bool)
     size = curve.amplitude[chosen]

@@ -90,7 +90,7 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
     if test.method != "time" or test.control != "force":
         return []
     law = compile_law(oscillator.force)
-    values = np.array([oscillator.values[name] for name in law.parameters])
+    values = law.ordered(oscillator.values)
     largest = float(test.level.max())
     held = law.force(np.zeros(2), np.array([_NEAR, -_NEAR]), values)
     if held[0] >= largest and held[1] <= -largest:
@@ -115,7 +115,7 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
 def _balance(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Array, Array, Array]:
     """Amplitudes [m], work and push of the law on sines of all sizes, and what of the work is round-off."""
     law = compile_law(oscillator.force)
-    values = np.array([oscillator.values[name] for name in law.parameters])
+    values = law.ordered(oscillator.values)
     motion = _sines(test)
     x, v, _ = motion.waveforms(_SAMPLES)
     force = law.along(motion, values, _SAMPLES).force
@@ -232,7 +232,7 @@ def _open_loops(
 def _near_rest(element: Element, values: Mapping[str, float]) -> list[str]:
     law = compile_law(element.force)
     places = np.array([(0.0, 0.0), *product((_NEAR, -_NEAR), repeat=2)])
-    forces = law.force(places[:, 0], places[:, 1], np.array([values[name] for name in law.parameters]))
+    forces = law.force(places[:, 0], places[:, 1], law.ordered(values))
     # 0*log(0) is no number and yet goes to one
     wrong = np.flatnonzero(np.isinf(forces) | (np.isnan(forces) & (places != 0).any(axis=1)))
     if not len(wrong):

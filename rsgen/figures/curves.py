@@ -14,7 +14,7 @@ from matplotlib.colors import Normalize
 from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import (
     amplitudes_tested,
     backbone,
@@ -88,8 +88,7 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
         _say_empty(axes, [read, line])
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel(scale.label("Amplitude X"))
+    label_abscissa(panels, ax, scale.label("Amplitude X"))
     panels[0].legend(loc="best")
     text = "No level has a resonance that could be read."
     if len(points) == 1:

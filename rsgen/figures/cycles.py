@@ -171,7 +171,7 @@ def measured_loops(surface: ResponseSurface, rows: NDArray[np.intp], mass: float
 def loop_force(model: Model, values: Mapping[str, float], motion: Motion) -> Array:
     """(n, s) force of a model along n motions [N]; NaN where its loop does not close."""
     law = compile_law(model.force)
-    return law.along(motion, np.array([values[name] for name in law.parameters]), SAMPLES).force
+    return law.along(motion, law.ordered(values), SAMPLES).force
 
 
 def branch_mean(displacement: Array, force: Array) -> tuple[Array, Array] | None:

@@ -25,7 +25,7 @@ from rsgen.identification import Identification, ModalTable
 from rsgen.prediction import Prediction
 from rsgen.surface import ResponseSurface
 
-__all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "new_figure", "take_axes"]
+__all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "label_abscissa", "new_figure", "take_axes"]
 
 STYLE = Path(__file__).with_name("rsgen.mplstyle")
 """The style file of the project; ``matplotlib.style.use(rsgen.figures.STYLE)`` takes it over."""
@@ -108,6 +108,12 @@ def take_axes(
     if not given or not all(isinstance(axes, Axes) for axes in given):
         raise RsgenError(f"ax: {ax!r:.80}; must be matplotlib axes, one for each panel")
     return cast(Figure, given[0].figure), given[:count]
+
+
+def label_abscissa(panels: Sequence[Axes], ax: GivenAxes, text: str) -> None:
+    """Label the abscissa of the lowest panel; of all panels where the caller gave axes that share none."""
+    for axes in panels[-1:] if ax is None else panels:
+        axes.set_xlabel(text)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,7 +31,7 @@ def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array
         Every parameter of the laws, SI; others are ignored.
     """
     law = compile_law(model.force)
-    point = np.array([float(values[name]) for name in law.parameters])
+    point = law.ordered(values)
 
     def force(x: Array, v: Array) -> Array:
         with np.errstate(all="ignore"):

@@ -28,7 +28,7 @@ from rsgen.figures.cycles import (
     small_stiffness,
     stiffness_ratio,
 )
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
 from rsgen.figures.responses import choose_levels
 from rsgen.identification import Identification
@@ -133,8 +133,7 @@ def draw_loops(
             for name, style, at, value in shown:
                 _draw_loop(axes, name if i == 0 else "", style, at / x.factor, value, scale.factor, chord)
         axes.set_ylabel(scale.label("Force less its chord" if chord else "Restoring force n"))
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel(x.label("Displacement x"))
+    label_abscissa(panels, ax, x.label("Displacement x"))
     panels[0].legend(loc="upper left")
     where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
@@ -233,8 +232,7 @@ def draw_energy(
                 label = "macro-slip to the right" if i == 0 and axes is top else "_"
                 axes.axvline(slip.amplitude / x.factor, label=label, **_LIMIT)
     top.legend(loc="upper left")
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel(x.label("Amplitude X"))
+    label_abscissa(panels, ax, x.label("Amplitude X"))
     caption = (
         "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
         "micro-slip, 1 in macro-slip."

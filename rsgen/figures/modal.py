@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.figures.curves import POINT, REFINED
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import backbone, calm_limits, solution_of
 from rsgen.identification import Identification, ModalTable
 from rsgen.units.scale import choose_scale, number_text, quantity_text
@@ -64,8 +64,7 @@ def draw_modal(
             )
         calm_limits(axes, shown, least=0.01 if name == "frequency" else 0.2)
         axes.set_ylabel(scale.label(_LABELS[name]) if name == "damping" else _LABELS[name])
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel(x.label("Amplitude X"))
+    label_abscissa(panels, ax, x.label("Amplitude X"))
     panels[0].legend(loc="best")
     caption = (
         "Modal table: what the points near resonance say of the mode at each amplitude, whatever the law."

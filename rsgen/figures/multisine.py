@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.overview import level_colours
 from rsgen.identification import MultisineIdentification
 from rsgen.motion import waveform
@@ -62,8 +62,7 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     panels[0].legend(loc="best", title="Level, rms")
     if len(panels) > 1:
         _draw_parts(panels[1], found)
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel("Frequency [Hz]")
+    label_abscissa(panels, ax, "Frequency [Hz]")
     text = " ".join(map(_said, levels))
     caption = (
         "Best linear approximation of each level, and what of the response at the highest level no linear "
@@ -156,8 +155,7 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
             f"{number_text(100 * share, 2)} % of the force at {count_text(int(used.sum()), 'line')}{beside}."
         )
     panels[0].legend(loc="best")
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel("Frequency [Hz]")
+    label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "What the law leaves of the balance at each line; above the noise it is misfit of the law."
     return Drawing("line-misfit", figure, caption, " ".join(texts), ax is None)
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, new_figure, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, new_figure, take_axes
 from rsgen.surface import ResponseSurface
 from rsgen.units.scale import SWEEPS, choose_scale, count_text, quantity_text
 
@@ -263,8 +263,7 @@ def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
         axes.set_ylabel(force.label(level_word(surface)))
         if len(sweeps) > 1:
             axes.set_title(SWEEPS[sweep])
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel("Frequency [Hz]")
+    label_abscissa(panels, ax, "Frequency [Hz]")
     colour_bar(figure, panels, norm, scale.label(_answer_word(surface)), 30)
     caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
     if not surface.settled.all():

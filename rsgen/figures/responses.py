@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from rsgen.arrays import Array
-from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
+from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.overview import level_colours, peaks_by_level
 from rsgen.motion import Motion
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
@@ -284,8 +284,7 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
         axes.set_ylabel(scale.label("X"))
         axes.set_title(_level_text(items[0]))
     panels[0].legend(loc="best")
-    for axes in panels[-1:] if ax is None else panels:
-        axes.set_xlabel("Frequency [Hz]")
+    label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
     return Drawing("held-out", figure, caption, "; ".join(words) + ".", ax is None)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -97,6 +97,10 @@ class Character:
     rough: bool
     jumps: bool
     springs: bool
+
+    def ordered(self, values: Mapping[str, float]) -> Array:
+        """(p,) values by name in the order of the parameters."""
+        return np.array([float(values[name]) for name in self.parameters])
 
     def values_of(self, linear: Array, nonlinear: Array) -> Array:
         """(p,) values of linear parameters, without what follows in a solution, and of nonlinear ones."""

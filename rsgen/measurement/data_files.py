@@ -11,7 +11,15 @@ from typing import IO
 
 from rsgen.errors import MeasurementError
 
-__all__ = ["MAX_TEXT_BYTES", "Rewritten", "file_label", "open_regular", "open_text", "recognise_format"]
+__all__ = [
+    "MAX_TEXT_BYTES",
+    "Rewritten",
+    "check_digest",
+    "file_label",
+    "open_regular",
+    "open_text",
+    "recognise_format",
+]
 
 MAX_TEXT_BYTES = 256 * 2**20
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -48,6 +56,20 @@ _OTHERS = (
 def file_label(path: Path) -> str:
     """Name a file in messages."""
     return path.name if path.name.isprintable() else repr(path.name)
+
+
+def check_digest(name: str, found: str, expected: str) -> None:
+    """Refuse a file whose SHA-256 is not the expected one.
+
+    Raises
+    ------
+    MeasurementError
+        It is another one.
+    """
+    if found != expected:
+        raise MeasurementError(
+            f"{name}: SHA-256 is {found}; the case expects {expected}: another file, or a changed one"
+        )
 
 
 def open_regular(path: Path, most: int) -> IO[bytes]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rsgen.confined import MEMORY_STATUS, command, environment
 from rsgen.errors import MeasurementError, printable
-from rsgen.measurement.data_files import file_label, open_regular
+from rsgen.measurement.data_files import check_digest, file_label, open_regular
 from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
 __all__ = ["list_binary", "read_binary", "reading_fault"]
@@ -174,10 +174,8 @@ def _reading(
     with open_regular(path, MAX_BYTES) as file:
         size = file.seek(0, 2)
         file.seek(0)
-        if sha256 is not None and (found := _hash(file)) != sha256:
-            raise MeasurementError(
-                f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
-            )
+        if sha256 is not None:
+            check_digest(name, _hash(file), sha256)
         with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size, form)) as process:
             try:
                 yield process, process.answer(), size

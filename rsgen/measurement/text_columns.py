@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
-from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, file_label, open_text
+from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.text_cells import (
     LONGEST_NUMBER,
@@ -333,10 +333,8 @@ def read_columns(
         except OSError as fault:
             raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
     found = digest.hexdigest()
-    if sha256 is not None and found != sha256:
-        raise MeasurementError(
-            f"{name}: SHA-256 is {found}; the case expects {sha256}: another file, or a changed one"
-        )
+    if sha256 is not None:
+        check_digest(name, found, sha256)
     rows = len(table.lines)
     if not rows:
         raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")

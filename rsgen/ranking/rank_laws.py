@@ -28,7 +28,7 @@ from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
-from rsgen.oscillator import Model
+from rsgen.oscillator import Model, join_model
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.competitors import Entries, competitors, start_guess
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
@@ -129,11 +129,7 @@ def rank(
             "give the law, or a surface without it"
         )
     laws, terms, base = competitors(candidates)
-    base = replace(
-        base,
-        mass=base.mass if mass is None else mass,
-        observation=base.observation if observation is None else observation,
-    )
+    base = join_model(base, observation, mass)
     given_mass, given_surface = base.mass, surface
     surface, base = per_unit_mass(surface, base)
     observed = _observed(surface, base)
@@ -403,7 +399,7 @@ def _is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
     forces = []
     for fit in (one, other):
         law = fit.guess.law
-        values = np.array([fit.guess.values[name] for name in law.parameters])
+        values = law.ordered(fit.guess.values)
         forces.append(law.sample(x, v, a, step, values).force)
     apart = float(np.max(np.abs(forces[0] - forces[1])))
     return apart <= NOISE_LEAST * float(np.max(np.abs(forces[1])))

@@ -146,7 +146,7 @@ def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12)
         None where the candidate has no steady states near the measured ones.
     """
     law = best.law
-    values = np.array([best.values[name] for name in law.parameters])
+    values = law.ordered(best.values)
     start = best.values["m"] if mass is None else mass
     problem = Problem(best.elements, law, observed, mass)
     place = problem.join(values, start, best.background)
@@ -199,7 +199,7 @@ def _simulated(best: Guess, found: Fit, mass: float | None, again: int = 2) -> R
             leader = fit_rows(guess, rows.select(agreeing), level[inside[agreeing]], mass)
         if leader is None:
             return reference
-        values = np.array([leader.guess.values[name] for name in reference.law.parameters])
+        values = reference.law.ordered(leader.guess.values)
         inertia = leader.guess.values.get("m", reference.mass)
         reference = _hold(best.elements, values, inertia, leader.guess.background, found) or reference
     return reference

@@ -159,7 +159,7 @@ def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
     forces = []
     for element in guess.elements:
         law = compile_law(element.force)
-        values = np.array([guess.values[name] for name in law.parameters])
+        values = law.ordered(guess.values)
         forces.append(law.sample(x, v, a, step, values).force / level)
     work = np.array([float(np.mean(force * v)) for force in forces])
     size = [float(np.sqrt(np.mean(force**2))) for force in forces]

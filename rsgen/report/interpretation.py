@@ -134,7 +134,7 @@ def _linear_within(
 ) -> tuple[bool, bool]:
     """Find whether the force is a straight line over the tested displacements, and over the velocities."""
     law = compile_law(element.force)
-    point = np.array([values[name] for name in law.parameters])
+    point = law.ordered(values)
     reach, rest = np.linspace(-1, 1, 101), np.zeros(101)
     x, v = (
         law.force(place, speed, point)
@@ -244,7 +244,7 @@ def _one_sided(identification: Identification, low: float, high: float) -> bool:
     if law.odd:
         # the same on both sides: motion in one well of two has a mean as well
         return False
-    point = np.array([identification.values[name] for name in law.parameters])
+    point = law.ordered(identification.values)
     x = np.append(np.linspace(low, high, 101), 0.0)
     force = law.force(x, np.zeros_like(x), point)
     size = float(np.max(np.abs(force)))

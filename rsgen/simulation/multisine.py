@@ -108,7 +108,7 @@ def simulate_multisine(oscillator: Oscillator, test: MultisineTest) -> Multisine
         A record has no periodic response that Newton's method finds, as where dry friction holds the mass.
     """
     law = compile_law(oscillator.force)
-    values = np.array([oscillator.values[name] for name in law.parameters])
+    values = law.ordered(oscillator.values)
     phases = np.random.default_rng([test.seed, 0])
     levels = np.repeat(test.level, test.realisations)
     excited = test.excited
