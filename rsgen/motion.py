@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 
 __all__ = [
-    "FourierSeries", "Motion", "cycle_work", "fourier_series", "harmonics_of", "project", "waveform",
+    "FourierSeries", "Motion", "cycle_work", "fourier_series", "harmonics_of", "project", "sine_motion",
+    "waveform",
 ]  # fmt: skip
 
 
@@ -74,6 +75,13 @@ class Motion:
         """(n, 2) displacement [m] and velocity [m/s] at t = 0."""
         velocity = 1j * self.orders * self.omega[:, None] * self.harmonics
         return np.stack([self.harmonics.sum(axis=1).real, velocity.sum(axis=1).real], axis=1)
+
+
+def sine_motion(omega: Array, fundamental: Array | ComplexArray) -> Motion:
+    """Make n motions of a frequency [rad/s] and a complex amplitude [m] alone."""
+    harmonics = np.zeros((len(omega), 2), dtype=np.complex128)
+    harmonics[:, 1] = fundamental
+    return Motion(omega, harmonics)
 
 
 def waveform(harmonics: ComplexArray, samples: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from types import MappingProxyType
@@ -18,9 +18,14 @@ from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.observation import Observation
 
-__all__ = ["KNOWN_MASS", "Model", "Oscillator", "join_model"]
+__all__ = ["KNOWN_MASS", "Model", "Oscillator", "join_model", "total_force"]
 
 KNOWN_MASS = Rule("Mass, where it is known beforehand.", unit="kg", above=0)
+
+
+def total_force(elements: Iterable[Element]) -> sympy.Expr:
+    """Add the forces n(x, v) [N] of elements; zero of none."""
+    return sympy.Add(*(element.force for element in elements))
 
 
 class _Elements:
@@ -33,7 +38,7 @@ class _Elements:
     @property
     def force(self) -> sympy.Expr:
         """n(x, v) [N], the sum of all element forces."""
-        return sympy.Add(*(element.force for element in self.elements))
+        return total_force(self.elements)
 
     @property
     def parameters(self) -> tuple[str, ...]:

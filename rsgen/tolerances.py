@@ -7,7 +7,7 @@ __all__ = [
     "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "LARGE", "MEANINGLESS", "MOVE", "NOISY", "NORMAL",
     "NOTICEABLE", "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUND_OFF",
     "SAME_NUMBER", "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER",
-    "STIFFENING", "TAIL", "TAKEN", "TURNED",
+    "STIFFENING", "TAIL", "TAKEN", "TURNED", "samples_for",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -140,3 +140,8 @@ there."""
 TURNED = 0.785
 """A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another
 quantity differs; a reversed sign is off by a half."""
+
+
+def samples_for(switched: bool) -> int:
+    """Samples a period along which a law is evaluated, with switches or without."""
+    return SAMPLES_SWITCHED if switched else SAMPLES

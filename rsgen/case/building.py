@@ -21,7 +21,7 @@ from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
 from rsgen.law.memory import memory_form
 from rsgen.measurement import MeasuredTest
-from rsgen.oscillator import KNOWN_MASS, Model, Oscillator
+from rsgen.oscillator import KNOWN_MASS, Model, Oscillator, total_force
 from rsgen.units import parameter_units, quantity, unit_faults, unit_of
 
 __all__ = ["build"]
@@ -134,7 +134,7 @@ class _Builder:
 
     def parameters(self, elements: tuple[Element, ...]) -> dict[str, str]:
         """Give the unit of every parameter, and note where its dimension contradicts itself."""
-        force = sympy.Add(*(element.force for element in elements))
+        force = total_force(elements)
         try:
             # states of one name in two elements, or a state with the name of another's parameter
             memory_form(force)
@@ -155,7 +155,7 @@ class _Builder:
         before = len(self.faults)
         table = self.document.truth or {}
         states = {name for element in elements for name in element.memory}
-        force = sympy.Add(*(element.force for element in elements))
+        force = total_force(elements)
         values: dict[str, float] = {}
         for name, value in table.items():
             if name not in units:
@@ -227,7 +227,7 @@ class _Builder:
         known = [
             *units,
             *([] if base else [MASS]),
-            *force_keys(sympy.Add(*(element.force for element in elements))),
+            *force_keys(total_force(elements)),
         ]
         for name in table:
             if name not in known:

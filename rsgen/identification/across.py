@@ -22,7 +22,8 @@ from rsgen.identification.forward import Response
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
 from rsgen.motion import Motion, project
-from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.oscillator import total_force
+from rsgen.tolerances import samples_for
 
 __all__ = ["LawAtTwoPlaces", "MeasuredAcross", "Place", "law_of", "places_of"]
 
@@ -112,7 +113,7 @@ def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool
         Elements act across two sensors and the motion across is not in the test, or the other way round; they
         act across several; or a law is not odd, whose mean across nobody recorded.
     """
-    whole = compile_law(sympy.Add(*(element.force for element in elements)))
+    whole = compile_law(total_force(elements))
     labels = sorted({element.across for element in elements if element.across})
     if not across and not labels:
         return whole
@@ -184,7 +185,7 @@ class MeasuredAcross:
         self._law, self._omega, self._mass_free = law, response.omega, mass_free
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
-        self.samples = max(SAMPLES_SWITCHED if law.switched else SAMPLES, least)
+        self.samples = max(samples_for(law.switched), least)
         self._step = response.interval(self.samples)
         self._measured = across.waveforms(self.samples)
         self._response, self._across = (

@@ -21,7 +21,7 @@ from rsgen.identification.equations import Equations, equation_rows
 from rsgen.identification.fit import Fit, Problem, fit_balance
 from rsgen.identification.least_squares import Regression, solve_scaled
 from rsgen.identification.result import Estimate
-from rsgen.motion import Motion
+from rsgen.motion import Motion, sine_motion
 from rsgen.tolerances import CONFIDENCE, FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER
 
 __all__ = ["explain_hidden", "is_hidden", "mirror_findings", "start_asymmetric", "widen_squares"]
@@ -178,8 +178,7 @@ def _directions(problem: Problem, parameters: Array) -> list[Array]:
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     values, mass, _ = problem.split(parameters)
-    sine = np.zeros((len(points), 2), dtype=complex)
-    sine[:, 1] = points.amplitude
+    sine = sine_motion(points.omega, points.amplitude).harmonics
     equations = Equations(points.omega, points.force, sine, False, 1 / np.abs(points.force), np.zeros((0, 2)))
     matrix, right = equation_rows(equations, law, problem.given, values[list(law.nonlinear)])
     norm = np.sqrt(np.sum(matrix**2, axis=0))

@@ -30,11 +30,11 @@ from rsgen.identification.phase_resonance import (
 from rsgen.identification.repeats import gather_repeats
 from rsgen.identification.result import Estimate, Identification
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion, project
+from rsgen.motion import project, sine_motion
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
-from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.tolerances import samples_for
 from rsgen.units import per_mass_unit
 
 __all__ = ["identify_ratios"]
@@ -102,9 +102,7 @@ def _powers(points: Points, law: ForceLaw, values: Array) -> Array | None:
 
     Of a sine, what multiplies the stiffness by a factor and leaves the damping as it is.
     """
-    sine = np.zeros((len(points), 2), dtype=complex)
-    sine[:, 1] = points.amplitude
-    sample = law.along(Motion(points.omega, sine), values, SAMPLES_SWITCHED if law.switched else SAMPLES)
+    sample = law.along(sine_motion(points.omega, points.amplitude), values, samples_for(law.switched))
     size = points.amplitude
 
     def rows(force: Array) -> tuple[Array, Array, Array]:

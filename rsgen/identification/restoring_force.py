@@ -33,7 +33,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import solve_scaled
 from rsgen.identification.result import EquivalentCurve, Resonance, RestoringForce
-from rsgen.motion import Motion, project
+from rsgen.motion import Motion, project, sine_motion
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (
     CHANCE,
@@ -338,9 +338,8 @@ def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]
     law, response, omega = found.problem.law, surface.harmonics[:, 1], surface.omega
     if not isinstance(law, LawAtTwoPlaces) or surface.across is None:
         return np.abs(response), surface.force / response + found.mass * omega**2
-    fundamental = np.zeros((len(surface), 2), dtype=complex)
-    fundamental[:, 1] = response
-    here = law.here.law.along(Motion(omega, fundamental), found.values[law.here.places], SAMPLES_SWITCHED)
+    motion = sine_motion(omega, response)
+    here = law.here.law.along(motion, found.values[law.here.places], SAMPLES_SWITCHED)
     left = surface.force + found.mass * omega**2 * response - project(here.force, 1)
     return np.abs(surface.across[:, 1]), left / surface.across[:, 1]
 

@@ -15,9 +15,9 @@ from rsgen.identification.data import Points
 from rsgen.identification.fit import Fit
 from rsgen.identification.least_squares import Regression
 from rsgen.identification.misfit import severity_of
-from rsgen.motion import Motion, cycle_work, project
+from rsgen.motion import Motion, cycle_work, project, sine_motion
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
-from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES, SAMPLES_SWITCHED, TURNED
+from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES_SWITCHED, TURNED, samples_for
 
 __all__ = [
     "aside_findings",
@@ -186,7 +186,7 @@ def _signs_at(place: Place, values: Array, basis: Array, sensors: str) -> list[F
     motion = place.motion.select(moving)
     if not len(motion):
         return []
-    samples = max(SAMPLES_SWITCHED if place.law.switched else SAMPLES, 8 * len(motion.orders))
+    samples = max(samples_for(place.law.switched), 8 * len(motion.orders))
     sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
     size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
     by_stiffness = _stacked([(project(by, 1) / size).real for by in sample.by_parameter], size)
@@ -219,8 +219,7 @@ def runs_away(fit: Fit) -> bool:
     if not size.size or not np.isfinite(size).all():
         return True
     omega = np.median(fit.problem.observed.points.omega)
-    sine = np.array([[0.0, _BEYOND * float(size.max())]], dtype=complex)
-    motion = Motion(np.array([omega]), sine)
+    motion = sine_motion(np.array([omega]), _BEYOND * size.max(keepdims=True))
     force = fit.problem.law.along(motion, fit.values, SAMPLES_SWITCHED).force
     return not bool(project(force, 1)[0].real > 0)
 

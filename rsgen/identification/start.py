@@ -24,8 +24,9 @@ from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.motion import sine_motion
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, SAMPLES, SAMPLES_SWITCHED, START_ORDER
+from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, START_ORDER, samples_for
 
 __all__ = [
     "point_misfit",
@@ -308,8 +309,7 @@ def _start_amplitudes(
     """
     lag = _guessed(points)
     force = np.abs(points.force)
-    harmonics = np.zeros((len(points), 2), dtype=complex)
-    harmonics[:, 1] = points.amplitude
+    harmonics = sine_motion(points.omega, points.amplitude).harmonics
     best = np.inf
     start: Solution | None = None
     for _ in range(rounds):
@@ -327,7 +327,7 @@ def _start_amplitudes(
 
 
 def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
-    samples = SAMPLES_SWITCHED if law.switched else SAMPLES
+    samples = samples_for(law.switched)
     start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
     return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.oscillator import total_force
 from rsgen.ranking.balance import Rows
 
 __all__ = ["Fitted", "Guess", "fit_rows"]
@@ -61,7 +62,7 @@ class Guess:
     @property
     def force(self) -> sympy.Expr:
         """n(x, v) [N]."""
-        return sympy.Add(*(element.force for element in self.elements))
+        return total_force(self.elements)
 
     @property
     def law(self) -> ForceLaw:
