@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -326,6 +326,7 @@ def _source(
     )
 
 
+@cache
 def _template() -> jinja2.Template:
     """Load the template of a kernel's source."""
     import jinja2  # only generation needs it

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
@@ -46,6 +47,7 @@ def cache_fault() -> str | None:
         return f"{cache_folder()}: {fault}"
 
 
+@lru_cache(maxsize=256)
 def _key(source: str) -> str:
     parts = (_FORMAT, source, version("numba"), version("llvmlite"), *host(), sys.implementation.cache_tag)
     return hashlib.sha256("\n".join(str(part) for part in parts).encode()).hexdigest()[:32]
