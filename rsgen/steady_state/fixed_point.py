@@ -157,10 +157,12 @@ def find_fixed_points(
     steps: NDArray[np.int64],
     tolerance: float,
     least: Array,
+    *,
+    spared: bool = False,
 ) -> FixedPoints:
     """Look for fixed points near ``y``; found: the last correction is below ``tolerance`` of the size.
 
-    ``least`` (k,) [m] is the least size of a motion.
+    ``least`` (k,) [m] is the least size of a motion; ``spared`` says that a Jacobian serves two steps.
     """
     k = len(points)
     y = y.copy()
@@ -168,8 +170,8 @@ def find_fixed_points(
     found = np.zeros(k, dtype=bool)
     reach = 10 * (norm(y) + least)
     active, here, everybody = np.arange(k), y, True
-    # more states make a Jacobian dear, and it serves the next step as well
-    spared = len(y) > 2
+    # more states make a Jacobian dear
+    spared = spared or len(y) > 2
     slope = jacobian
     for turn in range(_ITERATIONS):
         size = np.maximum(norm(here), least)

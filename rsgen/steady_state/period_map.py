@@ -11,6 +11,7 @@ from rsgen.arrays import Array
 from rsgen.kernel import Integrated, Kernel
 from rsgen.steady_state.loop_memory import LoopMemory
 from rsgen.steady_state.memory_units import Stiffness
+from rsgen.steady_state.sticking import Sticking
 
 __all__ = ["PeriodMap"]
 
@@ -39,6 +40,7 @@ class PeriodMap:
     units: Array | None = None
     memory: LoopMemory | None = None
     stiffness: Stiffness | None = None
+    sticking: Sticking | None = None
 
     def of(self, points: Indices) -> PeriodMap:
         """The maps of some of the points."""
@@ -104,7 +106,7 @@ class PeriodMap:
     ) -> Integrated:
         size = len(y)
         if self.units is not None:
-            y = y * self.units[:, None]
+            y = y * self.units[:size, None]
         if self.memory is not None:
             y = self.memory.joined(points, y, transient=transient)
         moved = self.kernel.integrate(
@@ -114,8 +116,8 @@ class PeriodMap:
         if self.memory is not None:
             if transient:
                 self.memory.keep(points, moved.state)
-            moved = replace(moved, state=moved.state[:size])
+            moved = replace(moved, state=moved.state[:size], history=moved.history[:, :size])
         if self.units is not None:
-            moved.state[:] /= self.units[:, None]
-            moved.history[:] /= self.units[:, None]
+            moved.state[:] /= self.units[:size, None]
+            moved.history[:] /= self.units[:size, None]
         return moved

@@ -7,13 +7,21 @@ basin, and no further transient could lead elsewhere. All others are carried on,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.steady_state.fixed_point import attraction, find_fixed_points, jacobians, norm, times
+from rsgen.steady_state.fixed_point import (
+    FixedPoints,
+    attraction,
+    find_fixed_points,
+    jacobians,
+    norm,
+    times,
+)
+from rsgen.steady_state.loop_memory import HeldMemory, LoopMemory
 from rsgen.steady_state.period_map import Indices, PeriodMap
 from rsgen.steady_state.step_grid import grid_above
 
@@ -114,29 +122,27 @@ def _accept(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
     """Record the points whose fixed point is certain; True for these."""
+    if period_map.sticking is None:
+        return _accept_any(period_map, result, active, y, history, least)
+    settled = _accept_sticking(period_map, result, active, y, history, least)
+    left = np.flatnonzero(~settled)
+    settled[left] = _accept_any(
+        period_map, result, active[left], y[:, left], history[:, :, left], least[left]
+    )
+    return settled
+
+
+def _accept_any(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
+) -> NDArray[np.bool_]:
     steps = result.steps[active]
     fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, least)
-    size = np.maximum(norm(fixed.y), least)
-    earlier, away = history[0] - fixed.y, y - fixed.y
-    departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
-    distance, inside = norm(earlier), attraction(fixed.jacobian)
-    linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
-    sure = fixed.found & linear & (inside > 0)
+    hidden = np.zeros(len(active), dtype=bool)
     if period_map.memory is not None:
         # loops within the loop are not those of the closed loop alone
-        sure &= ~period_map.memory.has_inner_loops(active)
-    faint = np.flatnonzero(sure & (inside < _FAINT))
-    if len(faint):
-        # the integration itself damps a little: look with steps so fine that it does not
-        fine = np.maximum(_FAINT_STEPS, steps[faint])
-        _, jacobian = jacobians(
-            period_map, active[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
-        )
-        sure[faint] = attraction(jacobian) > _NEUTRAL
-    wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
-    if len(wide):
-        around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
-        sure[wide] = _is_linear_around(period_map, active[wide], around, slope, away[:, wide], steps[wide])
+        hidden = period_map.memory.has_inner_loops(active)
+    sure = _is_reached(period_map, active, fixed, y, history, least, steps, ~hidden)
+    size = np.maximum(norm(fixed.y), least)
     still = ~sure & (norm(y - history[1]) <= _STILL * size) & (norm(y - history[0]) <= _STILL * size)
     settled = np.asarray(sure | still)
     if sure.all():
@@ -146,6 +152,91 @@ def _accept(
         result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
     result.outcome[active[settled]] = SETTLED
     return settled
+
+
+def _accept_sticking(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
+) -> NDArray[np.bool_]:
+    """Record the points at which nothing slips any more, on the way to the steady state and in it."""
+    memory, sticking, settled = period_map.memory, period_map.sticking, np.zeros(len(active), dtype=bool)
+    if memory is None or sticking is None:
+        return settled
+    layout, first = memory.layout, memory.layout.first
+    middle, offset = memory.middle(active, sticking.slope)
+    here = np.flatnonzero(sticking.reaches(middle, y[first], y[first + 1]))
+    if not len(here):
+        return settled
+    points, middle, offset, steps = active[here], middle[here], offset[here], result.steps[active[here]]
+    before, history, least, all_here = (
+        y[:first, here],
+        history[:, :first, here],
+        least[here],
+        np.arange(len(here)),
+    )
+    held = replace(period_map.of(points), memory=HeldMemory.at(layout, middle, offset))
+    fixed = find_fixed_points(held, all_here, before, steps, _TOLERANCE, least, spared=True)
+    peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak
+    # later beats bring the greatest of both together
+    still = _swing(before - fixed.y, fixed.jacobian)
+    stays = sticking.reaches(middle, peak[:, 0] + still, peak[:, 1] - still)
+    sure = np.flatnonzero(_is_reached(held, all_here, fixed, before, history, least, steps, stays))
+    # the same as a closed loop, as all that follows has it
+    points, peak, least, steps = points[sure], peak[sure], least[sure], steps[sure]
+    force = offset[sure] + sticking.slope * (peak.mean(axis=1) - middle[sure])
+    closed = LoopMemory.closed(layout, force[None])
+    start = np.concatenate([fixed.y[:, sure], peak.T])
+    alone = replace(period_map.of(points), memory=closed)
+    found = find_fixed_points(alone, np.arange(len(points)), start, steps, _TOLERANCE, least)
+    same = norm(found.y[:first] - start[:first]) <= _TOLERANCE * np.maximum(norm(start[:first]), least)
+    kept = np.flatnonzero(found.found & same)
+    result.y[:, points[kept]], result.jacobian[:, :, points[kept]] = (
+        found.y[:, kept], found.jacobian[:, :, kept],
+    )  # fmt: skip
+    memory.put(points[kept], closed.of(kept))
+    result.outcome[points[kept]] = SETTLED
+    settled[here[sure[kept]]] = True
+    return settled
+
+
+def _swing(away: Array, jacobian: Array) -> Array:
+    """(k,) amplitude of the displacement of free vibrations that begin with ``away`` (D, k).
+
+    Their path is an ellipse in displacement and velocity, whose axes the map of a period tells.
+    """
+    square = -np.divide(jacobian[0, 1], jacobian[1, 0], out=-np.ones(len(away[0])), where=jacobian[1, 0] != 0)
+    return np.asarray(np.hypot(away[0], np.sqrt(np.where(square > 0, square, 1.0)) * away[1]))
+
+
+def _is_reached(
+    period_map: PeriodMap,
+    points: Indices,
+    fixed: FixedPoints,
+    y: Array,
+    history: Array,
+    least: Array,
+    steps: NDArray[np.int64],
+    possible: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """(k,) where the motion will go on to its fixed point, among those where it is possible."""
+    size = np.maximum(norm(fixed.y), least)
+    earlier, away = history[0] - fixed.y, y - fixed.y
+    departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
+    distance, inside = norm(earlier), attraction(fixed.jacobian)
+    linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
+    sure = fixed.found & linear & (inside > 0) & possible
+    faint = np.flatnonzero(sure & (inside < _FAINT))
+    if len(faint):
+        # the integration itself damps a little: look with steps so fine that it does not
+        fine = np.maximum(_FAINT_STEPS, steps[faint])
+        _, jacobian = jacobians(
+            period_map, points[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
+        )
+        sure[faint] = attraction(jacobian) > _NEUTRAL
+    wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
+    if len(wide):
+        around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
+        sure[wide] = _is_linear_around(period_map, points[wide], around, slope, away[:, wide], steps[wide])
+    return sure
 
 
 def _is_linear_around(

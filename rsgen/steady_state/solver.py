@@ -19,6 +19,7 @@ from rsgen.steady_state.period_map import PeriodMap
 from rsgen.steady_state.refinement import refine
 from rsgen.steady_state.settling import COARSE, SETTLED, settle
 from rsgen.steady_state.solution import SteadyStates
+from rsgen.steady_state.sticking import Sticking
 
 __all__ = ["ACCURACY", "HARMONICS", "LOCATED", "solve_steady_states"]
 
@@ -73,11 +74,13 @@ def solve_steady_states(
     parts = np.column_stack([F.real, F.imag])
     omega = 2 * np.pi * f
     units, stiffness = units_of_states(oscillator, F, omega), Stiffness.of(oscillator)
+    sticking = Sticking.of(oscillator)
 
     def solve(batch: slice) -> SteadyStates:
         period_map = PeriodMap(
-            kernel, oscillator.mass, values, parts[batch], omega[batch], units, stiffness=stiffness
-        )
+            kernel, oscillator.mass, values, parts[batch], omega[batch], units,
+            stiffness=stiffness, sticking=sticking,
+        )  # fmt: skip
         return _solve_batch(period_map, coarse, None if y is None else y[batch], harmonics, accuracy)
 
     done = map_batches(solve, len(f))
@@ -124,13 +127,13 @@ def _solve_batch(
             again = settle(few, y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE)
             refined.replace(lost, refine(few, again, harmonics, accuracy))
             if memory is not None and few.memory is not None:
-                memory.rows[:, lost] = few.memory.rows
+                memory.put(lost, few.memory)
     state = refined.y.T.copy()
     if units is not None:
         state *= units
     state[:, 1] *= omega
     if memory is not None:
-        state = np.hstack([state, memory.offsets(np.arange(len(omega))).T])
+        state = np.hstack([state, memory.offsets.T])
     unsettled = np.flatnonzero(refined.outcome)
     refined.harmonics[unsettled] = complex(np.nan, np.nan)
     refined.peak[unsettled] = np.nan
