@@ -8,8 +8,10 @@ import sys
 import time
 from math import ceil
 
-__all__ = ["MEMORY_STATUS", "command", "confine", "environment"]
+__all__ = ["MEMORY_STATUS", "READY", "command", "confine", "environment"]
 
+READY = b"ready\n"
+"""What such a process says once it is confined, before it opens anything."""
 MEMORY_STATUS = "/proc/self/statm"
 """Where Linux says how much memory a process has; other systems do not, and no limit above that is set."""
 _PROGRAM = (

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError, RsgenError
 from rsgen.history.record import TimeHistory, sampling_rate
+from rsgen.surface.columns import QUANTITIES
 from rsgen.units import quantity, sensor_unit
 
 __all__ = ["from_sep5", "to_sep5"]
@@ -21,7 +22,6 @@ __all__ = ["from_sep5", "to_sep5"]
 _NEEDED = ("data", "name", "unit_str")
 _KNOWN = (*_NEEDED, "fs", "time", "unit_tex", "start_timestamp", "start_timestamp_format")
 _PROHIBITED = ("unit", "timestamp", "signal", "sample_frequency")
-_RESPONSES = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 _CODES = {"force": "f", "acceleration": "a", "velocity": "v", "displacement": "d"}
 """Codes of quantities, an optional field of the family's own checks (sdypy-sep005)."""
 _SAME_RATE = 1e-9
@@ -139,7 +139,7 @@ def from_sep5(
             known = ", ".join(f"{other!r:.40}" for other in list(named)[:8])
             raise MeasurementError(f"SEP 5: no channel is called {name!r:.40}; known: {known}")
     moved = named[response]
-    factors = {word: _factor(moved, unit) for word, unit in _RESPONSES.items()}
+    factors = {word: _factor(moved, unit) for word, unit in QUANTITIES.items()}
     kind, factor = next(((w, f) for w, f in factors.items() if f is not None), ("", None))
     if factor is None:
         raise MeasurementError(
@@ -180,7 +180,7 @@ def to_sep5(history: TimeHistory) -> list[dict[str, Any]]:
     [('velocity', 'm/s', 100.0)]
     """
     parts = [] if history.force is None else [("force", history.force, "N")]
-    parts.append((history.quantity, history.response, _RESPONSES[history.quantity]))
+    parts.append((history.quantity, history.response, QUANTITIES[history.quantity]))
     return [
         {"data": data, "fs": history.rate, "name": name, "unit_str": unit, "quantity": _CODES[name]}
         for name, data, unit in parts

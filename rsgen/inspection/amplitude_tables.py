@@ -35,12 +35,12 @@ from rsgen.inspection.motions import write_base, write_motions
 from rsgen.inspection.quantities import place_of, unit_of_force
 from rsgen.inspection.sensors import Sensor, find_sensors, fundamentals, is_of_another
 from rsgen.measurement.address import natural_order
+from rsgen.measurement.plan import HERTZ
 from rsgen.measurement.tree import Entry
 from rsgen.units.quantities import UNKNOWN
 
-__all__ = ["HERTZ", "propose_amplitudes"]
+__all__ = ["propose_amplitudes"]
 
-HERTZ = ("Hz", "kHz", "mHz", "rad/s", "rpm")
 _NO_MOTION = ~IS_MOTION & ~QUOTIENT
 _NAMED = 6
 """Columns that are left out and named; others are counted."""
@@ -217,7 +217,7 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
     elif runs is not None:
         guess.run = runs[:2]
         guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
-    unit = {"unit": frequency.unit} if frequency.unit in HERTZ[1:] else {}
+    unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
     if ANGULAR(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
         guess.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsgen.inspection.amplitude_tables import HERTZ, propose_amplitudes
+from rsgen.inspection.amplitude_tables import propose_amplitudes
 from rsgen.inspection.clues import (
     ANGULAR,
     EVEN,
@@ -26,8 +26,8 @@ from rsgen.inspection.clues import (
 from rsgen.inspection.column_levels import levels_in_columns
 from rsgen.inspection.guess import Guess
 from rsgen.inspection.siblings import siblings_of
-from rsgen.inspection.time_histories import SECONDS, propose_history
-from rsgen.measurement.plan import Layout
+from rsgen.inspection.time_histories import propose_history
+from rsgen.measurement.plan import HERTZ, SECONDS, Layout
 from rsgen.measurement.tree import Contents, Entry
 
 __all__ = ["Proposal", "propose"]

@@ -27,12 +27,12 @@ from rsgen.inspection.guess import Guess
 from rsgen.inspection.motions import write_base, write_motions
 from rsgen.inspection.quantities import unit_of_force
 from rsgen.inspection.sensors import Sensor
+from rsgen.measurement.plan import SECONDS
 from rsgen.measurement.tree import Entry
 from rsgen.units.quantities import UNKNOWN
 
-__all__ = ["SECONDS", "propose_history"]
+__all__ = ["propose_history"]
 
-SECONDS = ("s", "ms", "us")
 _NAMED = 6
 """Arrays that are left out and named."""
 _NOTHING = Clue(lambda _: False)
@@ -53,7 +53,9 @@ def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
         return _longest(guess)
     if time is not None:
         table: dict[str, Any] = {"column": guess.address(time)}
-        guess.tables["test.time"] = table | ({"unit": time.unit} if time.unit in SECONDS[1:] else {})
+        guess.tables["test.time"] = table | (
+            {"unit": time.unit} if time.unit in SECONDS and time.unit != "s" else {}
+        )
         return time.size
     guess.tables["test.time"] = (
         {"rate": f"{UNKNOWN} Hz"} if rate is None else {"rate_column": guess.address(rate)}

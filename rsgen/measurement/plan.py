@@ -32,14 +32,14 @@ from rsgen.measurement.signals import (
 from rsgen.units import quantity, sensor_factor, sensor_unit
 
 __all__ = [
-    "HERTZ", "LABEL", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
+    "HERTZ", "LABEL", "SECONDS", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
     "Signal", "SweepRule",
 ]  # fmt: skip
 
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"
 """The unit of levels that are names of runs: of none."""
@@ -186,7 +186,7 @@ class HistoryRule(Checked):
     @property
     def factor(self) -> float:
         """The column's numbers times this are seconds."""
-        return _SECONDS[self.unit] if self.time is not None else 1.0
+        return SECONDS[self.unit] if self.time is not None else 1.0
 
 
 @documented

@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.confined import MEMORY_STATUS, command, environment
+from rsgen.confined import MEMORY_STATUS, READY, command, environment
 from rsgen.errors import MeasurementError, printable
 from rsgen.measurement.data_files import check_digest, file_label, open_regular
 from rsgen.measurement.tree import Channel, Contents, Entry, array_bytes, largest_bytes
@@ -35,7 +35,6 @@ ends sooner, after a second of work or some of a text, but only where the system
 UNCOUNTED = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
 _TEXTS = ("lvm", "xlsx")
-_READY = b"ready\n"
 _WORKER = "rsgen.measurement.sandbox_worker"
 _EXTRAS = {"tdms": ("nptdms", "TDMS files"), "xlsx": ("openpyxl", "Excel workbooks")}
 """Formats that need a package of their own; the extra that brings it is called as the format."""
@@ -106,7 +105,7 @@ class _Process:
         return line
 
     def answer(self) -> dict[str, Any]:
-        if self.line() != _READY:
+        if self.line() != READY:
             raise self.broken()
         self.clock.cancel()
         self.clock = self.start(self.seconds)

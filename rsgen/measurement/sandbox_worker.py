@@ -21,12 +21,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.confined import confine
+from rsgen.confined import READY, confine
 from rsgen.errors import MeasurementError
 from rsgen.measurement.address import find, select
 from rsgen.measurement.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
 
-__all__ = ["FORMATS", "READY", "main"]
+__all__ = ["FORMATS", "main"]
 
 FORMATS = {
     "mat": ("rsgen.measurement.matlab", "walk_matlab"),
@@ -39,7 +39,6 @@ FORMATS = {
     "xlsx": ("rsgen.measurement.xlsx", "walk_xlsx"),
     "wav": ("rsgen.measurement.wav", "walk_wav"),
 }
-READY = b"ready\n"
 _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 _SECONDS = 1.0

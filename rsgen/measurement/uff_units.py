@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from rsgen.measurement.uff_meaning import FORCES
+
 __all__ = ["SI", "UnitSystem", "axis_unit", "unit_system"]
 
 _LENGTHS = {
@@ -26,7 +28,6 @@ _SYSTEMS = {
 _ROUNDED = 1e-4
 """Relative error of a factor that names a unit all the same: writers print four digits and more."""
 _PER_TIME = {8: "", 11: "/s", 12: "/s^2"}
-_FORCE_KINDS = (9, 13)
 _PER_FORCE = re.compile(r"/\s*(?:[kmcuµM]?N|lbf?|kgf|kp|dyne?)\Z")
 
 
@@ -87,7 +88,7 @@ def _unit(kind: int, label: str, system: UnitSystem) -> tuple[str, str]:
         return label, "axis label"
     if kind in _PER_TIME:
         return system.length and system.length + _PER_TIME[kind], system.source
-    return (system.force, system.source) if kind in _FORCE_KINDS else ("", "")
+    return (system.force, system.source) if kind in FORCES else ("", "")
 
 
 def axis_unit(ordinate: tuple[int, str], over: tuple[int, str], system: UnitSystem) -> tuple[str, str]:
@@ -105,7 +106,7 @@ def axis_unit(ordinate: tuple[int, str], over: tuple[int, str], system: UnitSyst
     Unit, "" where it is not known; and its source, or why it is not known.
     """
     unit, source = _unit(*ordinate, system)
-    if over[0] not in _FORCE_KINDS or _PER_FORCE.search(unit) or not source:
+    if over[0] not in FORCES or _PER_FORCE.search(unit) or not source:
         return unit, source
     force, origin = _unit(*over, system)
     if not (unit and force):

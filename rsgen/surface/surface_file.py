@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from rsgen.confined import command, environment
+from rsgen.confined import READY, command, environment
 from rsgen.errors import MeasurementError, RsgenError, printable, require
 from rsgen.finding import Finding
 from rsgen.output import write_atomic
@@ -117,7 +117,7 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
         if process.stdout:
             process.stdout.close()
     try:
-        answer = json.loads(said.removeprefix(b"ready\n"))
+        answer = json.loads(said.removeprefix(READY))
     except (ValueError, RecursionError):
         answer = {
             "fault": "cannot be read as a response surface: the HDF5 library found no end or broke down"

@@ -18,12 +18,11 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from rsgen.confined import confine
+from rsgen.confined import READY, confine
 from rsgen.errors import MeasurementError
 
-__all__ = ["READY", "main"]
+__all__ = ["main"]
 
-READY = b"ready\n"
 _SECONDS = 2.0
 """Of work: a good file takes a hundredth of it, whatever its size, for no numbers are read."""
 _MEMORY_BYTES = 64 * 2**20
