@@ -13,6 +13,7 @@ from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.law.numeric import ForceLaw
 from rsgen.multisine.spectra import SMOOTHED, smooth
+from rsgen.multisine.steady import HALVINGS, SMALL
 from rsgen.tolerances import CHANCE, EXCESS, GAIN, GROUPS
 
 __all__ = [
@@ -30,10 +31,6 @@ _ROUNDS = 3
 """Fits, each with the weights of the one before: two settle them, the others see to it."""
 _STEPS = 40
 """Gauss-Newton steps of a fit."""
-_HALVINGS = 6
-"""Halvings of a step that does not lower the misfit."""
-_SMALL = 1e-11
-"""Relative step of every parameter at which the fit has converged."""
 _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
 _DIGITS = 1e-26
@@ -147,7 +144,7 @@ def _descend(
         before, expected = float(right @ right), float(np.sum((right - matrix @ change) ** 2))
         if (before - expected) * len(right) < GAIN * expected:
             return values, mass, balance, True
-        for part in 0.5 ** np.arange(_HALVINGS):
+        for part in 0.5 ** np.arange(HALVINGS):
             moved = values + part * change[: len(values)]
             heavier = mass + part * float(change[-1]) if given is None else mass
             trial = Balance.of(lines, law, moved, heavier, noise)
@@ -159,7 +156,7 @@ def _descend(
             return values, mass, balance, True
         relative = np.abs(part * change) / np.maximum(np.abs(size), 1e-300)
         exact = not law.nonlinear and (lines.spectra.mean_known or law.odd)
-        if exact or float(np.max(relative, initial=0.0)) < _SMALL:
+        if exact or float(np.max(relative, initial=0.0)) < SMALL:
             return values, mass, balance, True
     return values, mass, balance, False
 

@@ -43,6 +43,7 @@ from rsgen.law.numeric import compile_law
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.surface.amounts import HALF_POWER
 from rsgen.tolerances import ANY_LAW, EXCESS, NORMAL, POOR
 
 __all__ = ["modal_table"]
@@ -53,9 +54,6 @@ _MOST = 800
 
 _ROWS = 21
 """Of the table: neighbours differ by a tenth of a decade where a test spans two."""
-
-_NEAR = np.sqrt(0.5)
-"""Sine of the lag at the half-power points, 45 degrees from resonance: there damping is half of the force."""
 
 
 def modal_table(
@@ -133,7 +131,7 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
             force = np.abs(mode.force) * np.exp(1j * np.angle(found.force))
             mode = replace(mode, force=force, harmonics=np.abs(mode.harmonics).astype(np.complex128))
     stiffness = mode.force / mode.harmonics[:, 1]
-    near = np.abs(stiffness.imag) > _NEAR * np.abs(stiffness)
+    near = np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness)
     if np.count_nonzero(near) < FEWEST:
         raise RsgenError(
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "

@@ -19,7 +19,7 @@ from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import harmonics_of, waveform
 
-__all__ = ["OVERSAMPLED", "PeriodicResponse", "periodic_response"]
+__all__ = ["HALVINGS", "OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
 
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
@@ -36,12 +36,12 @@ _SETTLED = 1e-2
 """Change from period to period, relative, at which Newton's method takes over."""
 _STEPS = 30
 """Newton steps."""
-_SMALL = 1e-11
-"""Relative step at which the motion has converged."""
+SMALL = 1e-11
+"""Relative step at which a motion, or a fit to its lines, has converged."""
 _INNER = 1e-4
 """Accuracy of the linear solution of a step: Newton's own error is larger until the last steps."""
-_HALVINGS = 6
-"""Halvings of a step that does not lower the residual."""
+HALVINGS = 6
+"""Halvings of a step that does not lower the residual or the misfit."""
 _AT_ROUND_OFF = 1e-10
 """Residual relative to the force below which a step that gains nothing is round-off."""
 _SWITCHED = 1e-5
@@ -146,7 +146,7 @@ def _newton(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     for _ in range(_STEPS):
         change = _solve(problem, sample, left)
         before = float(np.linalg.norm(left))
-        for part in 0.5 ** np.arange(_HALVINGS):
+        for part in 0.5 ** np.arange(HALVINGS):
             moved = motion + part * change
             trial, at = problem.residual(moved)
             if float(np.linalg.norm(trial)) < before:
@@ -155,10 +155,10 @@ def _newton(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
         else:
             return PeriodicResponse(motion, before / size, before / size < enough)
         moving = float(np.linalg.norm(part * change)) / max(float(np.linalg.norm(motion)), 1e-300)
-        if moving < _SMALL:
+        if moving < SMALL:
             break
     reached = float(np.linalg.norm(left)) / size
-    return PeriodicResponse(motion, reached, moving < _SMALL or reached < enough)
+    return PeriodicResponse(motion, reached, moving < SMALL or reached < enough)
 
 
 def _solve(problem: _Problem, sample: ForceSample, right: ComplexArray) -> ComplexArray:

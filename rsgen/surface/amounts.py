@@ -11,10 +11,11 @@ from rsgen.arrays import Array
 if TYPE_CHECKING:
     from rsgen.surface.response_surface import ResponseSurface
 
-__all__ = ["match_level", "typical_amounts"]
+__all__ = ["HALF_POWER", "match_level", "typical_amounts"]
 
-_NEAR = 1 / np.sqrt(2)
-"""Points of at least this share of the largest amplitude are near the resonance: within half power."""
+HALF_POWER = 1 / np.sqrt(2)
+"""Points of at least this share of the largest amplitude, or whose lag has a sine as large (45 degrees off a
+quarter period), are near the resonance: within half power."""
 _EXACT = 1e-6
 """A measured amount that differs from the nominal level by less, relatively, is the level: round-off."""
 _PRINTED = 3
@@ -34,7 +35,7 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
         at = np.flatnonzero(good & (surface.level == level))
         if not len(at):
             continue
-        near = at[size[at] >= _NEAR * size[at].max()]
+        near = at[size[at] >= HALF_POWER * size[at].max()]
         value = float(np.median(size[at] if surface.response_held else force[near]))
         found[number] = level if abs(value - level) <= _EXACT * abs(level) else value
     return found
