@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from rsgen.simulation.multisine import MultisineTest
 from rsgen.simulation.simulate import simulate
-from rsgen.simulation.verification import Verification, verify
 from rsgen.simulation.virtual_test import SimulatedTest
 
-__all__ = ["MultisineTest", "SimulatedTest", "Verification", "simulate", "verify"]
+__all__ = ["MultisineTest", "SimulatedTest", "simulate"]
