@@ -15,6 +15,7 @@ from rsgen.errors import RsgenError, require
 from rsgen.expression.memory import remembers
 from rsgen.finding import Finding, quantities
 from rsgen.identification import Estimate, Identification
+from rsgen.law.interchangeable import in_order
 from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
@@ -166,7 +167,7 @@ def compare(
         What was identified.
     truth
         True values by parameter name, "m" for the mass, or an oscillator; None or a part where they are not
-        known.
+        known. Those of equal terms, such as two sliders, are put in the order of the estimates.
     accept
         Largest relative error of the refined estimate, by parameter name or by a name of FORCE_KEYS.
 
@@ -206,6 +207,8 @@ def compare(
         blind += missing
     if blind:
         raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
+    # no test says which of equal terms is which
+    truth = in_order(identification.model.force, truth)
     rows = []
     for found in zip(estimates, identification.paper, identification.first_order, strict=True):
         name = found[0].name

@@ -27,6 +27,7 @@ from rsgen.identification.line_fit import (
 from rsgen.identification.line_start import start_values
 from rsgen.identification.misfit import severity_of
 from rsgen.identification.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
+from rsgen.law.interchangeable import put_in_order
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
@@ -99,7 +100,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.mass)
-        fit = fit_lines(lines, law, model.mass, values, mass)
+        fit = fit_lines(lines, law, model.mass, put_in_order(law, values), mass)
         return _judge(spectra, lines, law, model, fit)
 
 

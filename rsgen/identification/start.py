@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
+from rsgen.identification.across import LawAtTwoPlaces
 from rsgen.identification.asymmetric import start_asymmetric
 from rsgen.identification.data import Points
 from rsgen.identification.equations import Equations, equation_rows
@@ -23,6 +24,7 @@ from rsgen.identification.least_squares import determined, solve_scaled
 from rsgen.identification.observed import Shape
 from rsgen.identification.search import search_nonlinear
 from rsgen.law.element import make_element
+from rsgen.law.interchangeable import put_in_order
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.motion import sine_motion
 from rsgen.surface import ResponseSurface
@@ -118,7 +120,11 @@ def _nonlinear_columns(
 
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
     """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
-    return start_asymmetric(problem, _start_first_order(problem))
+    start = _start_first_order(problem)
+    if not isinstance(problem.law, LawAtTwoPlaces):
+        values, mass, background = problem.split(start)
+        start = problem.join(put_in_order(problem.law, values), mass, background)
+    return start_asymmetric(problem, start)
 
 
 def _start_first_order(problem: Problem) -> Array:

@@ -12,6 +12,7 @@ from rsgen.errors import ExpressionError
 from rsgen.expression import symbol, write
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.finding import Finding
+from rsgen.law.interchangeable import equal_terms
 from rsgen.law.memory import memory_form
 
 __all__ = ["law_remarks", "refuse_library_names"]
@@ -36,7 +37,7 @@ _ROUND_OFF = 1e-9
 
 
 def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
-    """Find constant forces, loops that give energy, and virgin curves that do not stay positive.
+    """Find constant forces, loops that give energy, virgin curves that do not stay positive, equal terms.
 
     Examples
     --------
@@ -49,6 +50,20 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
     return (
         *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
         *_curves(force),
+        *(_order(group) for group in equal_terms(force)),
+    )
+
+
+def _order(group: tuple[tuple[str, ...], ...]) -> Finding:
+    names = sorted(group)
+    each = [names_of_one[0] for names_of_one in names]
+    return Finding(
+        "equal-terms",
+        "info",
+        names={
+            "terms": " and ".join(f"({', '.join(names_of_one)})" for names_of_one in names),
+            "order": " <= ".join(each),
+        },
     )
 
 
