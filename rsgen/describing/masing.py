@@ -23,6 +23,7 @@ from rsgen.describing.closed import close
 from rsgen.describing.limits import Limit
 from rsgen.describing.powers import quarter
 from rsgen.describing.regimes import Reading, tidy
+from rsgen.describing.terms import HIGHEST_POWER
 from rsgen.describing.virgin import pieces_of
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.names import OMEGA, PHI, STATE_X, X0, X
@@ -30,9 +31,6 @@ from rsgen.law.pieces import NormalForm, Piece
 
 __all__ = ["ClosedMasing", "asymptotes", "close_masing"]
 
-
-HIGHEST_POWER = 40
-"""Whole powers behind a threshold beyond which are left to quadrature: their formulas would be pages long."""
 
 CANCELLED = 100.0
 """Size of the terms of a damping, relative to the stiffness, beyond which two digits of it are lost."""

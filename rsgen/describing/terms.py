@@ -12,7 +12,7 @@ from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
 from rsgen.describing.powers import over_quarters
 from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X
 
-__all__ = ["Addend", "read_addend"]
+__all__ = ["HIGHEST_POWER", "Addend", "read_addend"]
 
 
 HIGHEST_POWER = 40

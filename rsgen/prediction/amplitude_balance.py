@@ -31,12 +31,20 @@ _SMALLEST = 1e-4
 """Smallest amplitude of the table, relative to the largest tested."""
 
 _FINE = 25
+"""Amplitudes of each of three looks at an edge: every look divides the interval by 24."""
+
 _ROUNDS = 12
+"""Iterations to a frequency at most: stiffness and damping change little with it."""
+
 _CLOSE = 1e-7
 """Relative change at which a frequency is found."""
 
 _EXACT = 1e-8
+"""Relative error of the force at which a descent ends: far below the noise of any test."""
+
 _DESCENT = 40
+"""Newton steps at most: by a fifth each they reach a thousandth of the start, and a thousand times it."""
+
 _NEXT = 0.5
 """Newton steps from the measured amplitude that lead farther, relatively, have left its branch."""
 
