@@ -195,7 +195,8 @@ class MeasuredAcross:
         self._near = response.harmonics[:, 1]
         sensors = self._near, self._near - across.harmonics[:, 1]
         self._sensors = [_sine(self._omega, motion, self.samples) for motion in sensors]
-        self._noise: Array | None = None
+        self.noise: Array | None = None
+        """(n,) noise of the force with that of the motion across, relative to its own; None: not weighed."""
 
     def weigh(self, values: Array, mass: float, force: Array) -> None:
         """Follow the motion across as it was measured, and count its noise as the law at (p,) values does.
@@ -205,15 +206,15 @@ class MeasuredAcross:
         the motion across is as measured, expects D; that of the far one by n_a'. What both add to the noise
         of the measured (n,) force |F| counts. The weights stay from here on: no value gains by larger ones.
         """
-        self._noise, size, phase = np.ones(len(force)), np.abs(self._near), np.angle(self._near)
+        self.noise, size, phase = np.ones(len(force)), np.abs(self._near), np.angle(self._near)
         own = self(values, mass, size, phase).force_slope * np.exp(1j * phase)
         near, far = (self._moved(values, motion) for motion in self._sensors)
         more = np.abs(own + near) ** 2 - np.abs(own) ** 2 + np.abs(far) ** 2
-        self._noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
+        self.noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
 
     def forget_noise(self) -> None:
         """Let the motion across go with the response again."""
-        self._noise = None
+        self.noise = None
 
     def _moved(self, values: Array, motion: Waves) -> ComplexArray:
         """(n,) change of the force across with a part of the motion, by its logarithm."""
@@ -225,7 +226,7 @@ class MeasuredAcross:
 
     def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Evaluate at (p,) values, a mass [kg], (n,) amplitudes [m] and phases [rad] of the response."""
-        phase = None if self._noise is None else phase
+        phase = None if self.noise is None else phase
         here, there = self._sample(values, size, phase)
         back = np.ones(len(size), dtype=complex) if phase is None else np.exp(-1j * phase)
         inertia = -(self._omega**2) * size
@@ -246,7 +247,7 @@ class MeasuredAcross:
         made = Response(force, harmonics, slope, harmonics, force_by, none, valid)
         if phase is None:
             return made
-        return replace(made, force_phase=-1j * joint, force_noise=self._noise)
+        return replace(made, force_phase=-1j * joint, force_noise=self.noise)
 
     def _sample(self, values: Array, size: Array, phase: Array | None) -> tuple[ForceSample, ForceSample]:
         """Both parts of the law at amplitudes (n,) [m] of the response."""

@@ -15,6 +15,7 @@ from rsgen.identification.data import Points
 from rsgen.identification.descent import Descent
 from rsgen.identification.forward import Forward, HarmonicBalance
 from rsgen.identification.least_squares import Regression, fit
+from rsgen.identification.noise_across import pull_of_noise
 from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
 from rsgen.law.element import Element
@@ -128,6 +129,8 @@ class Fit:
         (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
     scale
         (n,) amplitude of the fundamental that the sensor sees [m].
+    force_noise
+        (n,) noise of the force with that of a motion across, relative to its own; None: not weighed.
     """
 
     problem: Problem
@@ -136,6 +139,7 @@ class Fit:
     harmonics: ComplexArray
     turn: Array
     scale: Array
+    force_noise: Array | None = None
 
     @property
     def values(self) -> Array:
@@ -175,6 +179,7 @@ class Fit:
             self.harmonics[chosen],
             self.turn[chosen],
             self.scale[chosen],
+            None if self.force_noise is None else self.force_noise[chosen],
         )
 
 
@@ -202,6 +207,7 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         motion.harmonics,
         regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
         np.abs(problem.observed.seen(response, values)),
+        response.force_noise,
     )
 
 
@@ -263,6 +269,9 @@ def fit_balance(
         found = fit(descent.linearise, *place, steps=steps, used=used, **common)
         if correct:
             found = descent.corrected(found)
+    if correct and isinstance(forward, MeasuredAcross) and forward.noise is not None:
+        pull = pull_of_noise(problem, found, forward.noise)
+        found = pull.taken_off(found) if pull else found
     return _finish(problem, descent, found)
 
 

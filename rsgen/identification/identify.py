@@ -31,6 +31,7 @@ from rsgen.identification.least_squares import Regression
 from rsgen.identification.left_out import left_out_findings
 from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.multisine import identify_multisine
+from rsgen.identification.noise_across import noise_across_findings
 from rsgen.identification.observed import Observed, shape_of
 from rsgen.identification.phase_resonance import resonance_findings, with_loop_error
 from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
@@ -270,6 +271,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     outcome = _outcome(surface, points, estimates, refined)
     about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
     about = (*about, *left_out_findings(refined, estimates))
+    about = (*about, *noise_across_findings(refined, estimates, misfits=misfits))
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(

@@ -226,3 +226,58 @@ def test_what_a_joint_lacks_is_sought_across_and_no_background_that_is_refused_i
     # what is left is the round-off of a law that is right; a cubic spring at the response leaves half
     assert misses["left"] < 0.02 * misses["misfit"]
     assert not [code for code in found if code.startswith(("background", "offset"))]
+
+
+FIRM = {"k": 22740.0, "c": 6.0, "kj": 24674.0, "cj": 2.0}
+"""In N/m and N s/m: 1 kg behind this joint resonates at 25 Hz."""
+
+
+def firm_joint(noise: float, seed: int = 0) -> rs.ResponseSurface:
+    """4 kg on a spring, driven; 1 kg behind a joint far stiffer than its inertia; both sensors have noise."""
+    omega, random = 2 * np.pi * np.tile(np.linspace(9.5, 13.5, 41), 4), np.random.default_rng(seed)
+    level = np.repeat([2.0, 6.0, 12.0, 20.0], 41)
+    joint = FIRM["kj"] + 1j * omega * FIRM["cj"]
+    ratio = joint / (joint - omega**2)
+    near = level / (FIRM["k"] + 1j * omega * FIRM["c"] - 4 * omega**2 - omega**2 * ratio)
+    draws = random.standard_normal((3, 2, len(omega))) / np.sqrt(2)
+    force, near, far = (
+        values * (1 + noise * (draw[0] + 1j * draw[1]))
+        for values, draw in zip((level, near, near * ratio), draws, strict=True)
+    )
+    across = np.stack([0 * near, near - far], axis=1)
+    return rs.ResponseSurface(level, omega / 2 / np.pi, force, near, across=across)
+
+
+SIMPLE = (
+    rs.make_element("wing", "k*x + c*v"),
+    rs.make_element("joint", "kj*x + cj*v", across="wing - payload"),
+)
+
+
+def test_noise_of_a_difference_of_sensors_does_not_pull_the_joint_to_zero():
+    inside, values = [], []
+    for seed in range(5):
+        found = rs.identify(firm_joint(3e-4, seed=seed), SIMPLE)
+        assert found.verdict.state == "identified"
+        values.append(found["kj"].value / FIRM["kj"] - 1)
+        inside += [e.interval[0] < (FIRM | {"m": 4.0})[e.name] < e.interval[1] for e in found]
+    # least squares alone: 2 % too small on the average
+    assert abs(np.mean(values)) < 0.006
+    assert np.mean(inside) > 0.7
+
+
+def test_a_joint_that_cannot_be_told_from_the_noise_of_its_sensors_is_doubted():
+    found = rs.identify(firm_joint(0.005), SIMPLE)
+    # the mass takes up what noise takes from the joint
+    assert found["m"].value > 5
+    said = {finding.code: finding for finding in found.verdict.decided_by}["noise-across"]
+    assert said["noise"] == pytest.approx(0.005, rel=0.2)
+    assert "the joint cannot be told from it" in rs.explain(found.verdict)
+
+
+def test_a_misfit_that_the_sensors_do_not_explain_is_doubted_where_harmonics_across_are_unknown():
+    surface = firm_joint(1e-4)
+    wavy = replace(surface, force=surface.force * (1 + 0.02 * np.sin(surface.frequency * 4)))
+    (said,) = (f for f in rs.identify(wavy, SIMPLE).verdict.decided_by if f.code == "misfit-across")
+    assert said["misfit"] > 0.005
+    assert said["noise"] == pytest.approx(1e-4, rel=0.2)

@@ -65,6 +65,11 @@ say_plainly(
             "{at:.0f} of {points:.0f} points have a response of {limit:.3q}, as a sensor or amplifier at the "
             "end of its range has"
         ),
+        "misfit-across": (
+            "the law leaves {misfit:.2p}, and the two sensors of {sensors} have {noise:.2p} of noise: "
+            "only the fundamental across was recorded, and a joint that bends this motion may fit with "
+            "values that are far off; noise of the difference may be more than the joint says, too"
+        ),
         "not-determined": "{parameter}: not determined by the points that this method uses",
         "shift-small": (
             "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
@@ -217,6 +222,14 @@ NEXT_STEPS.update(
             "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
             "frequencies at which the joint distorts the motion."
         ),
+        "misfit-across": (
+            "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
+            "frequencies at which the joint distorts the motion."
+        ),
+        "noise-across": (
+            "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
+            "which the joint moves more, or give what is known, such as the mass."
+        ),
         "stiffness-negative-across": _SENSE,
         "damping-negative-across": _SENSE,
         "stiffness-negative": _SIGN,
@@ -239,6 +252,22 @@ def _(found: Finding) -> str:
     return (
         f"{found.parameter}: only a combination with {partners} is identifiable; give one of them, or test "
         "wider"
+    )
+
+
+@says("noise-across")
+def _(found: Finding) -> str:
+    noise, part = (number_text(100 * found[name], 2) for name in ("noise", "part"))
+    text = (
+        f"the motion across {found.names['sensors']} is a difference of two sensors with {noise} % of noise, "
+        f"and noise makes up to {part} % of what the fit rests on"
+    )
+    if "moved" not in found.numbers:
+        return f"{text}: the joint cannot be told from it, and no value is what it seems"
+    moved, times = number_text(100 * found["moved"], 2), number_text(found["times"], 2)
+    return (
+        f"{text}: it was taken off, and moved {found.parameter} by {moved} %, {times} standard errors, more "
+        "than the noise is known for"
     )
 
 
