@@ -8,12 +8,11 @@ from math import isfinite, nan
 from typing import Any
 
 import numpy as np
-import sympy
 
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
-from rsgen.expression.memory import remembers
 from rsgen.finding import Finding, quantities
+from rsgen.force_keys import force_keys
 from rsgen.identification import Estimate, Identification
 from rsgen.law.interchangeable import in_order
 from rsgen.law.numeric import compile_law
@@ -23,17 +22,8 @@ from rsgen.prediction import Prediction
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.verdict import Verdict, reach_verdict
 
-__all__ = ["FORCE_KEYS", "Comparison", "Row", "compare", "force_keys", "verdict_of"]
+__all__ = ["Comparison", "Row", "compare", "verdict_of"]
 
-
-FORCE_KEYS = {
-    "stiffness_force": "stiffness force",
-    "damping_force": "damping force",
-    "loop_force": "loop force",
-}
-"""Keys of ``accept`` that judge a whole force, and its name: its largest deviation over the tested range,
-relative to its largest value. The stiffness force is n(x, 0), the damping force n(0, v); the force of a law
-with memory is that of its loops."""
 
 _FORCE_POINTS = 401
 
@@ -147,11 +137,6 @@ class Comparison(Printed):
         )
         heads = ("parameter", "true", "identified", "unit", "relative error", "tolerance", "verdict")
         return TextTable(heads, rows)
-
-
-def force_keys(force: sympy.Expr) -> tuple[str, ...]:
-    """Give the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
-    return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")
 
 
 def compare(

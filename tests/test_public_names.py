@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -89,7 +90,5 @@ def test_a_type_checker_sees_each_name_where_it_is_taken_from():
     seen = {alias.name: line.module for line in block.body for alias in line.names}
     assert sorted(seen) == PUBLIC
     for name, module in seen.items():
-        place = f"rsgen.{name}" if module == "rsgen" else module
-        assert (sys.modules[place] if module == "rsgen" else getattr(sys.modules[place], name)) is getattr(
-            rsgen, name
-        )
+        place = importlib.import_module(f"rsgen.{name}" if module == "rsgen" else module)
+        assert (place if module == "rsgen" else getattr(place, name)) is getattr(rsgen, name)

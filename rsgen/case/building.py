@@ -14,9 +14,9 @@ from rsgen.case.declared_test import make_measured, make_observation, make_simul
 from rsgen.case.document import Document, ElementTable
 from rsgen.case.naming import name_fault, suggest, text_fault
 from rsgen.case.tables import Maker, reason
-from rsgen.comparison import force_keys
 from rsgen.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.expression import check_name, parse, symbol, write
+from rsgen.force_keys import force_keys
 from rsgen.law.element import Element, make_element
 from rsgen.law.library import laws
 from rsgen.law.memory import memory_form

@@ -40,7 +40,7 @@ class Case:
         True values in SI by parameter, "m" [kg] included; None for a measured case.
     accept
         Largest relative error of the refined estimate, by parameter, "m", or a key of
-        ``comparison.FORCE_KEYS``.
+        ``force_keys.FORCE_KEYS``.
     printed
         "stiffness", "damping": formulas as the source prints them, in X, X0, omega and the parameters.
     units

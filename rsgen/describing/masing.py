@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 from numpy.typing import NDArray
-from scipy.special import beta, betainc
 
 from rsgen.arrays import Array
 from rsgen.describing.closed import close
@@ -58,6 +57,8 @@ class Partial:
 
     def evaluate(self, X_: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> Array:
         """Give the integral by the incomplete beta function (Abramowitz and Stegun, 6.6.1)."""
+        from scipy.special import beta, betainc  # a sixth of a second, for few laws
+
         power, threshold = compiled((self.power, self.threshold), names)(*values)
         share = np.clip(threshold / X_, 0.0, 1.0)
         return np.asarray(beta(power + 0.5, 0.5) * betainc(power + 0.5, 0.5, share) / 2)

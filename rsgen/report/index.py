@@ -12,9 +12,9 @@ from typing import Any
 from urllib.parse import quote
 
 import rsgen
-from rsgen.comparison import FORCE_KEYS
 from rsgen.errors import RsgenError
 from rsgen.figures import draw_thumbnail, quantity_text
+from rsgen.force_keys import FORCE_KEYS
 from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import inline_svg

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rsgen.comparison import FORCE_KEYS, Comparison, Row
+from rsgen.comparison import Comparison, Row
+from rsgen.force_keys import FORCE_KEYS
 from rsgen.identification import Estimate, Identification
 from rsgen.prediction import HeldOutLevel
 from rsgen.report.wording import sentence

@@ -11,9 +11,10 @@ import numpy as np
 import sympy
 
 from rsgen.arrays import Array
-from rsgen.comparison import FORCE_KEYS, Comparison, Row, verdict_of
+from rsgen.comparison import Comparison, Row, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import write
+from rsgen.force_keys import FORCE_KEYS
 from rsgen.identification import Estimate, Identification
 from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
