@@ -311,12 +311,18 @@ def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: fl
     ``noise`` is that of the ranking, relative. Candidates share one motion, which need not be one of theirs.
     """
     few = observed.select(observed.points.spread(QUICK))
-    elements = best.guess.elements
-    problem = Problem(elements, compile_law(best.guess.force), few, mass)
-    fit = fit_balance(*start_fit(problem), order=START_ORDER)
-    misfit, expected = np.sqrt(2) * fit.regression.noise, np.sqrt(2) * noise
-    if not misfit > max(_CONFIRMED * expected, _CERTAINLY):
-        return []
+    guess, law = best.guess, compile_law(best.guess.force)
+    problem = Problem(guess.elements, law, few, mass)
+    values = np.array([guess.values[name] for name in law.parameters])
+    near = problem.join(values, guess.values["m"] if mass is None else mass, guess.background)
+    expected = np.sqrt(2) * noise
+    # only a law that fails from the values of the ranking is searched as widely as an identification would
+    for searched in (False, True):
+        start = start_fit(problem) if searched else (problem, near)
+        fit = fit_balance(*start, order=START_ORDER)
+        misfit = np.sqrt(2) * fit.regression.noise
+        if not misfit > max(_CONFIRMED * expected, _CERTAINLY):
+            return []
     numbers = quantities(misfit=float(misfit), expected=float(expected))
     return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.guess.name})]
 
