@@ -9,6 +9,9 @@ RSGEN_DATA := $(wildcard $(abspath ../shared/data))
 endif
 export RSGEN_DATA
 
+# many tests start processes, and what one of them has compiled the others read
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help reports docs test test-wheel fast constraints bench attack clean
 

@@ -16,6 +16,7 @@ from rsgen.threads import single_thread
 single_thread()
 
 from rsgen.cli import main  # noqa: E402
+from rsgen.ranking.sums import library_terms  # noqa: E402
 from rsgen.surface import ResponseSurface  # noqa: E402
 from tests import surfaces  # noqa: E402
 
@@ -30,6 +31,18 @@ def surface_of() -> Callable[..., ResponseSurface]:
 def noisy() -> Callable[[ResponseSurface, float, int], ResponseSurface]:
     """A surface with complex Gaussian noise on force and response, relative to either."""
     return surfaces.noisy
+
+
+FEW = ("cubic-spring", "quintic-spring", "coulomb", "jenkins")
+"""Enough of the library where nothing depends on how many laws compete."""
+
+
+@pytest.fixture
+def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library shrinks to ``FEW``."""
+    terms = tuple(term for term in library_terms() if term.name in FEW)
+    assert len(terms) == len(FEW)
+    monkeypatch.setattr("rsgen.ranking.competitors.library_terms", lambda: terms)
 
 
 @dataclass(frozen=True)

@@ -225,9 +225,9 @@ def test_parallel_processes_share_one_cache(own_cache: Path) -> None:
         "print(compile_kernel(parse('c*v + k*x')).parameters)"
     )
     running = [
-        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(3)
+        subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(2)
     ]
-    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 3
+    assert [process.communicate()[0].strip() for process in running] == ["('c', 'k')"] * 2
     assert _entry(own_cache).is_file()
 
 

@@ -36,7 +36,7 @@ from rsgen.ranking.selection import search_sums
 from rsgen.ranking.sums import Sum, library_terms, terms_of
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface, save_surface
-from tests.conftest import Answer
+from tests.conftest import FEW, Answer
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.stepping import stepped
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
@@ -59,9 +59,6 @@ NAMES = {
 MEMORYLESS = [term.source for term in library_terms() if not remembers(term.source.force)]
 """The library as it would be without loops, where these do not matter: they take as long as all others."""
 
-FEW = ("cubic-spring", "quintic-spring", "coulomb", "jenkins")
-"""Enough of the library where nothing depends on how many laws compete."""
-
 
 def measured(law: str, noise: float = NOISE) -> ResponseSurface:
     table = surface(law, frequencies=GRID, accuracy=1e-6)
@@ -72,14 +69,6 @@ def measured(law: str, noise: float = NOISE) -> ResponseSurface:
 def ranked(law: str, noise: float = NOISE, whole: bool = False) -> Ranking:
     """A ranking that several tests read, by the whole library or by what has no loop."""
     return rank(measured(law, noise), BASE if whole else MEMORYLESS)
-
-
-@pytest.fixture
-def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The library shrinks to ``FEW``."""
-    terms = tuple(term for term in library_terms() if term.name in FEW)
-    assert len(terms) == len(FEW)
-    monkeypatch.setattr("rsgen.ranking.competitors.library_terms", lambda: terms)
 
 
 def winners(ranking: Ranking) -> set[str]:

@@ -204,6 +204,7 @@ def counted() -> dict[CodeType, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_laws")
 @pytest.mark.parametrize("model", ["declared", "rank"])
 def test_a_run_loads_computes_and_draws_once(model: str, tmp_path: Path) -> None:
     path = tmp_path / "small.toml"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,12 +59,17 @@ def result_of(
     return content
 
 
+@cache
+def blanks() -> list[Drawing]:
+    """Names and captions of the figures, which no finding changes; the pictures are empty."""
+    drawn = draw_all(Subject.of_case(cubic_case(), IDENTIFICATION), SURFACE, IDENTIFICATION, PREDICTION)
+    return [Drawing(drawing.name, Figure(), drawing.caption, drawing.alternative) for drawing in drawn]
+
+
 def page_of(tolerance: float | None, *findings: Finding) -> str:
     found = found_with(*findings)
     subject = Subject.of_case(cubic_case(), found)
-    drawn = draw_all(subject, SURFACE, found, PREDICTION)
-    blanks = [Drawing(drawing.name, Figure(), drawing.caption, drawing.alternative) for drawing in drawn]
-    parts = (subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION, (), blanks)
+    parts = (subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION, (), blanks())
     return render_page(*parts, {"Versions": "rsgen"})
 
 

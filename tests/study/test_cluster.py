@@ -25,7 +25,7 @@ from rsgen.study import run_cases
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
-    settings = {"dashboard_address": None, "processes": True, "n_workers": 2, "threads_per_worker": 1}
+    settings = {"dashboard_address": None, "processes": True, "n_workers": 1, "threads_per_worker": 1}
     with LocalCluster(**settings) as cluster:
         seen = []
         runs = run_cases(
