@@ -89,7 +89,7 @@ def test_motions_that_the_simulation_misses_decide_nothing() -> None:
     assert ranking.candidates[0].name == "preload + quadratic-damper"
 
 
-FRICTION = ["k*x + c*v", "k*x + c*v + Ff*sign(v)", "k*x + c*v + cp*abs(v)**p*sign(v)"]
+FRICTION = [rsgen.laws[name] for name in ("coulomb", "power-damper", "tanh-friction")]
 
 
 @pytest.mark.slow
