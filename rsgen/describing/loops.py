@@ -36,6 +36,10 @@ SHIFT = 1e-6
 REPELLING = 1e-4
 """Growth of a disturbance in a turn above which no motion stays on the loop."""
 
+NEUTRAL = 1e-6
+"""Share of a disturbance that a turn must forget for its loop to be found. Less cannot be told from nothing
+(slopes are differences, good to 1e-7), and a state that keeps what it begins with but drifts has no loop."""
+
 CYCLES_AT_ONCE = 4096
 TRIALS = 16
 """Random cycles of which one at least must close."""
@@ -166,7 +170,10 @@ class Loop:
         scale = np.maximum(largest, np.abs(begin))
         closed = (np.abs(miss) <= CLOSED * np.where(scale > 0, scale, 1.0)).all(axis=0)
         matrix = np.eye(size) - slopes
-        step = (np.linalg.pinv(matrix, rcond=1e-9) @ np.nan_to_num(miss).T[:, :, None])[:, :, 0].T
+        left, singular, right = np.linalg.svd(matrix)
+        kept = np.where(singular > NEUTRAL, 1 / np.maximum(singular, NEUTRAL), 0.0)
+        along = np.einsum("nji,jn->ni", left, np.nan_to_num(miss))
+        step = np.einsum("nij,ni->jn", right, kept * along)
         begin = np.where(closed, begin, begin + step)
         lost = ~defined | (closed & (growth > 1 + REPELLING))
         begin[:, lost] = np.nan
@@ -220,7 +227,7 @@ def try_loops(loop: Loop) -> float:
 
     Returns
     -------
-    Largest difference in stiffness or damping, relative to both, from loops stepped through time.
+    Largest difference in stiffness or damping from loops stepped through time, relative to both and the mean.
 
     Raises
     ------
@@ -241,7 +248,8 @@ def try_loops(loop: Loop) -> float:
     for row in closed[:STEPPED]:
         numbers = {name: float(value[row]) for name, value in values.items()}
         stiffness, damping, miss = loop.stepped(float(amplitude[row]), float(omega[row]), numbers)
-        size = abs(stiffness) + omega[row] * abs(damping)
+        # a state that stays where it is has a mean force alone
+        size = abs(stiffness) + omega[row] * abs(damping) + abs(found[2][row]) / amplitude[row]
         differences = (found[0][row] - stiffness, omega[row] * (found[1][row] - damping))
         worst = max(worst, miss, *(abs(difference) / size for difference in differences))
     return float(worst)

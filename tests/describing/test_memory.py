@@ -233,10 +233,17 @@ def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3"])
+@pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3", "a*v - drift"])
 def test_loops_that_do_not_close_are_refused(rate):
     with pytest.raises(ExpressionError, match="the loop of z does not close at X"):
         derive(make_element("law", "k*x + z", {"z": rate}))
+
+
+@pytest.mark.slow
+def test_a_state_that_climbs_to_the_peak_and_stays_is_held_against_its_mean_force():
+    law = derive(make_element("law", "k*(x - z)", {"z": "Max(0, x - z)"}))
+    assert law.checked_to is not None
+    assert law.checked_to < 1e-6
 
 
 def test_a_loop_that_closes_at_some_values_only():
