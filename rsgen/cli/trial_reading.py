@@ -30,7 +30,7 @@ _MANY = 8
 """Lines from which on a periodic force is no sine with harmonics."""
 _CASE = "trial.toml"
 _Correction = Callable[[ResponseSurface, Proposal], Proposal | None]
-_CONTRADICTIONS = {"base-misread", "not-passive", "another-quantity", "phase-not-resonant"}
+_CONTRADICTIONS = {"base-misread", "base-scaled", "not-passive", "another-quantity", "phase-not-resonant"}
 """Findings that a correction must not bring in."""
 
 

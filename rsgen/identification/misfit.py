@@ -50,7 +50,7 @@ ten a decade follow the onset of every slider of a joint."""
 _STEPS = 8
 """Gauss-Newton steps of a trial; it starts at the solution without the term or background."""
 
-_OTHERWISE = frozenset({"another-quantity", "base-misread", "not-passive"})
+_OTHERWISE = frozenset({"another-quantity", "base-misread", "base-scaled", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
 
 _REACH = 5.0

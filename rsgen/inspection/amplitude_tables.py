@@ -227,7 +227,10 @@ def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
     guess.free, higher = fundamentals(guess.free)
     sensors = find_sensors(guess.free, alike)
     table = _Table(sensors.found, sensors.loose)
-    base = None if named else find_base(table.free, table.loose)
+    base = find_base(table.free, table.loose)
+    if named is not None and base is not None and (IS_FORCE(named) or not BASE(base.sensor.main)):
+        # levels of a force are no base's; others need its name
+        base = None
     if base is not None:
         # other directions of the base are no responses
         table.free = [s for s in table.free if s is not base.sensor and not BASE(s.main)]

@@ -237,7 +237,7 @@ def plausibility_findings(
     mass, damping
         As for ``Sizes``, where they are known.
     """
-    other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread")]
+    other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread", "base-scaled")]
     # a force per mass and a motion relative to the base are made of several measured quantities
     if not (other or surface.base):
         yield from (other := list(quantity_findings(surface)))

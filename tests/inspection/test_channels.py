@@ -231,6 +231,28 @@ def test_a_driven_base_is_recognised(
     assert "relative" in trial.proposal.doubts["test.base.response"]
 
 
+def test_a_driven_base_beside_a_column_of_levels_is_recognised(tmp_path: Path) -> None:
+    def columns(level: float) -> dict[str, np.ndarray]:
+        moved = level / G * np.exp(0.3j) * np.ones_like(FREQUENCY)
+        seen = moved * TRANSMISSIBILITY
+        named = {"Frequency [Hz]": FREQUENCY, "Level [g]": level / G + 0 * FREQUENCY}
+        pairs = (moved, "Table"), (seen, "Payload")
+        return named | {
+            f"{name} {kind}": values
+            for motion, name in pairs
+            for kind, values in (("Amplitude [g]", np.abs(motion)), ("Phase [deg]", degrees(motion)))
+        }
+
+    tables, trial = tried(write(tmp_path / "a.csv", columns, ";", None))
+    assert tables["base"]["amplitude"] == "Table Amplitude [g]"
+    assert tables["level"] == {"column": "Level [g]"}
+    surface = surface_of(trial)
+    assert surface.per_mass
+    np.testing.assert_allclose(
+        surface.harmonics[:, 1] / surface.force, MASS * np.tile(RECEPTANCE, 2), rtol=1e-6
+    )
+
+
 def test_a_phase_of_another_channel_is_never_taken(tmp_path: Path) -> None:
     def columns(level: float) -> dict[str, np.ndarray]:
         a = acceleration("one", level)

@@ -60,7 +60,7 @@ def findings(folder: Path, recorded: str, **said: object) -> list:
     text = CASE.replace("{base} + 1", str(keys["base"] + 1)).replace("{seen} + 1", str(keys["seen"] + 1))
     (folder / "case.toml").write_text(text.format(**keys))
     found = rs.read(rs.load_case(folder / "case.toml")).findings
-    return [f for f in found if f.code in ("base-misread", "not-passive", "another-quantity")]
+    return [f for f in found if f.code in ("base-misread", "base-scaled", "not-passive", "another-quantity")]
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
@@ -87,3 +87,16 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
         assert finding["then"] < 1e-6
         if mistake == "reference":
             assert finding.names["response"] == recorded
+
+
+@pytest.mark.parametrize("recorded", ["absolute", "relative"])
+@pytest.mark.parametrize(
+    ("factor", "mistake"),
+    [(9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak")],
+)
+def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, factor, mistake):
+    (found,) = findings(tmp_path, recorded, factor=factor)
+    assert (found.code, found.severity, found.names["is"]) == ("base-scaled", "error", mistake)
+    assert found["by"] * factor == pytest.approx(1, rel=1e-9)
+    # what four powers of the amplitude and the digits of the file leave
+    assert found["then"] < 1e-5 < found["misfit"]

@@ -23,6 +23,7 @@ CHOICES = {
     "size-impossible": {"quantity": "velocity", "side": "above", "mistake": "milli, inch"},
     "another-quantity": {"is": "+1"},
     "base-misread": {"is": "swapped"},
+    "base-scaled": {"is": "rms"},
     "decay-taken": {"after": "drive"},
 }
 """Findings whose names are chosen from a list."""

@@ -116,6 +116,27 @@ _MISREAD = {
 """Mistakes in reading a driven base, as the case undoes them."""
 
 
+_SCALED = {
+    "gravity": "one of them may be in g and read in m/s^2, or the other way round",
+    "milli": "one of them may be in thousandths of the unit that was read",
+    "both": "one of them may be in g and read in mm/s^2, or the other way round",
+    "rms": "one of them may be a root mean square and read as a peak value",
+    "peak-to-peak": "one of them may be from peak to peak and read as a peak value",
+}
+"""What a factor between base and response comes from."""
+
+
+@says("base-scaled")
+def _(found: Finding) -> str:
+    then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
+    by, back = number_text(found["by"], 4), number_text(1 / found["by"], 4)
+    return (
+        "as the case reads them, base and response are not those of a mass on springs and dampers: any law "
+        f"leaves {misfit} of its force; with the response {by} times as large, or the base {back} times, "
+        f"{then}: {_SCALED[found.names['is']]}"
+    )
+
+
 @says("base-misread")
 def _(found: Finding) -> str:
     undone = _MISREAD[found.names["is"]].format(found.names["response"])
@@ -127,6 +148,10 @@ def _(found: Finding) -> str:
 
 
 NEXT_STEPS |= {
+    "base-scaled": (
+        "Look up unit, factor and scale of both channels in the notes of the test, correct the case, and run "
+        "it again."
+    ),
     "base-misread": "Look the two channels up in the notes of the test, correct the case, and run it again.",
     "size-impossible": (
         "Look up the units of force, response and frequency in the notes of the test, correct them in the "
