@@ -20,7 +20,7 @@ from rsgen.identification.observed import Observed
 from rsgen.identification.simulator import Simulator
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion
+from rsgen.motion import Motion, sine_motion
 from rsgen.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED
 
 __all__ = ["RESOLUTION", "Fit", "Problem", "Solution", "fit_balance", "fit_simulator"]
@@ -189,14 +189,12 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     lag = np.angle(response.harmonics[:, 1])
     values = problem.split(regression.parameters)[2]
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
-    regression = replace(regression, influence=influence)
     if descent.scale is None:
-        influence = problem.observed.relative_influence(regression.influence, values, regression.nuisance)
-        regression = replace(regression, influence=influence)
+        influence = problem.observed.relative_influence(influence, values, regression.nuisance)
     if response.force_noise is not None:
-        influence, half = np.array(regression.influence), (regression.influence.shape[1] + 1) // 2
+        influence, half = np.array(influence), (influence.shape[1] + 1) // 2
         influence[:, [0, half]] /= response.force_noise[:, None, None]
-        regression = replace(regression, influence=influence)
+    regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     # without a phase the points get the one in which the fundamental of the mode is real
     known = problem.observed.phase_known
@@ -359,7 +357,9 @@ def fit_simulator(
 def _null_of_law(found: Regression, count: int) -> Array:
     """(q, d) directions of parameters and mass that change no prediction, without those of a background."""
     beside = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
-    return (found.null[:count] / found.scale[:count, None])[:, ~beside]
+    # round-off beside a parameter without effect would make it one of the others
+    null = np.where(np.abs(found.null[:count]) > NULL_PART, found.null[:count], 0.0)
+    return (null / found.scale[:count, None])[:, ~beside]
 
 
 def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:
@@ -370,9 +370,7 @@ def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:
     law = problem.law
     values, mass, _ = problem.split(parameters)
     largest = [int(np.argmax(mode.amplitude))]
-    sine = np.zeros((1, 2), dtype=complex)
-    sine[:, 1] = mode.amplitude[largest]
-    motion = Motion(mode.omega[largest], sine)
+    motion = sine_motion(mode.omega[largest], mode.amplitude[largest])
     force = abs(mass) * float(motion.omega[0] ** 2 * mode.amplitude[largest][0])
     slopes = law.along(motion, values, SAMPLES).by_parameter
     sizes = np.zeros(len(parameters))
