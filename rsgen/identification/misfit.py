@@ -86,7 +86,9 @@ def misfit_findings(
     misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
     numbers = quantities(misfit=misfit)
     if not systematic:
-        if not misfit > (LARGE if len(points) >= _TELLING else POOR):
+        # one point a level shows no pattern either, and a loop holds each until its noise is gone
+        patterns = len(points) >= _TELLING and surface.control != "phase"
+        if not misfit > (LARGE if patterns else POOR):
             return []
         return [Finding("misfit-large", "error" if misfit > MEANINGLESS else "doubt", numbers=numbers)]
     names, severity, left = dict[str, str](), severity_of(misfit, POOR, MEANINGLESS), misfit

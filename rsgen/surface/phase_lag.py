@@ -35,6 +35,9 @@ _LOST = 0.17
 _CLOSE = 0.35
 """Where all points lie within 20 degrees of a quarter period, a loop held them: sweeps pass the flanks."""
 
+_SAME_FORCE = 0.02
+"""Forces of one slice off resonance differ by less; levels of a backbone are farther apart."""
+
 _MODES = 0.05
 """Least relative gap between the frequencies of two modes: from level to level those of one shift by less."""
 
@@ -65,6 +68,7 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
     near = np.abs(good.phase - pi / 2) < RESONANT
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
     several = () if gap is None else (gap.finding(severity="warning"),)
+    several = (*several, *_lock_lost(good.phase, np.abs(good.force)))
     return several if surface.lag_assumed else (*several, *_lag(good.phase))
 
 
@@ -88,6 +92,29 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
         return (Finding("phase-lag-held", "info", numbers=numbers),)
     severity: Severity = "warning" if abs(missed) < _LOST else "doubt"
     return (Finding("phase-lag-off", severity, numbers=numbers),)
+
+
+def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
+    """Name points (n,) whose lag [rad] is not that of the backbone, at a force [N] that no other point has.
+
+    Slices off resonance are measured at the force of other points. Where most points are off, the backbone
+    is not what was meant.
+    """
+    common = _nearest(lag)
+    if len(common) <= len(lag) / 2:
+        return ()
+    low, high = common.min() - _APART, common.max() + _APART
+    alone = np.array([np.sum(np.abs(force - one) < _SAME_FORCE * one) == 1 for one in force])
+    lost = lag[((lag < low) | (lag > high)) & alone]
+    if not len(lost):
+        return ()
+    numbers = {
+        "lost": Quantity(len(lost)),
+        "points": Quantity(len(lag)),
+        "low": Quantity(float(np.degrees(lost.min()))),
+        "high": Quantity(float(np.degrees(lost.max()))),
+    }
+    return (Finding("phase-lock-lost", "warning", numbers=numbers),)
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,6 +81,30 @@ def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path: Path)
     np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
 
 
+def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path: Path):
+    path = table(tmp_path)
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)[::2]
+    assert "phase-lock-lost" not in codes(read(path))
+    rows[6::2, 3] = [160, 47, 163]
+    rows[6::2, 2] *= [0.4, 1.1, 0.35]
+    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
+    surface = read(path, control="phase")
+    (said,) = (finding for finding in surface.findings if finding.code == "phase-lock-lost")
+    assert [round(said[name]) for name in ("lost", "points", "low", "high")] == [3, 12, 47, 163]
+    found = rsgen.identify(surface, "k*x + k3*x**3 + c*v", mass=MASS)
+    assert found.verdict.state != "identified"
+
+
+def test_slices_off_resonance_at_the_forces_of_other_points_are_meant(tmp_path: Path):
+    rows = np.concatenate(
+        [np.loadtxt(table(tmp_path, lag), delimiter=",", skiprows=1)[::4] for lag in (90.0, 90.0, 60.0)]
+    )
+    rows[12:, 1] = rows[:6, 1]
+    path = tmp_path / "slices.csv"
+    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
+    assert "phase-lock-lost" not in codes(read(path, control="phase"))
+
+
 def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path: Path):
     surface = read(table(tmp_path, quantity="velocity"), control="phase")
     assert "phase-not-resonant" in codes(surface)

@@ -20,6 +20,11 @@ say_plainly(
             "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.0f} "
             "degrees in place of 90"
         ),
+        "phase-lock-lost": (
+            "at {lost:.0f} of {points:.0f} points the response lags the force by {low:.0f} to {high:.0f} "
+            "degrees, at forces that no other point has: where the loop lost the lock the motion was not "
+            "steady; leave out such points, or measure them again"
+        ),
         "phase-two-modes": (
             "the points of the phase-locked test lie on two backbones, near {low:.4g} and {high:.4g} Hz: "
             "they belong to two modes, and a law is of one"
