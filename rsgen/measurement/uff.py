@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
 from rsgen.measurement.tree import Node, array_bytes
-from rsgen.measurement.uff_meaning import Qualifiers, fault_of, qualifiers, remark_of, scale_of
+from rsgen.measurement.uff_meaning import Qualifiers, fault_of, place_of, qualifiers, remark_of, scale_of
 from rsgen.measurement.uff_units import SI, UnitSystem, axis_unit, unit_system
 
 __all__ = ["walk_universal"]
@@ -33,7 +33,6 @@ _PLAIN = re.compile(rb"[0-9eEdD+\-.\s]*\Z")
 _BINARY = re.compile(r" {0,5}58b *(\d+) +(\d+) +(\d+) +(\d+)(?: |\Z)", re.ASCII)
 _HEADER = ("model", "description", "program", "created", "saved", "written by", "written")
 """What the lines of data set 151 say, in their order."""
-_DIRECTIONS = {"1": "+X", "2": "+Y", "3": "+Z", "-1": "-X", "-2": "-Y", "-3": "-Z"}
 _ABSCISSAS = {17: ("time", "s"), 18: ("frequency", "Hz"), 19: ("speed", "rpm"), 20: ("order", "")}
 
 
@@ -84,6 +83,19 @@ class _Lines:
     def fail(self, what: str) -> MeasurementError:
         return MeasurementError(f"line {self.number}: {what}")
 
+    def integer(self, text: str, what: str) -> int:
+        if not re.fullmatch(r"[+-]?\d{1,12}", text.strip(), re.ASCII):
+            raise self.fail(f"{what} is {text.strip()[:20]!r}; a whole number is needed")
+        return int(text)
+
+    def real(self, text: str, what: str) -> float:
+        if not _FIELD.fullmatch(text):
+            raise self.fail(f"{what} is {text[:20]!r}; a number is needed")
+        value = float(text.upper().replace("D", "E"))
+        if not isfinite(value):
+            raise self.fail(f"{what} is too large for a number")
+        return value
+
 
 def _words(raw: bytes) -> str:
     return raw.decode("utf-8", "replace").rstrip("\r\n")
@@ -93,32 +105,10 @@ def _is_end(raw: bytes) -> bool:
     return raw.strip() == b"-1"
 
 
-def _integer(lines: _Lines, text: str, what: str) -> int:
-    if not re.fullmatch(r"[+-]?\d{1,12}", text.strip(), re.ASCII):
-        raise lines.fail(f"{what} is {text.strip()[:20]!r}; a whole number is needed")
-    return int(text)
-
-
-def _real(lines: _Lines, text: str, what: str) -> float:
-    if not _FIELD.fullmatch(text):
-        raise lines.fail(f"{what} is {text[:20]!r}; a number is needed")
-    value = float(text.upper().replace("D", "E"))
-    if not isfinite(value):
-        raise lines.fail(f"{what} is too large for a number")
-    return value
-
-
 def _axis(lines: _Lines, text: str) -> _Axis:
-    kind = _integer(lines, text[:10] or "0", "the kind of an axis")
+    kind = lines.integer(text[:10] or "0", "the kind of an axis")
     label, unit = text[25:46].strip(), text[46:67].strip()
     return _Axis(kind, "" if label == "NONE" else label[:20], "" if unit == "NONE" else unit[:20])
-
-
-def _place(text: str) -> str:
-    """Name a point by entity, node and direction, "" for none; directions that are no axis are left out."""
-    entity, node, direction = text[:11].strip(), text[11:21].strip(), text[21:25].strip()
-    named = "" if entity == "NONE" and node == "0" else f"{entity} {node}".strip()
-    return f"{named} {_DIRECTIONS.get(direction, '')}".strip() if named else ""
 
 
 def _head(lines: _Lines) -> _Head:
@@ -130,21 +120,21 @@ def _head(lines: _Lines) -> _Head:
         texts.append(_words(raw))
     after = lines.number
     lines.number = after - 5
-    function = _integer(lines, texts[5][:5], "the kind of function")
-    place, reference = _place(texts[5][30:55]), _place(texts[5][55:80])
+    function = lines.integer(texts[5][:5], "the kind of function")
+    place, reference = place_of(texts[5][30:55]), place_of(texts[5][55:80])
     lines.number = after - 4
     fields = texts[6].split()
     if len(fields) < 5:
         raise lines.fail("type, count, spacing, start and step of the numbers are needed")
-    kind, count, spacing = (_integer(lines, text, "type, count or spacing") for text in fields[:3])
+    kind, count, spacing = (lines.integer(text, "type, count or spacing") for text in fields[:3])
     if kind not in (2, 4, 5, 6):
         raise lines.fail(f"ordinates of type {kind}; 2, 4 (real), 5 and 6 (complex) are known")
     if count < 1:
         raise lines.fail(f"declares {count} points; at least one is needed")
     if spacing not in (0, 1):
         raise lines.fail(f"spacing is {spacing}; 0 (uneven) or 1 (even) is needed")
-    start = _real(lines, fields[3], "the first abscissa")
-    step = _real(lines, fields[4], "the step of the abscissa")
+    start = lines.real(fields[3], "the first abscissa")
+    step = lines.real(fields[4], "the step of the abscissa")
     if spacing and step <= 0 and count > 1:
         raise lines.fail(f"the step of the abscissa is {step:g}; a step above 0 is needed")
     axes = []
@@ -312,11 +302,11 @@ class _Sets:
 
     def units(self) -> UnitSystem:
         """Read data set 164: a code, and how many file units of length and force are in 1 m and in 1 N."""
-        code = _integer(self.lines, _words(self.lines.next() or b"")[:10], "the code of the units")
+        code = self.lines.integer(_words(self.lines.next() or b"")[:10], "the code of the units")
         fields = _FIELD.findall(_words(self.lines.next() or b""))
         if len(fields) < 2:
             raise self.lines.fail("the factors of length and force are needed in data set 164")
-        length, force = (_real(self.lines, field, "a factor of data set 164") for field in fields[:2])
+        length, force = (self.lines.real(field, "a factor of data set 164") for field in fields[:2])
         if not (length > 0 and force > 0):
             raise self.lines.fail(
                 f"the factors of data set 164 are {length:g} and {force:g}; above 0 is needed"

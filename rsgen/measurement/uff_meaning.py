@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from rsgen.errors import MeasurementError
 
-__all__ = ["FORCES", "Qualifiers", "fault_of", "qualifiers", "remark_of", "scale_of"]
+__all__ = ["FORCES", "Qualifiers", "fault_of", "place_of", "qualifiers", "remark_of", "scale_of"]
 
 _FUNCTIONS = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
@@ -34,6 +34,7 @@ _WINDOWS = {1: "Hanning window", 2: "Hanning window", 3: "flattop window", 4: "e
 _EXPONENTIAL = (4, 6)
 _SCALES = {1: "half-peak", 2: "peak", 3: "rms"}
 _WEIGHTINGS = {1: "A", 2: "B", 3: "C", 4: "D"}
+_DIRECTIONS = {"1": "+X", "2": "+Y", "3": "+Z", "-1": "-X", "-2": "-Y", "-3": "-Z"}
 _ROTATIONS = (1, 3)
 
 
@@ -137,3 +138,10 @@ def remark_of(
     if over in FORCES:
         parts += ["over force", f"at {places[1]}" if places[1] else ""]
     return ", ".join(part for part in parts if part)
+
+
+def place_of(text: str) -> str:
+    """Name a point by entity, node and direction, "" for none; directions that are no axis are left out."""
+    entity, node, direction = text[:11].strip(), text[11:21].strip(), text[21:25].strip()
+    named = "" if entity == "NONE" and node == "0" else f"{entity} {node}".strip()
+    return f"{named} {_DIRECTIONS.get(direction, '')}".strip() if named else ""

@@ -41,8 +41,8 @@ from rsgen.ranking.reference import (
     neighbour_noise,
     outlying,
 )
-from rsgen.ranking.sums import Term, base_law, terms_of
-from rsgen.ranking.verdict import implausible, judge
+from rsgen.ranking.sums import Term, base_law
+from rsgen.ranking.verdict import implausible, is_same, judge
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
 
@@ -385,7 +385,7 @@ def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> tuple
         law = next((fit for fit in candidates if fit.guess.name == name), None)
         if law is None:
             continue
-        twins = [fit for fit in candidates if fit is not law and _is_same(fit, law, rows)]
+        twins = [fit for fit in candidates if fit is not law and is_same(fit, law, rows)]
         candidates = [fit for fit in candidates if not any(fit is twin for twin in twins)]
         if name == OWN:
             named = replace(law, guess=replace(law.guess, name=twins[0].guess.name if twins else name))
@@ -393,19 +393,3 @@ def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> tuple
             # a linear law is the base of all, and stands in where a case has none
             own = None if _is_linear(law.guess.force) else named
     return candidates, own
-
-
-def _is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
-    """Whether two candidates are one law: by their normal forms, or by forces where parameters differ."""
-    if len(one.guess.values) != len(other.guess.values):
-        return False
-    if terms_of(one.guess.force) == terms_of(other.guess.force):
-        return True
-    x, v, a, step = (part[::7] for part in rows.trajectory)
-    forces = []
-    for fit in (one, other):
-        law = fit.guess.law
-        values = law.ordered(fit.guess.values)
-        forces.append(law.sample(x, v, a, step, values).force)
-    apart = float(np.max(np.abs(forces[0] - forces[1])))
-    return apart <= NOISE_LEAST * float(np.max(np.abs(forces[1])))

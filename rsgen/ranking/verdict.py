@@ -18,10 +18,10 @@ from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
-from rsgen.ranking.sums import library_terms
+from rsgen.ranking.sums import library_terms, terms_of
 from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT
 
-__all__ = ["Judgement", "implausible", "judge"]
+__all__ = ["Judgement", "implausible", "is_same", "judge"]
 
 
 _FUNDAMENTAL = 5e-3
@@ -134,6 +134,22 @@ def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
     if feeds:
         found.append(Finding("structure-feeds-exciter", "error"))
     return found
+
+
+def is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
+    """Whether two candidates are one law: by their normal forms, or by forces where parameters differ."""
+    if len(one.guess.values) != len(other.guess.values):
+        return False
+    if terms_of(one.guess.force) == terms_of(other.guess.force):
+        return True
+    x, v, a, step = (part[::7] for part in rows.trajectory)
+    forces = []
+    for fit in (one, other):
+        law = fit.guess.law
+        values = law.ordered(fit.guess.values)
+        forces.append(law.sample(x, v, a, step, values).force)
+    apart = float(np.max(np.abs(forces[0] - forces[1])))
+    return apart <= NOISE_LEAST * float(np.max(np.abs(forces[1])))
 
 
 def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
