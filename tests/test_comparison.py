@@ -76,6 +76,7 @@ def test_unknown_and_blind_names_are_refused(combined: Identification) -> None:
         compare(combined, {"k": 5920.0}, {"stiffness_force": 1e-3})
 
 
+@pytest.mark.slow
 def test_rows_come_by_name_as_a_table_and_as_a_frame():
     pytest.importorskip("pandas")
     surface = cubic_surface()

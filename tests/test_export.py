@@ -110,6 +110,7 @@ def test_what_is_no_frequency_response_is_refused(tmp_path: Path, results: Any, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_identify_writes_measured_and_predicted(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
     path = tmp_path / "a.uff"
     run_cli("identify", FORMATS / "csv-table.toml", "--frf", path)

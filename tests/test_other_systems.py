@@ -120,6 +120,7 @@ main(['run', 'small.toml', '--out', 'out', '--jobs', '1'])
     assert b"does not say who else can write there" in done.stderr, "the cache that is not used is said"
 
 
+@pytest.mark.slow
 def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
     order = json.dumps({"format": "mat", "wanted": None})
     program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.measurement.sandbox_worker import main; main()"

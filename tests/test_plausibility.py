@@ -168,6 +168,7 @@ def test_a_reversed_sign_or_phase_is_no_other_quantity(sign: int) -> None:
     assert list(quantity_findings(changed(surface, sign * np.conj(surface.harmonics[:, 1])))) == []
 
 
+@pytest.mark.slow
 def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acceleration() -> None:
     surface = cubic_surface(levels=4)
     law = "k*x + k3*x**3 + c*v"

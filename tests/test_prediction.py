@@ -141,6 +141,7 @@ def test_rough_laws_are_predicted_too(law: str) -> None:
         assert np.nanmax(curve.amplitude) == pytest.approx(top, rel=0.03)
 
 
+@pytest.mark.slow
 def test_bands_widen_with_the_noise(quintic: tuple[object, Prediction]) -> None:
     table, _ = quintic
     generator = np.random.default_rng(1)

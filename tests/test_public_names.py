@@ -68,6 +68,7 @@ def test_the_public_names_are_these():
     assert dir(rsgen) == sorted([*PUBLIC, "__version__"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_name_is_there_and_says_what_it_is(name: str):
     assert getattr(rsgen, name).__doc__

@@ -34,6 +34,7 @@ def test_files_of_every_schema_are_kept():
         assert set(range(1, current + 1)) <= numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("version", "case"), RESULTS)
 def test_an_earlier_surface_is_read(version, case):
     surface = rsgen.load_surface(HERE / version / case / "surface.h5")
@@ -61,6 +62,7 @@ def test_an_earlier_case_means_the_same(version, case):
         assert loaded.test.noise_relative == 1e-3
 
 
+@pytest.mark.slow
 def test_an_earlier_surface_is_identified():
     folder = HERE / VERSIONS[0] / SMALL
     case = rsgen.load_case(folder / "case.toml")

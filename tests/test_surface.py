@@ -149,6 +149,7 @@ def test_a_wrong_column_is_named(column, value, said):
         replace(random_surface(2, 3, 2), **{column: value})
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_surface_is_refused(tmp_path):
     (tmp_path / "text.h5").write_text("not HDF5")
     with pytest.raises(MeasurementError, match=r"text\.h5"):
@@ -198,6 +199,7 @@ HOSTILE: dict[str, Callable[[h5py.File], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", HOSTILE)
 def test_what_a_file_declares_costs_no_more_than_the_file(tmp_path, what):
     save_surface(tmp_path / "secret.h5", random_surface(2, 3, 2))

@@ -45,6 +45,7 @@ def test_good_files_are_read(form: str, tmp_path: Path) -> None:
     assert len(read_measurement(table_plan(path, form))) == 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGE, ids=lambda damage: damage.__name__)
 def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
     rng = np.random.default_rng(5)

@@ -101,6 +101,7 @@ def test_a_virtual_test_that_may_settle_is_not_refused(
     assert run_cli("check", path).code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
@@ -130,6 +131,7 @@ def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(
     assert reason in " ".join(run_case(path, tmp_path / "out").faults)
 
 
+@pytest.mark.slow
 def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path: Path, run_cli: Callable) -> None:
     for file in ("magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"):
         shutil.copy(ROOT / "cases" / "formats" / file, tmp_path)

@@ -301,6 +301,7 @@ ENGINEER = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ENGINEER)
 def test_laws_of_engineers_agree_with_quadrature(law):
     derived = derive(law)

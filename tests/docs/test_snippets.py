@@ -108,6 +108,7 @@ def test_unknown_keys_are_noticed() -> None:
     assert sorted(found) == ["test.response.quantitie", "tests"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES, ids=NAMES)
 def test_parts_of_case_files_have_only_keys_that_are_read(path: Path) -> None:
     schema = case_schema()

@@ -95,6 +95,7 @@ def test_few_or_no_resonances_are_said_as_they_are(count: int) -> None:
     assert ("No level has" if count == 0 else "One resonance") in words[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_same_data_same_bytes(name: str) -> None:
     _, svg = drawn(name)
@@ -111,6 +112,7 @@ def test_a_saved_figure_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(drawn) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_settings_of_the_caller_do_not_matter(name: str) -> None:
     _, plain = drawn(name)

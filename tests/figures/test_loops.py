@@ -175,6 +175,7 @@ def replace_harmonics(surface: rs.ResponseSurface, harmonics: np.ndarray) -> rs.
     return rs.ResponseSurface(surface.level, surface.frequency, surface.force, harmonics=harmonics)
 
 
+@pytest.mark.slow
 def test_loops_are_drawn_before_any_law() -> None:
     surface = sines(np.full(20, 6e3), np.full(20, 30.0), np.geomspace(1e-4, 1e-3, 20))
     drawing = figures.draw_loops(surface)

@@ -177,6 +177,7 @@ def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray
     return np.abs(k[same]), np.abs(found.imag / stepped.imag - 1)[same & near]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -21,6 +21,7 @@ def curve(stiffness, damping, points: int = 1200, noise: float = 0.0) -> Equival
     return EquivalentCurve(size, omega / 2 / np.pi, np.ones(points), k, c, np.ones(points, dtype=bool))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "spring"),
     [

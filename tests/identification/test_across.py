@@ -91,6 +91,7 @@ def driven_by_a_sine(amplitude: float = 1.4e-3) -> rs.ResponseSurface:
     return rs.ResponseSurface(level, omega / 2 / np.pi, force[:, 0], harmonics, across=z, sweep="rest")
 
 
+@pytest.mark.slow
 def test_a_law_across_is_identified_with_the_balance_at_another_mass():
     found = rs.identify(two_masses(), ELEMENTS)
     for name, true in (TRUE | {"m": MASS}).items():
@@ -104,6 +105,7 @@ def test_a_law_across_is_identified_with_the_balance_at_another_mass():
     np.testing.assert_allclose(found.curve.amplitude, size)
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_not_odd_is_identified_where_the_mean_across_was_recorded():
     surface = two_masses(k2=2e6)
     joint = rs.make_element("joint", "kj*x + k2*x**2 + k3*x**3 + cj*v", across=SENSORS)
@@ -124,6 +126,7 @@ def test_noise_leaves_the_true_values_within_their_intervals():
         assert estimate.standard_error < 0.1 * abs(true)
 
 
+@pytest.mark.slow
 def test_a_law_of_the_response_alone_does_not_fit():
     alone = rs.identify(replace(two_masses(), across=None), "k*x + c*v + k3*x**3")
     across = rs.identify(two_masses(), ELEMENTS)
@@ -175,6 +178,7 @@ def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
         rs.rank(two_masses())
 
 
+@pytest.mark.slow
 def test_a_joint_that_gives_energy_is_rejected_although_the_sum_of_all_elements_takes_it():
     surface = two_masses(noise=0.003)
     assert not [f for f in rs.identify(surface, ELEMENTS).findings if "negative" in f.code]
@@ -201,6 +205,7 @@ def test_what_harmonics_across_do_that_were_not_recorded_is_predicted_and_doubte
     assert said["moved"] == pytest.approx(-bias, rel=0.1)
 
 
+@pytest.mark.slow
 def test_noise_of_two_sensors_in_the_motion_across_is_in_the_weight_and_in_the_intervals():
     exact, random, inside, states = driven_by_a_sine(), np.random.default_rng(1), [], []
     for _ in range(12):
@@ -218,6 +223,7 @@ def test_noise_of_two_sensors_in_the_motion_across_is_in_the_weight_and_in_the_i
     assert np.mean(inside) > 0.8
 
 
+@pytest.mark.slow
 def test_what_a_joint_lacks_is_sought_across_and_no_background_that_is_refused_is_proposed():
     linear = rs.make_element("joint", "kj*x + cj*v", across=SENSORS)
     found = {f.code: f for f in rs.identify(two_masses((0.1, 0.2, 0.4)), (ELEMENTS[0], linear)).findings}

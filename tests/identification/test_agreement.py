@@ -112,6 +112,7 @@ def test_one_step_agrees_with_levels_really_identified_apart(law: str, apart: bo
         assert z < 4
 
 
+@pytest.mark.slow
 def test_widened_intervals_rest_on_the_number_of_levels() -> None:
     table = noisy(surface("combined"), NOISE, 4)
     found = identify(table, "k*x + kn*x**3 + c*v")

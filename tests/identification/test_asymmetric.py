@@ -84,6 +84,7 @@ def test_a_fundamental_gives_every_value_but_the_sign(full, tested):
     assert named == [{"parameters": "k2"}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tested", ["plain", "amplitudes", "background"])
 def test_intervals_of_an_even_force_hold_under_noise(full, tested):
     measured, observation = fundamental(full, 0.01), None

@@ -98,6 +98,7 @@ def noisy(surface: rs.ResponseSurface, noise: float, seed: int) -> rs.ResponseSu
     return replace(surface, force=part(surface.force_harmonics), harmonics=part(surface.harmonics))
 
 
+@pytest.mark.slow
 def test_noise_of_the_harmonics_of_a_force_is_noise_and_no_reason_to_set_points_aside():
     """At a third of the resonance the third harmonic of the force drives it, and with it its noise."""
     surface = distorted(even=0.01, low=4.0)

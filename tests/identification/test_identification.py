@@ -27,6 +27,7 @@ def errors(found: Identification, law: str, what: str = "refined") -> dict[str, 
     return {e.name: abs(e.value / true[e.name] - 1) for e in getattr(found, what)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [pytest.param(law, marks=[pytest.mark.slow] if law in SLOW else []) for law in LAWS]
 )

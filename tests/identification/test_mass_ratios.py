@@ -32,6 +32,7 @@ def locked(
     return rsgen.simulate(rsgen.Oscillator(MASS, law, values or VALUES), test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [90.0, 92.0, 86.0, 103.0])
 def test_ratios_to_the_mass_contain_the_truth_whatever_lag_the_loop_held(lag: float):
     for seed in range(4):
@@ -80,6 +81,7 @@ def test_slices_a_few_degrees_apart_determine_the_mass_and_every_value(lags: tup
     assert table.misfit < 0.005
 
 
+@pytest.mark.slow
 def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assumed_mass():
     found = rsgen.identify(locked(noise=0.0), LAW)
     assert found.verdict.state == "identified"
@@ -109,6 +111,7 @@ def test_one_frequency_at_resonance_is_no_negative_mass():
     assert found["c"].value == pytest.approx(3.8, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
     truth = {"k": 5920.0, "c": 2.0, "kt": 800.0, "Fs": 5.0}
     law = "k*x + c*v + masing(Min(kt*x, Fs))"
@@ -119,6 +122,7 @@ def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
     assert "mass-at-resonance" not in [finding.code for finding in found.findings]
 
 
+@pytest.mark.slow
 def test_a_friction_force_is_no_ratio_and_a_law_with_two_springs_has_a_ratio_for_each():
     truth = {"k": 5920.0, "k2": 1e4, "k3": 3e5, "c": 2.0, "Ff": 0.5}
     law = "k*x + k2*x**2 + k3*x**3 + c*v + Ff*sign(v)"
@@ -128,6 +132,7 @@ def test_a_friction_force_is_no_ratio_and_a_law_with_two_springs_has_a_ratio_for
         assert found[name].finding["low"] < truth[name] / MASS < found[name].finding["high"], name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [88.0, 92.0])
 def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: float):
     surface = locked(lag=lag, noise=1e-4)
@@ -167,6 +172,7 @@ def test_a_test_without_scale_has_its_ratios():
     assert "not-calibrated" in [finding.code for finding in found.findings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [MASS, None])
 @pytest.mark.parametrize("law", ["k*x + c*v", "k*x + k3*x**3"])
 def test_a_wrong_law_on_a_backbone_is_doubted(law: str, mass: float | None):

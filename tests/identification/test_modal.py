@@ -290,6 +290,7 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     assert all(hit >= least for hit in hits.values()), (hits, count)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "values"),
     [

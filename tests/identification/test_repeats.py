@@ -95,6 +95,7 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
+@pytest.mark.slow
 def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
     """The scatter within points shows a third of the error; between the points the law leaves all of it."""
     distances, inside = [], []

@@ -88,6 +88,7 @@ def test_a_dimensionless_parameter_has_no_unit() -> None:
     assert found["p"].value == pytest.approx(3, rel=2e-3)  # of a balance of one harmonic
 
 
+@pytest.mark.slow
 def test_a_result_as_a_data_frame(found: Identification) -> None:
     pytest.importorskip("pandas")
     frame = found.to_frame()

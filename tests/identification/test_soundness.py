@@ -87,6 +87,7 @@ def test_a_small_systematic_misfit_is_a_warning() -> None:
     assert severity(findings(table), "law-does-not-fit") == "warning"
 
 
+@pytest.mark.slow
 def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> None:
     here = table.level == 8.0
     shifted = changed(table, frequency=np.where(here, 1.02 * table.frequency, table.frequency))
@@ -226,6 +227,7 @@ def test_a_reversed_channel_has_a_negative_mass(table: ResponseSurface) -> None:
     assert severity(found, "stiffness-negative") == "error"
 
 
+@pytest.mark.slow
 def test_harmonics_of_noise_are_not_strong_and_no_steady_sine() -> None:
     exact = surface("cubic")
     generator = np.random.default_rng(7)

@@ -167,6 +167,7 @@ def sensor_read(tables: dict[str, Any], titles: Titles) -> str:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LABORATORIES)
 @pytest.mark.parametrize("seed", [None, 1, 2])
 def test_columns_of_one_sensor_find_each_other(tmp_path: Path, name: str, seed: int | None) -> None:
@@ -461,6 +462,7 @@ def test_a_transmissibility_beside_its_base_is_no_response(tmp_path: Path) -> No
     assert "write that of the mass" in trial.proposal.doubts["test.force.nominal"]
 
 
+@pytest.mark.slow
 def test_thousands_of_columns_are_put_together_in_no_time() -> None:
     """Each phase was compared with each amplitude: a file of 3000 sensors took a quarter of a minute."""
     units = {"amp [mm]": "mm", "phase [deg]": "deg"}

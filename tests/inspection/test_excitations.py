@@ -198,6 +198,7 @@ def dynamic_stiffness(frequency: np.ndarray) -> np.ndarray:
     return STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["run.csv", "decay_of_a_multisine_step.csv"])
 @pytest.mark.parametrize(
     ("make", "kind"), [(sweep, "swept-sine"), (steps, "stepped-sine"), (multisine, "multisine")]
@@ -230,6 +231,7 @@ def test_a_record_is_read_by_what_it_is(
     assert np.median(np.abs(SHARE * ratio / exact - 1)) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", ["absolute", "relative"])
 def test_a_base_that_sweeps_is_recognised(tmp_path: Path, reference: str) -> None:
     base = sweep()

@@ -50,6 +50,7 @@ def is_the_sweep(trial: Trial) -> bool:
     return bool(np.median(np.abs(surface.force / surface.harmonics[:, 1] / exact - 1)) < 0.02)
 
 
+@pytest.mark.slow
 def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path: Path) -> None:
     """Of each signal: steps of the abscissa, numbers, the label of their unit, and a record with its name."""
     signals = {}
@@ -70,6 +71,7 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path: Path) -> None:
     assert isinstance(trial.surface, ResponseSurface)
 
 
+@pytest.mark.slow
 def test_headers_beside_the_data_of_a_recorder(tmp_path: Path) -> None:
     arrays: dict[str, Any] = {"Sample_rate": RATE}
     named = (
@@ -91,6 +93,7 @@ def test_headers_beside_the_data_of_a_recorder(tmp_path: Path) -> None:
     assert is_the_sweep(trial)
 
 
+@pytest.mark.slow
 def test_channels_without_names_are_not_guessed_silently(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"ch1": FORCE, "ch2": ACCELERATION, "ch3": 0.4 * ACCELERATION, "fs": RATE})
@@ -200,6 +203,7 @@ def test_points_of_a_modal_test_are_no_levels(
         assert len(tables["level"]["values"]) == len(points)
 
 
+@pytest.mark.slow
 def test_receptances_that_were_written_come_back_with_their_levels(tmp_path: Path) -> None:
     level = np.repeat([2.0, 10.0], len(FREQUENCY))
     response = level * np.tile(RECEPTANCE, 2)

@@ -52,6 +52,7 @@ def is_right(surface: ResponseSurface) -> bool:
     return np.allclose(surface.harmonics[:, 1] / surface.force, receptance(surface.frequency), rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("real", "imaginary"),
     [

@@ -78,6 +78,7 @@ def _function_text(source: str, name: str) -> str:
     raise AssertionError(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_names_of_the_user_never_reach_the_code(law: str) -> None:
     force = parse(law)
@@ -99,6 +100,7 @@ def test_jumps_of_the_curvature_are_located_on_demand_only() -> None:
     assert "split_step" in generate(law, locate_all=True)
 
 
+@pytest.mark.slow
 def test_only_a_jump_in_v_is_friction() -> None:
     assert "dry friction" in generate(parse("F_f*sign(v) + k*x"))
     assert "dry friction" in generate(parse("mu*x**2*sign(v) + k*x"))

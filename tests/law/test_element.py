@@ -94,6 +94,7 @@ def test_sum_of_pieces_is_the_law(law, seed, positive):
     np.testing.assert_allclose(found, wanted, rtol=ROUND_OFF, atol=ROUND_OFF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @settings(max_examples=10, derandomize=True, deadline=None)
 @given(seed=st.integers(0, 10**6))

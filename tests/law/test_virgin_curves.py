@@ -8,6 +8,7 @@ from rsgen.expression import parse
 from rsgen.law.character import character
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "positive"),
     [

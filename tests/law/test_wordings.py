@@ -88,6 +88,7 @@ def test_wordings_have_one_normal_form_and_one_kernel(name):
         assert generate(other, values=values(other)) == generate(first, values=values(first))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_wordings_have_one_character(name):
     kinds = [character(law(wording)) for wording in FAMILIES[name]]

@@ -178,6 +178,7 @@ def test_an_element_acts_across_two_channels(tmp_path):
         assert found[name].value == pytest.approx(true, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     rate, seconds = 400.0, 60
     t = np.arange(0, seconds, 1 / rate)

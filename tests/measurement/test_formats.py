@@ -313,6 +313,7 @@ def test_sound_files_of_scipy(tmp_path: Path, kind: str, bits: int) -> None:
     np.testing.assert_array_equal(np.stack([force, response], axis=1), (written.astype("f8") - zero) / full)
 
 
+@pytest.mark.slow
 def test_a_sound_file_needs_a_calibration(tmp_path: Path) -> None:
     """A file without a unit is not taken for SI; full scale of 12 N and of 4000 mm/s^2 is."""
     path = tmp_path / "a.wav"

@@ -73,6 +73,7 @@ def test_each_entry_is_a_level(tmp_path: Path) -> None:
     assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
 
 
+@pytest.mark.slow
 def test_a_held_response_is_declared_with_its_unit(tmp_path: Path) -> None:
     path = held_runs(tmp_path / "a.mat", level=HELD * 1e3)
     rule = LevelRule(column="run/*/level", unit="mm")

@@ -66,6 +66,7 @@ def test_every_format_gives_the_same_surface(name: str, digits: float) -> None:
     assert surface.sweep.tolist() == reference.sweep.tolist()
 
 
+@pytest.mark.slow
 def test_examples_obey_the_law_they_were_made_with() -> None:
     surface = surface_of("mat-struct")
     dynamic = surface.force / surface.harmonics[:, 1]
@@ -75,6 +76,7 @@ def test_examples_obey_the_law_they_were_made_with() -> None:
     np.testing.assert_allclose(dynamic.imag / surface.omega, 7.5, rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_magnitudes_of_several_files_have_no_phase() -> None:
     surface, reference = surface_of("csv-magnitude"), surface_of("mat-struct")
     assert not surface.phase_known
@@ -106,6 +108,7 @@ def tree(path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mat", ".h5", ".npz"])
 def test_addresses(tmp_path: Path, ending: str) -> None:
     path = tree(tmp_path / f"tree{ending}")
@@ -167,6 +170,7 @@ def test_sides_of_a_matrix_become_rows(tmp_path: Path) -> None:
         read_measurement(measured(path))
 
 
+@pytest.mark.slow
 def test_entries_must_have_every_column(tmp_path: Path) -> None:
     path = tmp_path / "runs.h5"
     with h5py.File(path, "w") as file:
@@ -203,6 +207,7 @@ def test_response_in_a_file_of_its_own(tmp_path: Path) -> None:
         read_measurement(measured(tmp_path / "a.npz", response_files=(tmp_path / "b.npz",)))
 
 
+@pytest.mark.slow
 def test_level_stands_in_the_name(tmp_path: Path) -> None:
     path = tmp_path / "run_2.5kN.npz"
     np.savez(path, f=[1.0], x=[4.0])
@@ -212,6 +217,7 @@ def test_level_stands_in_the_name(tmp_path: Path) -> None:
         read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
 
 
+@pytest.mark.slow
 def test_response_over_force_is_multiplied_by_the_force(tmp_path: Path) -> None:
     path = tmp_path / "frf.npz"
     np.savez(path, f=[1.0, 2.0], F=[3.0, 5.0], x=np.array([1j, 2.0]))

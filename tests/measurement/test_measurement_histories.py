@@ -94,6 +94,7 @@ def test_histories_come_as_written(tmp_path: Path, ending: str) -> None:
         np.testing.assert_allclose(got.response, ACCELERATION[1] * 9.80665, rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_part_is_cut_out(tmp_path: Path) -> None:
     path = write(tmp_path / "a.npz")
     rule = HistoryRule("swept-sine", time="t", start=0.2, stop=0.8)

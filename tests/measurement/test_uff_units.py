@@ -314,6 +314,7 @@ def test_inspect_and_init_say_which_units(
     np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)
 
 
+@pytest.mark.slow
 def test_universal_files_that_a_spreadsheet_has_saved(tmp_path: Path) -> None:
     """Two bytes a sign, and commas in place of points, are named as what they are."""
     path = tmp_path / "a.uff"

@@ -56,6 +56,7 @@ def recorded(
     return from_multisine(histories)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "periods", "period", "noise", "runs"),
     [("smooth", 2, 512, 0.01, 3), ("smooth", 6, 1024, 0.003, 1), ("friction", 2, 512, 0.01, 1)],
@@ -77,6 +78,7 @@ def test_accelerations_need_no_band(name: str, periods: int, period: int, noise:
             assert found[name_].standard_error < 1.5 * noise * abs(true), name_
 
 
+@pytest.mark.slow
 def test_a_law_that_lacks_a_term_is_refuted_from_accelerations() -> None:
     spectra = recorded(*motions("smooth"), periods=6, noise=0.01, seed=0)
     found = rsgen.identify(spectra, "k*x + k2*x**2 + c*v")
@@ -84,6 +86,7 @@ def test_a_law_that_lacks_a_term_is_refuted_from_accelerations() -> None:
     assert not found.verdict.usable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 6])
 def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods: int) -> None:
     """It leaves three per cent of the force, and makes the viscous damping a sixth too large."""
@@ -102,6 +105,7 @@ def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods: int) -> Non
     assert not found.verdict.usable
 
 
+@pytest.mark.slow
 def test_a_law_without_a_damper_is_doubted_though_it_leaves_little() -> None:
     spectra = recorded(*motions("light"), periods=6, noise=0.003, seed=0)
     found = rsgen.identify(spectra, "k*x")
@@ -137,6 +141,7 @@ def test_noise_is_known_at_every_line_whatever_was_integrated(fall: int) -> None
     np.testing.assert_allclose(ratio[:, 1:].mean(axis=0), 1.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_two_periods_of_few_lines_are_no_doubt() -> None:
     """Both misfit and noise are known from a handful of numbers: their ratio has a wide distribution."""
     generator = np.random.default_rng(5)

@@ -63,6 +63,7 @@ def test_a_given_mass_stays() -> None:
     assert found["m"].value == MASS
 
 
+@pytest.mark.slow
 def test_nonlinear_parameters_are_searched() -> None:
     def arctan(x: Array, v: Array) -> Array:
         return 5000 * x + 20 * np.arctan(x / 2e-3) + 4 * v

@@ -127,6 +127,7 @@ def test_python_has_the_same_with_text_and_frame(folder: Path) -> None:
     assert [one.error < 2e-3 for one in others.records] == [True, True]
 
 
+@pytest.mark.slow
 def test_records_that_were_fitted_are_not_reported_as_held_out(folder: Path, tmp_path: Path) -> None:
     """Spectra read anew are other objects than those that were identified, but the same test."""
     case = rsgen.load_case(folder / "lines.toml")
@@ -192,6 +193,7 @@ def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Pat
     assert "'rank' compares laws on a response surface" in " ".join(refused.err.split())
 
 
+@pytest.mark.slow
 def test_a_record_is_recognised_and_its_case_written(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
     seen = run_cli("inspect", folder / "level4.csv")
     assert seen.code == 0, seen

@@ -36,6 +36,7 @@ def test_parameters_come_back(name: str, within: float) -> None:
         assert found[each].value == pytest.approx(true, rel=within), each
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 2, 3])
 def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
     """A law that leaves a little is near the truth, and is not said to leave nothing."""
@@ -57,6 +58,7 @@ def test_a_law_with_memory_comes_back() -> None:
         assert found[each].value == pytest.approx(true, rel=1e-4), each
 
 
+@pytest.mark.slow
 def test_friction_moves_as_its_exact_pieces_do() -> None:
     """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
     from scipy.linalg import expm
@@ -111,6 +113,7 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
     assert np.isnan(rsgen.best_linear(simulated("cubic", lines="all"))[0].even_share)
 
 
+@pytest.mark.slow
 def test_noise_is_no_distortion_at_lines_that_are_not_excited() -> None:
     """The virtual test knows the distortion without noise; of a linear structure there is none."""
     for seed in range(3):
@@ -199,6 +202,7 @@ def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(
     assert reason in checked.err
 
 
+@pytest.mark.slow
 def test_impossible_tests_are_refused_with_the_reason() -> None:
     with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
         rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)

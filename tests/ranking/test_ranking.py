@@ -30,10 +30,11 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.ranking import Ranking, identify_best, rank
 from rsgen.ranking.balance import Rows
-from rsgen.ranking.fitting import Guess, fit_rows
+from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.reference import follow
 from rsgen.ranking.selection import search_sums
 from rsgen.ranking.sums import Sum, library_terms, terms_of
+from rsgen.ranking.verdict import Judgement, judge
 from rsgen.report.wording import sentence
 from rsgen.surface import ResponseSurface, save_surface
 from tests.conftest import FEW, Answer
@@ -82,8 +83,8 @@ def winners(ranking: Ranking) -> set[str]:
 @pytest.mark.parametrize(
     ("law", "noise", "whole"),
     [
-        # a loop comes near to friction, and any law near to a weak cubic one
-        *((law, NOISE, law in ("coulomb", "cubic")) for law in NAMES),
+        # a loop comes near to friction
+        *((law, NOISE, law == "coulomb") for law in NAMES),
         ("cubic", 0.0, False),
         ("coulomb", 0.0, False),
     ],
@@ -146,11 +147,21 @@ def test_a_given_mass_holds_for_all() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", ["hysteresis", "two modes"])
-def test_none_fits_where_the_structure_is_another(structure: str) -> None:
+def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def spy(best: Fitted, *rest: Any, **more: Any) -> Judgement:
+        seen.append((best.guess.name, rest[2][0].name))
+        return judge(best, *rest, **more)
+
+    monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
     if structure == "hysteresis":
         ranking = rank(bouc_wen(), MEMORYLESS)
     else:
         ranking = rank(noisy(two_masses(), NOISE, 1), BASE)
+    # of those that tie the one with fewest parameters is named and judged: not the law whose motion it is
+    ((judged, named),) = seen
+    assert judged == named
     assert not ranking.fits
     assert ranking.unexplained > 0.01
     text = "; ".join(map(sentence, ranking.findings))

@@ -29,7 +29,6 @@ from rsgen.report.wording.sentences import next_step
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface
-from tests.oracles.memory import two_masses
 from tests.ranking.test_ranking import BASE, MEMORYLESS, NOISE, measured, ranked
 from tests.surfaces import MASS, changed, model, truth
 
@@ -171,6 +170,7 @@ def test_one_frequency_does_not_determine_the_mass() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_laws")
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_few_points_are_said_to_be_few() -> None:
     table = measured("cubic")
@@ -184,21 +184,6 @@ def test_few_points_are_said_to_be_few() -> None:
 
 
 @pytest.mark.slow
-def test_the_law_that_is_judged_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-
-    def spy(best: Fitted, *rest: Any, **more: Any) -> Judgement:
-        seen.append((best.guess.name, rest[2][0].name))
-        return judge(best, *rest, **more)
-
-    monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
-    # of those that tie the one with fewest parameters is named: not the law whose motion it is
-    rank(add_noise(two_masses(), NOISE, 1), MEMORYLESS)
-    assert len(seen) == 1
-    assert all(judged == named for judged, named in seen)
-
-
-@pytest.mark.slow
 def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     # a stop that the highest level alone reaches: the others cannot predict it
     law = "kk*Max(0, x - b)"
@@ -206,7 +191,7 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     ranking = rank(noisy(table, NOISE, 1), MEMORYLESS)
     assert ranking.candidates[0].name == "one-sided-stop"
     assert "levels-predicted-worse" in codes(ranking)
-    well = ranked("cubic", whole=True)
+    well = ranked("cubic")
     assert not codes(well) & {"levels-predicted-worse", "other-law-predicts-better"}
 
 

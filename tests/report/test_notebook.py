@@ -57,6 +57,7 @@ def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
     return [cell.source for cell in notebook.cells if cell.cell_type == "code"]
 
 
+@pytest.mark.slow
 @settings(derandomize=True, max_examples=300)
 @given(st.text() | st.text("\"'\\\n\t\r{}%!?$\ud800\u202e\x00"))
 def test_literal_is_the_text_on_one_line(text: str) -> None:

@@ -143,6 +143,7 @@ def test_page_needs_no_network_and_runs_nothing(drawings: list[Any]) -> None:
     assert not re.search(r"@import|url\((?!#|data:)", text)
 
 
+@pytest.mark.slow
 def test_page_can_be_found_through(drawings: list[Any]) -> None:
     outline = Outline(page(drawings))
     counts = outline.count()
@@ -168,6 +169,7 @@ def test_same_input_same_bytes(drawings: list[Any]) -> None:
     assert page(drawings) == page(again)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
 def test_titles_are_text(blanks: list[Drawing], title: str) -> None:
     tame = Outline(page(blanks))
@@ -438,6 +440,7 @@ def results(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_index_lists_what_can_be_read(results: Path) -> None:
     write_index(results)
     text = (results / "index.html").read_text(encoding="utf-8")

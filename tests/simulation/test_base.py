@@ -41,6 +41,7 @@ def test_a_linear_structure_has_its_transmissibility(base, method):
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, base, UNITS[base])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", LEVELS)
 def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
     surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
@@ -93,6 +94,7 @@ def test_a_background_beside_a_driven_base_has_units_per_mass():
     )
 
 
+@pytest.mark.slow
 def test_a_ranking_finds_the_law_and_no_mass():
     surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", accuracy=1e-6))
     ranking = rs.rank(surface, [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])

@@ -69,6 +69,7 @@ def test_exact_points_of_all_branches_identify_the_law(surface, harmonics):
         assert found[name].value == pytest.approx(true, rel=1e-6), name
 
 
+@pytest.mark.slow
 def test_intervals_hold_at_one_per_cent_of_noise(surface):
     few = rs.ResponseSurface(
         surface.level, surface.frequency, surface.force, surface.harmonics[:, 1], control="continuation"

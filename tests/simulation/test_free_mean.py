@@ -46,6 +46,7 @@ def test_a_simulation_in_time_is_refused_with_what_helps() -> None:
         rsgen.simulate(rsgen.Oscillator(1.5, DAHL, VALUES), grid("time"))
 
 
+@pytest.mark.slow
 def test_a_check_says_it_before_a_run(tmp_path: Path) -> None:
     text = (CASES / "jenkins.toml").read_text(encoding="utf-8")
     path = tmp_path / "loose.toml"

@@ -98,6 +98,7 @@ def test_slices_less_than_eight_degrees_apart_are_no_error_of_the_loop():
     assert lag_findings(locked(oscillator(), lags=tuple(np.radians([73, 80, 87])))) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("second", "apart"), [(1.0, False), (1.3, True), (6.0, True)])
 def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
     """The other mode is as stiff, and lighter; a band with one of them is what it takes."""
@@ -122,6 +123,7 @@ def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
         np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [MASS, None])
 def test_levels_that_were_left_out_are_no_second_mode(mass: float | None):
     """A gap in frequency goes with one in amplitude: one law fits both groups, or there are two modes."""
@@ -146,6 +148,7 @@ def test_levels_that_were_left_out_are_no_second_mode(mass: float | None):
     assert {"misfit-large", "phase-gap"} <= {finding.code for finding in wrong.verdict.decided_by}
 
 
+@pytest.mark.slow
 def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
     """The asked figures: k(X)/m within 0.1 %, zeta within 3 %, the phase error said."""
     exact = locked(oscillator(), level=np.linspace(1, 12.5, 13), harmonics=5)

@@ -56,6 +56,7 @@ def test_up_and_down_differ_between_the_folds_only() -> None:
     assert nearest.max() < SAME
 
 
+@pytest.mark.slow
 def test_a_softening_spring_jumps_the_other_way() -> None:
     case = load_case(CASES / "cubic.toml")
     test = replace(case.test, level=[12.5], frequency=np.arange(8.8, 10.4, 0.02), accuracy=1e-4)

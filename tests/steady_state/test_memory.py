@@ -33,6 +33,7 @@ def _errors(oscillator: Oscillator, structure: hysteresis.Structure, accuracy: f
     return np.array(errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 def test_bouc_wen_agrees_with_dop853(accuracy: float) -> None:
     structure = hysteresis.bouc_wen(2.0, **BENCHMARK)

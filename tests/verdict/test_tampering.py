@@ -78,6 +78,7 @@ def test_a_law_that_feeds_energy_is_not_simulated(tmp_path: Path, monkeypatch: p
         judge(stepped("coulomb", every=QUICK).write(tmp_path))
 
 
+@pytest.mark.slow
 def test_noise_is_no_sweep(tmp_path: Path) -> None:
     outcome = judge(BY_NAME["noise taken as a swept sine"].make("cubic").write(tmp_path))
     assert outcome.state == "refused"
