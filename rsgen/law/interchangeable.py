@@ -9,6 +9,7 @@ import numpy as np
 import sympy
 
 from rsgen.arrays import Array
+from rsgen.law.normal_form import STATES
 from rsgen.law.numeric import ForceLaw
 
 __all__ = ["equal_terms", "in_order", "put_in_order"]
@@ -59,7 +60,8 @@ def _paired(force: sympy.Expr, one: sympy.Expr, other: sympy.Expr) -> Group | No
         sorted(first.free_symbols - second.free_symbols, key=str)
         for first, second in ((one, other), (other, one))
     )
-    if len(mine) != len(theirs) or not 0 < len(mine) <= _MOST_NAMES:
+    # displacement and velocity are not of the law: a spring and a damper have different places
+    if len(mine) != len(theirs) or not 0 < len(mine) <= _MOST_NAMES or not STATES.isdisjoint(mine + theirs):
         return None
     if len(mine) == 1 and one.coeff(mine[0]) * mine[0] == one:
         # only the sum of both acts
