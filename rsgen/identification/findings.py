@@ -265,7 +265,9 @@ class Findings:
         found += of_one_mode(self.surface.findings, self.points, misfit)
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
-        elif feeds_exciter(self.points) and not any(f.code == "base-misread" for f in self.surface.findings):
+        elif feeds_exciter(self.points) and not any(
+            f.code in ("base-misread", "base-scaled") for f in self.surface.findings
+        ):
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))

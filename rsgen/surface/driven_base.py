@@ -30,6 +30,9 @@ _SCALES = {
 """What a channel is too large or too small by where g, thousandths, root mean squares or peaks to peaks were
 read as something else: the mistakes that laboratories make; others have no name."""
 
+_OF_UNITS = 3
+"""The first of these factors are of units, which go with another quantity: a root mean square does not."""
+
 
 def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> tuple[Finding, ...]:
     """Find the mistake in reading a driven base that explains the test better than what was read; or none.
@@ -91,16 +94,25 @@ def _scaled(
     of it, and beside the inertia of the base any law would fit.
     """
     misfit, _ = _fit(base, seen, omega, absolute, powers, of_law=True)
-    factors = [(name, by**sign) for name, by in _SCALES.items() for sign in (1, -1)]
-    fits = [_fit(base, by * seen, omega, absolute, powers, of_law=True) for _, by in factors]
+    factors = [(name, by**sign, 0) for name, by in _SCALES.items() for sign in (1, -1)]
+    factors += [
+        ("quantity", by, order)
+        for order in (-2, -1, 1, 2)
+        for by in (1.0, *(scale**sign for scale in list(_SCALES.values())[:_OF_UNITS] for sign in (1, -1)))
+    ]
+    fits = [
+        _fit(base, by * (1j * omega) ** order * seen, omega, absolute, powers, of_law=True)
+        for _, by, order in factors
+    ]
     limit = min(FITS, BETTER * misfit)
     sound = [
         (left, *factor) for (left, fine), factor in zip(fits, factors, strict=True) if fine and left < limit
     ]
     if not sound:
         return ()
-    then, name, by = min(sound)
+    then, name, by, order = min(sound)
     numbers = {"misfit": Quantity(misfit), "then": Quantity(then), "by": Quantity(by)}
+    numbers |= {"order": Quantity(order)} if order else {}
     return (Finding("base-scaled", "error", "", numbers, {"is": name}),)
 
 

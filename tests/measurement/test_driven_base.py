@@ -90,6 +90,16 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
+@pytest.mark.parametrize(("quantity", "order"), [("velocity", -1), ("displacement", -2)])
+def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, order, monkeypatch):
+    response = 'quantity    = "acceleration"\nreal        = {seen}'
+    assert response in CASE
+    monkeypatch.setitem(globals(), "CASE", CASE.replace(response, response.replace("acceleration", quantity)))
+    (found,) = [f for f in findings(tmp_path, recorded) if f.code == "base-scaled"]
+    assert (found.names["is"], found["order"], found["by"]) == ("quantity", order, 1.0)
+
+
+@pytest.mark.parametrize("recorded", ["absolute", "relative"])
 @pytest.mark.parametrize(
     ("factor", "mistake"),
     [(9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak")],

@@ -121,19 +121,32 @@ _SCALED = {
     "milli": "one of them may be in thousandths of the unit that was read",
     "both": "one of them may be in g and read in mm/s^2, or the other way round",
     "rms": "one of them may be a root mean square and read as a peak value",
+    "quantity": "one of them may be another quantity (displacement, velocity, acceleration) than was read",
     "peak-to-peak": "one of them may be from peak to peak and read as a peak value",
 }
 """What a factor between base and response comes from."""
+
+_DERIVED = {
+    -2: "integrated twice and",
+    -1: "integrated once and",
+    0: "",
+    1: "differentiated once and",
+    2: "differentiated twice and",
+}
+"""What makes another quantity of a motion."""
 
 
 @says("base-scaled")
 def _(found: Finding) -> str:
     then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
     by, back = number_text(found["by"], 4), number_text(1 / found["by"], 4)
+    order = round(found["order"]) if "order" in found.numbers else 0
+    undone = f"with the response {_DERIVED.get(order, '')} {by} times as large"
+    other = "" if order else f", or the base {back} times"
     return (
         "as the case reads them, base and response are not those of a mass on springs and dampers: any law "
-        f"leaves {misfit} of its force; with the response {by} times as large, or the base {back} times, "
-        f"{then}: {_SCALED[found.names['is']]}"
+        f"leaves {misfit} of its force; {' '.join(undone.split())}{other}, {then}: "
+        f"{_SCALED[found.names['is']]}"
     )
 
 
