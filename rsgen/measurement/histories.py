@@ -36,7 +36,10 @@ def _rows(
     rows: dict[int | str, NDArray[Any]] = {}
     for name, channels in zip(wanted, groups, strict=True):
         if len(channels) != 1:
-            raise MeasurementError(f"{label}: {quote(name)} means {len(channels)} arrays; name one of them")
+            raise MeasurementError(
+                f"{label}: {quote(name)} means {len(channels)} arrays; name one of them, or write each "
+                "record to a file of its own: of time histories a file is one level"
+            )
         values = channels[0].values.reshape(-1)
         if values.size != max(channels[0].values.shape, default=1):
             raise MeasurementError(
