@@ -36,6 +36,10 @@ _FOLLOWED = 4
 """Trials of a law with memory that are followed on few points, a parameter that is searched: of four equal
 sliders every third trial leads to the solution, so that sixteen miss it once in a thousand times."""
 
+_POSITIVE = 200
+"""Trials of a law with memory, of 400, in which all is positive, as forces, stiffnesses and lengths are. With
+all signs one of 2^q trials of q parameters would be, and the solution of LuGre's law is missed."""
+
 _SAME_END = 1e-3
 """Sums of squares of ends that differ by less, relative, are those of one solution: sliders that change
 places, or a parameter that has no effect."""
@@ -67,7 +71,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
         return search.scaled(search.polish(search.pinned(begin))[0])
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
-    trials = _trials(windows)
+    trials = _trials(windows, positive=_POSITIVE if law.remembers else 0)
     costs = search.costs(trials)
     order = np.argsort(costs, kind="stable")
     best = trials[order[0]]
@@ -328,21 +332,23 @@ def _apart(shape: Array | None, other: Array | None) -> bool:
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 
-def _trials(windows: list[Array], count: int = 400) -> Array:
-    """All values of one parameter, or a low-discrepancy sample of several, with all signs of the pins."""
+def _trials(windows: list[Array], count: int = 400, *, positive: int = 0) -> Array:
+    """All values of one parameter, or a low-discrepancy sample of several, the first of them positive."""
     searched = [i for i, window in enumerate(windows) if len(window) > 2]
     if len(searched) <= 1:
         return np.array(list(product(*windows)))
     from scipy.stats import qmc
 
     points = qmc.Halton(len(windows), seed=1).random(count)
-    return np.stack(
+    trials = np.stack(
         [
             window[(column * len(window)).astype(np.intp)]
             for window, column in zip(windows, points.T, strict=True)
         ],
         axis=1,
     )
+    trials[:positive] = np.abs(trials[:positive])
+    return trials
 
 
 def _distinct(ordered: Array, most: int = 4) -> list[Array]:

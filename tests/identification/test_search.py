@@ -12,7 +12,9 @@ from rsgen.expression import parse
 from rsgen.identification.equations import Equations
 from rsgen.identification.start import solve_equations
 from rsgen.law.element import make_element
+from rsgen.law.library import laws
 from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion, project
 from rsgen.oscillator import Model, Oscillator
 from rsgen.simulation import SimulatedTest
 from rsgen.simulation.noise import add_noise
@@ -129,3 +131,23 @@ def test_equal_sliders_are_told_apart() -> None:
     assert found.misfit < 5e-3
     assert sorted(values[f"F{i}"] for i in range(4)) == pytest.approx(limits, rel=0.02)
     assert values["kt"] == pytest.approx(kt, rel=0.02)
+
+
+@pytest.mark.slow
+def test_friction_of_four_searched_parameters_is_found() -> None:
+    """LuGre's friction along sines: of its many minima most have parameters that mean nothing."""
+    true = {"Fc": 5.0, "Fs": 8.0, "k": 4e4, "sigma0": 3e4, "sigma1": 8.0, "sigma2": 20.0, "vs": 0.05}
+    law = compile_law(parse("k*x") + laws["lugre"].element().force)
+    grid = np.meshgrid(2 * np.pi * np.linspace(19, 30, 8), np.geomspace(1e-4, 1.3e-2, 8))
+    omega, size = (part.ravel() for part in grid)
+    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
+    x, v, a = Motion(omega, harmonics).waveforms(2048)
+    step = 2 * np.pi / x.shape[1] / omega[:, None]
+    values = np.array([true[name] for name in law.parameters])
+    force = project(law.sample(x, v, a, step, values).force, 1) - 2.3 * omega**2 * size
+    noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
+    force = force * (1 + noise[0] + 1j * noise[1])
+    equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
+    found = solve_equations(equations, law, None)
+    assert found.misfit < 5e-3
+    assert dict(zip(law.parameters, found.values, strict=True)) == pytest.approx(true, rel=0.1)
