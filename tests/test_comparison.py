@@ -19,6 +19,7 @@ def combined(surface_of: Callable[..., ResponseSurface]) -> Identification:
     return identify(surface_of("combined", levels=np.array([2.0, 6, 12])), model("combined"))
 
 
+@pytest.mark.slow
 def test_rows_hold_estimates_against_truth(combined: Identification) -> None:
     result = compare(combined, truth("combined"), {"kn": 1e-4, "m": 1e-4})
     rows = {row.name: row for row in result.rows}

@@ -27,6 +27,7 @@ def quintic() -> tuple[object, Prediction]:
     return table, predict(found, surface=table)
 
 
+@pytest.mark.slow
 def test_held_out_levels_are_predicted(quintic: tuple[object, Prediction]) -> None:
     _, prediction = quintic
     assert [item.level for item in prediction.held_out] == [6.0, 10.0]

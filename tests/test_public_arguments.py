@@ -101,6 +101,7 @@ def test_truth_may_be_the_oscillator(found):
     assert str(by_oscillator) == str(rs.compare(found, TRUE | {"m": 1.2}))
 
 
+@pytest.mark.slow
 def test_the_library_itself_is_a_list_of_candidates():
     assert competitors(rs.laws)[1] == competitors(None)[1]
     assert len(competitors(None)[1]) > 20

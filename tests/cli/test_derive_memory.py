@@ -37,6 +37,7 @@ def test_masing_laws_in_json_parse_back(run_cli: Callable) -> None:
         parse(found[name])
 
 
+@pytest.mark.slow
 def test_loops_are_drawn(tmp_path: Path, run_cli: Callable) -> None:
     picture = tmp_path / "joint.svg"
     law = ("k*x + masing(Min(kt*x, Fs))", "--set", "kt=3", "--amplitude", "2 m")

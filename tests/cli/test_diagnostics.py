@@ -38,6 +38,7 @@ def shell(act: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_a_warning_of_a_library_stays_off_the_terminal() -> None:
     run = shell("print('done')")
     assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
@@ -51,6 +52,7 @@ def test_a_fault_of_the_program_is_one_sentence() -> None:
     assert run.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_who_asks_sees_both() -> None:
     run = shell("raise ZeroDivisionError('of the program')", RSGEN_DEBUG="1")
     assert "raw text of a library" in run.stderr

@@ -81,6 +81,7 @@ def test_masing_formulas_of_the_literature():
     assert (linear.stiffness, linear.damping) == (symbol("k1"), 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["masing(Min(kt*x, Fs))", f"masing({IWAN4})", "masing(F*(1 - exp(-a*x)))"])
 def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):
     derived = derive(f"k*x + {law} + c*v")
@@ -147,6 +148,7 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_two_states_that_depend_on_each_other():
     pair = derive(make_element("pair", "z + w", {"z": "a*v - b*w", "w": "b*z - c*w"}))
     found = pair.evaluate(0.7, OMEGA, {"a": 3.0, "b": 1.4, "c": 0.6})

@@ -421,6 +421,7 @@ def test_a_name_is_legal_or_refused_in_a_sentence(name: str) -> None:
         assert name.isidentifier()
 
 
+@pytest.mark.slow
 def test_reading_deep_in_a_call_stack_is_refused_not_a_crash() -> None:
     def deeper(levels: int) -> sympy.Expr | ExpressionError:
         if levels:

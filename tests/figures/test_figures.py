@@ -146,6 +146,7 @@ def test_any_surface_can_be_drawn(surface: ResponseSurface) -> None:
         assert draw(surface).render("png").startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_points_that_did_not_settle_leave_holes() -> None:
     outcome = np.where(np.arange(len(SURFACE)) % 7 == 0, 1, 0)
     from dataclasses import replace
@@ -164,6 +165,7 @@ def test_both_sweeps_give_two_panels() -> None:
     assert titles[:2] == ["sweep up", "sweep down"]
 
 
+@pytest.mark.slow
 def test_stable_parts_are_solid_and_unstable_parts_dashed() -> None:
     drawing = figures.draw_responses(SURFACE, PREDICTION)
     curve = PREDICTION.curves[-1]
@@ -222,6 +224,7 @@ def test_a_parameter_that_is_not_identifiable_leaves_the_points() -> None:
     assert np.isnan(values_of(refined)["kn1"])
 
 
+@pytest.mark.slow
 @settings(derandomize=True, max_examples=200)
 @given(st.floats(1e-11, 1e5), st.sampled_from(["m", "N", "N/m", "N*s/m", "kg"]))
 def test_engineering_scale_keeps_the_value(value: float, unit: str) -> None:
@@ -312,6 +315,7 @@ def draw_law(ax: Axes) -> Drawing:
     return figures.draw_derivation(derive(make_element("law", "k*x + kn*x**3")), ax=ax)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*DRAWINGS, "derivation"])
 def test_a_figure_goes_on_axes_of_the_caller(name: str) -> None:
     figure = Figure(figsize=(7, 7))

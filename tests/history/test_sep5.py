@@ -25,6 +25,7 @@ def channels(**second: Any) -> list[dict[str, Any]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("unit", "size", "quantity"),
     [

@@ -28,6 +28,7 @@ def stepped(frequencies: np.ndarray, levels: np.ndarray, dwell: float) -> tuple[
     return force, lfilter(above.ravel(), below, force)
 
 
+@pytest.mark.slow
 def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -> None:
     frequencies = np.concatenate([np.linspace(9, 11, 21), np.linspace(10.9, 9, 20)])
     force, x = stepped(frequencies, np.full(41, 3.0), 30)
@@ -50,6 +51,7 @@ def test_steps_of_level_at_one_frequency_are_separated() -> None:
     assert surface.level.tolist() == levels.tolist()
 
 
+@pytest.mark.slow
 def test_noise_neither_makes_nor_hides_steps() -> None:
     frequencies = np.linspace(9, 11, 41)  # 0.5 % apart
     force, x = stepped(frequencies, np.full(41, 3.0), 20)

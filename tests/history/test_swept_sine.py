@@ -250,6 +250,7 @@ def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
     assert fast.names["mass"] == "from the flanks of the resonance"
 
 
+@pytest.mark.slow
 def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 200.0, 16000
     t = np.arange(n) / rate

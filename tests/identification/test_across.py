@@ -133,6 +133,7 @@ def test_a_law_of_the_response_alone_does_not_fit():
     assert across.residual < 1e-9 < 0.05 < alone.residual
 
 
+@pytest.mark.slow
 def test_a_held_out_level_is_predicted_with_its_measured_ratio():
     surface = two_masses()
     found = rs.identify(surface, ELEMENTS, rs.Observation(hold_out=(3.0,)))
@@ -170,6 +171,7 @@ def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
         rs.identify(replace(two_masses(), **surface), law, **options)
 
 
+@pytest.mark.slow
 def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
     found = rs.identify(two_masses(), ELEMENTS)
     with pytest.raises(RsgenError, match="levels: the law acts across 'far - near'"):

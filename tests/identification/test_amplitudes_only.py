@@ -67,6 +67,7 @@ def test_standard_errors_without_phase():
     assert 0.6 < spread < 1.5
 
 
+@pytest.mark.slow
 def test_noise_of_a_law_with_a_jump_is_not_called_systematic():
     found = identify(without_phase(noisy(surface("coulomb"), 0.01, 1)), model("coulomb"))
     assert max(errors(found, truth("coulomb")).values()) < 5e-3

@@ -98,6 +98,7 @@ def test_intervals_of_an_even_force_hold_under_noise(full, tested):
     assert found["k2"].standard_error < 0.1 * VALUES["k2"]
 
 
+@pytest.mark.slow
 def test_the_second_harmonic_gives_the_sign():
     full = table(values={**VALUES, "k2": -1e5})
     harmonics = np.array(full.harmonics)
@@ -147,6 +148,7 @@ def test_the_interval_of_an_even_force_that_is_not_there_contains_zero():
         assert not k2.identifiable
 
 
+@pytest.mark.slow
 def test_forces_are_not_drawn_without_a_law_where_the_mean_must_be_large(full):
     assert identify(fundamental(full), QUADRATIC).restoring is None
 

@@ -75,6 +75,7 @@ def test_a_law_with_a_jump_is_polished_beside_a_background():
     assert max(errors(found, truth("coulomb")).values()) < 5e-3
 
 
+@pytest.mark.slow
 def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
     omega = cubic.omega
     seen = np.array(cubic.harmonics)
@@ -218,6 +219,7 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
         assert abs(value) > high - low
 
 
+@pytest.mark.slow
 def test_a_residual_term_is_not_called_an_offset(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
     assert "offset-possible" not in {finding.code for finding in identify(seen, model("cubic")).findings}

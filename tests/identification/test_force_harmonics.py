@@ -50,6 +50,7 @@ def test_a_phase_error_turns_every_harmonic():
     assert found.background.estimates[0].value == pytest.approx(0.1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_harmonics_that_are_not_numbers_were_not_recorded():
     surface = distorted()
     forces = np.array(surface.force_harmonics)

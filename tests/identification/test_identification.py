@@ -262,6 +262,7 @@ def test_points_that_do_not_move_are_counted() -> None:
         identify(table, model("coulomb"))
 
 
+@pytest.mark.slow
 def test_sentences_print_displacements_as_drawings_do() -> None:
     found = identify(surface("piecewise", levels=np.array([0.5])), model("piecewise"))
     assert " at 1 level; " in sentence(found.outcome)
@@ -280,6 +281,7 @@ def test_a_law_that_misses_a_little_is_said_to_miss() -> None:
     assert "law-does-not-fit" not in {finding.code for finding in right.findings}
 
 
+@pytest.mark.slow
 def test_a_law_is_a_formula_an_element_a_sequence_or_a_model():
     table, asked = surface("cubic"), model("cubic", MASS)
     ways = [asked.elements[0].force, asked.elements[0], asked.elements]

@@ -71,6 +71,7 @@ def reordered(problem):
     return linearise, np.array([0.0, 1.0]), nuisance
 
 
+@pytest.mark.slow
 def test_noise_and_errors_are_found() -> None:
     runs = [fit(*reordered(line_through(0.01, seed))) for seed in range(100)]
     assert np.mean([run.noise for run in runs]) == pytest.approx(

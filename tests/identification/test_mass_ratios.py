@@ -59,6 +59,7 @@ def test_the_mass_from_which_on_ratios_hold_is_said(damping: float, inside: bool
     assert given["k"].value / (1.2 * MASS) == pytest.approx(VALUES["k"] / MASS, rel=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lags", [(80, 90, 100), (70, 80, 90), (75, 85), (88, 92)])
 def test_slices_a_few_degrees_apart_determine_the_mass_and_every_value(lags: tuple[float, ...]):
     """F/X = k - m omega^2 + i omega c differs between them: a mass that is assumed would not fit."""
@@ -166,6 +167,7 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: f
         assert np.all(exact < modal.stiffness_per_mass_upper)
 
 
+@pytest.mark.slow
 def test_a_test_without_scale_has_its_ratios():
     found = rsgen.identify(locked(), LAW, rsgen.Observation(calibrated=False))
     assert found["k"].finding["low"] < VALUES["k"] / MASS < found["k"].finding["high"]

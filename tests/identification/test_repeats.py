@@ -112,6 +112,7 @@ def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
     assert np.mean(inside) > 0.85
 
 
+@pytest.mark.slow
 def test_standard_errors_hold_where_only_the_force_scatters_a_little(cubic):
     some = cubic.select(np.repeat(np.arange(0, len(cubic), 3), READINGS))
     distances = []
@@ -154,6 +155,7 @@ def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cub
     assert max(wide) > 2.1
 
 
+@pytest.mark.slow
 def test_a_wrong_law_is_not_taken_for_noise(cubic):
     linear = Model((make_element("law", "k*x + c*v"),))
     found = identify(repeated(cubic, 1), linear)

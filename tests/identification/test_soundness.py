@@ -38,6 +38,7 @@ def test_a_sound_test_has_nothing_to_doubt(table: ResponseSurface) -> None:
     assert "law-does-not-fit" not in findings(table)
 
 
+@pytest.mark.slow
 def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
     found = findings(table, "k*x + c*v")["law-does-not-fit"]
     assert found.severity == "doubt"
@@ -96,6 +97,7 @@ def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> No
     assert found["misfit"] > 3 * found["typical"]
 
 
+@pytest.mark.slow
 def test_a_missing_term_sets_no_level_apart() -> None:
     # dry friction decides at the lowest level, whose force and frequencies are right
     found = findings(noisy(surface("coulomb"), 0.003, 1), "k*x + c*v")
@@ -120,6 +122,7 @@ def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: 
         assert {finding.severity for finding in with_it.values()} <= {"info", "warning"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ["another-quantity", "not-passive"])
 def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
     # a background takes these up as well, but adding it would hide the mistake
@@ -132,6 +135,7 @@ def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
     assert "background-missing" not in found
 
 
+@pytest.mark.slow
 def test_a_missing_term_is_no_missing_background(table: ResponseSurface) -> None:
     assert "background-missing" not in findings(table, "k*x + c*v")
 
@@ -246,6 +250,7 @@ def test_harmonics_of_noise_are_not_strong_and_no_steady_sine() -> None:
     assert severity(absurd, "not-a-steady-sine") == "error"
 
 
+@pytest.mark.slow
 def test_a_mean_of_noise_is_no_missing_asymmetry() -> None:
     loud = noisy(surface("cubic"), 0.05, 3)
     assert "mean-of-symmetric-law" not in findings(loud)
@@ -324,6 +329,7 @@ def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expec
         assert found["mass-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_trial_that_follows_no_point_is_no_missing_background(
     table: ResponseSurface, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ def forces(law: str, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return spring, compiled.force(0 * v, np.maximum(v, still), values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["bilinear", "cubic", "coulomb", "combined"])
 def test_forces_come_back_from_their_motions(law: str) -> None:
     found = invert_motion(select_points(surface(law), model(law)), MASS, 0.0)
@@ -41,6 +42,7 @@ def test_the_two_sides_of_a_bilinear_spring_have_their_own_stiffness() -> None:
     assert np.median(slope[high]) == pytest.approx(LAWS["bilinear"][1]["k6"], rel=WANTED)
 
 
+@pytest.mark.slow
 def test_one_well_of_two_is_drawn_where_the_mass_moves() -> None:
     values = {"k": -500.0, "kn": 5e6, "c": 3.0}
     table = surface("cubic", np.linspace(0.5, 3, 12), np.linspace(3, 8, 41), values=values)

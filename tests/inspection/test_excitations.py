@@ -249,6 +249,7 @@ def test_a_base_that_sweeps_is_recognised(tmp_path: Path, reference: str) -> Non
     assert np.median(np.abs(surface.force / surface.harmonics[:, 1] / exact - 1)) < 0.02
 
 
+@pytest.mark.slow
 def test_a_decay_is_told_from_a_response_whose_force_is_missing(tmp_path: Path) -> None:
     after = response(blow())[1][210:]
     tables, trial = tried(tmp_path / "a.csv", {"t [s]": seconds(len(after) / RATE), "Acc [m/s²]": after})

@@ -168,6 +168,7 @@ def test_every_text_survives_toml() -> None:
     assert tomllib.loads(proposal_text(Proposal({"test": {"file": "a\udcff"}})))["test"]["file"] == "a\ufffd"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -380,6 +381,7 @@ def doubts(path: Path) -> dict[str, str]:
     return proposal.doubts
 
 
+@pytest.mark.slow
 def test_names_of_variables_tell_units(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     t = np.arange(400) / 1024
@@ -421,6 +423,7 @@ def test_other_files_of_laboratories_are_named(tmp_path: Path, name: str, begin:
         list_contents(path)
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"f": np.arange(9.0)})
@@ -449,6 +452,7 @@ ROWS = [f"{8 + i / 10:.1f},{2 + i // 20},{1 + i / 7:.4f},{10 + i}" for i in rang
 HEAD = "f_Hz,force_N,disp_um,lag_deg"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lines", "kept", "said"),
     [

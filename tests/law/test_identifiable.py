@@ -27,6 +27,7 @@ TABLE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "memory", "determined"), TABLE)
 def test_combinations_are_found(force, memory, determined):
     (found,) = combinations_of(make_element("law", force, memory).force)

@@ -82,6 +82,7 @@ def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_the_force_along_a_harmonic_motion_is_the_describing_function(law: Law) -> None:
     amplitude, omega = np.array([0.4, 1.3, 2.7]), np.array([0.7, 1.1, 2.0])

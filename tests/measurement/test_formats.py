@@ -191,6 +191,7 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path: Path, run_cli: Callable[..., 
     assert "holds no numbers" in run_cli("inspect", path).out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [{"wf_xunit_string": "Hz"}, {}], ids=["with unit", "by name"])
 def test_a_spectrum_of_tdms(tmp_path: Path, unit: dict[str, str]) -> None:
     nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")

@@ -331,6 +331,7 @@ def test_changed_universal_files_never_break_the_reader(data: st.DataObject) -> 
                 assert np.isfinite(node.load()).all()
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=200, derandomize=True, deadline=None)
 def test_changed_numpy_files_never_break_the_reader(data: st.DataObject) -> None:
@@ -520,6 +521,7 @@ def test_the_reading_process_loads_no_more_than_it_needs() -> None:
     assert not {"sympy", "pint", "pydantic", "scipy", "numba"} & set(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_waiting_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.npy"
     np.save(path, np.zeros(6_000_000))

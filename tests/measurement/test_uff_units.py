@@ -132,6 +132,7 @@ def test_data_set_164_divides() -> None:
     assert (system.length, system.force) == ("ft", "lbf")
 
 
+@pytest.mark.slow
 def test_displacements_in_mm_and_mn_without_labels(tmp_path: Path) -> None:
     path = tmp_path / "a.uff"
     receptance = ACCELERANCE / -(OMEGA**2)

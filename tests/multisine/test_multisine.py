@@ -127,6 +127,7 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
     assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]
 
 
+@pytest.mark.slow
 def test_a_delay_between_the_channels_is_named_with_its_size() -> None:
     good = spectra(duffing, SIZES, noise=1e-3, periods=8)
     delay = 1e-3

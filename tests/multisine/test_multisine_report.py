@@ -145,6 +145,7 @@ def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
     assert not rsgen.verdict_of(found, prediction=prediction).usable
 
 
+@pytest.mark.slow
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_cli: Callable) -> None:
     def said(identify: str = "", test: str = "", more: str = "", head: str = "") -> str:
         text = head + CASE.format(law=LAW, identify=identify, test=test) + more

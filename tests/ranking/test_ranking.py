@@ -205,6 +205,7 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) ->
     assert abs(fitted.misfit - count) < 5 * np.sqrt(2 * count)
 
 
+@pytest.mark.slow
 def test_the_fit_agrees_with_identification(along: tuple[Points, Rows, Guess]) -> None:
     points, rows, guess = along
     fitted = fit_rows(guess, rows, points.level, None)

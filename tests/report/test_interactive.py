@@ -43,6 +43,7 @@ def test_without_plotly_one_sentence_says_how_to_get_it(
         render_interactive(result)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plotly")
 def test_every_settled_point_is_on_the_page(result: Path) -> None:
     page = render_interactive(result)

@@ -134,6 +134,7 @@ def test_every_case_makes_a_notebook(path: Path) -> None:
     assert literal_eval(assignment.value) == case.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
     file = tmp_path / "lesson.ipynb"

@@ -40,6 +40,7 @@ def test_harmonic_balance_with_loops_of_its_own_agrees(oscillator: Oscillator, f
     np.testing.assert_allclose(balance.harmonics[:, 1], found.harmonics[:, 1], rtol=2e-4)
 
 
+@pytest.mark.slow
 @LAWS
 def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator: Oscillator, f0: float) -> None:
     X, f = np.repeat([2e-4, 2e-3], 3), np.tile(f0 * np.array([0.9, 1.0, 1.15]), 2)

@@ -62,6 +62,7 @@ def test_unstable_branch_is_where_more_motion_needs_less_force() -> None:
     assert all(np.min(np.abs(turns + 0.5 - i)) <= 1.5 for i in differs)
 
 
+@pytest.mark.slow
 def test_folds_are_where_sweeps_jump() -> None:
     o, F = duffing(2.5e6), 8.0
     frequency = np.arange(10.4, 11.8, 0.01)
@@ -106,6 +107,7 @@ def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path: Path) -> Non
     assert np.array_equal(again.stable, surface.stable)
 
 
+@pytest.mark.slow
 def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None:
     oscillator, test = held_amplitudes(-2e5)
     surface = simulate(oscillator, test)

@@ -66,6 +66,7 @@ def test_a_softening_spring_jumps_the_other_way() -> None:
     assert np.all(down.amplitude[apart] > up.amplitude[apart])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "harmonics", "agrees"),
     [

@@ -327,6 +327,7 @@ def test_units_of_accelerances(unit: str) -> None:
     assert quantity(f"1 {sensor_unit(unit, 'm/s^2/N')}", "m/s^2/N") == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prefix", ["", "k", "m"])
 @pytest.mark.parametrize("name", ["N", "m", "s", "g", "Hz", "rad"])
 def test_names_that_need_no_registry_are_those_of_the_registry(prefix: str, name: str) -> None:

@@ -66,6 +66,7 @@ def test_a_background_takes_up_no_sign_and_no_quantity(
     assert np.exp(1j * np.array(found)) == pytest.approx([np.exp(1j * turned)] if turned else [], abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_law_that_feeds_energy_is_not_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # it settles nowhere, and looking for its steady states takes minutes
     def refused(*args: object, **options: object) -> None:
