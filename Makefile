@@ -13,7 +13,7 @@ export RSGEN_DATA
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help reports docs test test-wheel fast constraints bench attack clean
+.PHONY: help reports docs test types suite test-wheel fast constraints bench attack clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -34,12 +34,17 @@ test: $(READY) ## run every check: format, lint, types, imports, tests, doctests
 	@tests/fetch_tools.sh .venv
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(MAKE) --no-print-directory --jobs=2 types suite
+
+types: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+
+suite: $(READY)
 	$(BIN)/pytest -n 2 --dist worksteal
 
 fast: $(READY) ## the checks that take less than a minute
