@@ -49,7 +49,8 @@ _SPEED = Range("v", tuple(np.geomspace(0.01, 1.0, 9)), (0.003, 3.0))
 _POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.0))
 _WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
 
-_SLIP = Range("x", tuple(np.geomspace(0.05, 0.9, 8)), (0.01, 0.99))
+_SLIP = Range("x", tuple(np.geomspace(0.003, 0.9, 12)), (0.001, 0.99))
+"""A test over a hundred to one in amplitude shows a slip that is over at a hundredth of its largest."""
 _INVERSE = Range("1/x", (0.3, 1.0, 3.0, 10.0), (0.02, 100.0))
 _SIGNED = Range("1/x", (-3.0, -0.5, 0.5, 3.0), (-100.0, 100.0))
 

@@ -339,6 +339,18 @@ def test_a_slider_is_recognised_by_its_loop() -> None:
     assert min(c.bic for c, loop in zip(ranking.candidates, with_loop, strict=True) if not loop) > 100
 
 
+@pytest.mark.slow
+def test_a_slip_that_is_over_at_a_hundredth_of_the_motion_is_recognised() -> None:
+    """Dahl's friction of 5 % of the largest force: 0.2 mm of motions up to 56 mm, nearly Coulomb's."""
+    law = rsgen.Law("k*x + c*v + Fc*z", memory={"z": "(v - z*abs(v))/xs"})
+    values = {"k": 5920.0, "c": 3.0, "Fc": 0.6, "xs": 2e-4}
+    test = rsgen.SimulatedTest(np.linspace(1.5, 12, 4), np.linspace(8, 12.5, 28), harmonics=5, accuracy=1e-6)
+    table = rsgen.simulate(rsgen.Oscillator(1.5, law, values), test)
+    best = rank(noisy(table, 0.01, 1), BASE).candidates[0]
+    assert best.name == "dahl"
+    assert best.values["xs"] == pytest.approx(2e-4, rel=0.1)
+
+
 # ---------------------------------------------------------------- what a ranking sees
 
 
