@@ -1,4 +1,4 @@
-"""What the commands say of a law before any test: what no test tells apart, and what is odd about it."""
+"""What the commands say of a law before any test: what no test distinguishes, and what is odd about it."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ REPELLING = 1e-4
 """Growth of a disturbance in a turn above which no motion stays on the loop."""
 
 NEUTRAL = 1e-6
-"""Share of a disturbance that a turn must forget for its loop to be found. Less cannot be told from nothing
+"""Share of a disturbance that a turn must forget for its loop to be found. Less is as good as nothing
 (slopes are differences, good to 1e-7), and a state that keeps what it begins with but drifts has no loop."""
 
 CYCLES_AT_ONCE = 4096

@@ -46,7 +46,7 @@ _MARKS = 32
 """Points of a measured loop that are marked."""
 
 _FEW_DECADES = 300.0
-"""Ratio of the ends of an axis up to which three numbers a decade have room."""
+"""Ratio of the ends of an axis up to which three numbers a decade fit on it."""
 
 _MEMORYLESS: dict[str, Any] = {"color": "#0072B2", "lw": 0.9, "ls": (0, (5, 2))}
 _LIMIT: dict[str, Any] = {"color": "#009E73", "lw": 1.0, "ls": (0, (4, 1.5, 1, 1.5))}

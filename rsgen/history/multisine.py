@@ -20,7 +20,7 @@ _REPEATS = 0.9
 _FIRST = 0.995
 """The first lag that agrees within this share of the best one is the period; its multiples agree as well."""
 _SHORTEST = 16
-"""Samples of the shortest period that is looked for: fewer have no room for many lines."""
+"""Samples of the shortest period that is looked for: fewer hold few lines."""
 _STEADY = 1.5
 """A period this many times farther from the mean of the last ones than these typically are is transient."""
 _DRIFTS = 0.5

@@ -142,8 +142,8 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
     size = mode.amplitude[mode.amplitude >= seen.tested[0]]
     # one amplitude more than coefficients, so that each is seen; two are a line
     most = min(len(size) // _POINTS_A_COEFFICIENT, max(_different(size) - 1, 2))
-    room = [s for s in _SHAPES if not s[0] or sum(s) <= most]
-    shapes = [(*shape, power) for shape in room for power in _POWERS]
+    allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
+    shapes = [(*shape, power) for shape in allowed for power in _POWERS]
     wide = float(mode.omega.max() / mode.omega.min()) > _WIDE
     trials = _ORDERS if wide else _ORDERS[:1]
     some = seen.select(mode.spread(_TRIED))
@@ -151,7 +151,7 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
     def trial(part: SeenMode, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
-    shape, orders = (*room[min(_MIDDLE, len(room) - 1)], _POWERS[0]), trials[0]
+    shape, orders = (*allowed[min(_MIDDLE, len(allowed) - 1)], _POWERS[0]), trials[0]
     for _ in range(_ROUNDS):
         before = shape, orders
         orders = min(trials, key=lambda each: trial(some, shape, each).solve()[1])
@@ -161,7 +161,7 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
     if len(seen.background):
         return trial(seen, shape, orders)
     # a sum of two may stand for one of three, as a curved spline for a more curved one
-    chosen = trial(seen, _richer(shape, room), orders if len(orders) == 1 else trials[-1])
+    chosen = trial(seen, _richer(shape, allowed), orders if len(orders) == 1 else trials[-1])
     return replace(chosen, others=_others([trial(some, each, orders) for each in shapes]))
 
 
@@ -193,13 +193,13 @@ def _different(amplitude: Array) -> int:
     return sum(max(1, round((part[-1] - part[0]) / _APART)) for part in np.split(place, edges))
 
 
-def _richer(shape: tuple[int, int, int], room: list[tuple[int, int]]) -> tuple[int, int, int]:
+def _richer(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> tuple[int, int, int]:
     """Take the next shape after a curved one: what the chosen one cannot follow is as large as its noise."""
     degree, intervals, power = shape
-    place = room.index((degree, intervals))
+    place = allowed.index((degree, intervals))
     if degree < _CURVED:
         return shape
-    return (*room[min(place + 1, len(room) - 1)], power)
+    return (*allowed[min(place + 1, len(allowed) - 1)], power)
 
 
 def fit_splines(modal: ModeProblem) -> Regression:

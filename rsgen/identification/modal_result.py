@@ -137,8 +137,8 @@ class ModalTable(Printed):
     @property
     def shown(self) -> tuple[str, ...]:
         """Names of the columns that are known: those per mass where stiffness and damping are not."""
-        told = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
-        return tuple(name for name in self.known if told.get(name) not in self.known)
+        absolute = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
+        return tuple(name for name in self.known if absolute.get(name) not in self.known)
 
     def at(self, amplitude: ArrayLike) -> ModalTable:
         """Give the table at other amplitudes [m], those outside ``tested`` extrapolated as constants.

@@ -5,7 +5,7 @@ resonance it matters how c depends on the frequency: a force that does not depen
 and friction, has omega c = c_0(X), a linear damper omega c = omega c_1(X), a drag v|v| omega c = omega^2
 c_2(X). With B-splines for k and c_j all is linear in their coefficients and in the mass, so that it is one
 more forward model, which is given the amplitude. Smooth springs are polynomials of X^2, drag and gaps of X,
-friction of 1/X; logarithms give a spring that hardens over decades the same room everywhere.
+friction of 1/X; logarithms give a spring that hardens over decades as many knots everywhere.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _LONGEST = 30
 
 
 def channel_names(sensors: Sequence[Sensor]) -> list[str]:
-    """Give each channel a name that may stand in a sum: of its words, told apart by numbers."""
+    """Give each channel a name that may stand in a sum: of its words, distinguished by numbers."""
     names: list[str] = []
     for number, sensor in enumerate(sensors, start=1):
         text = ""

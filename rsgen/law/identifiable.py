@@ -1,7 +1,7 @@
 """What no test can identify: parameters that act in products or sums only, found from the law alone.
 
 Along motions of all sizes the force is a function of the parameters. Where its derivatives do not have full
-rank, whatever the values of the parameters, no motion tells them apart: a null vector that is the same in the
+rank, whatever the values of the parameters, no motion separates them: a null vector that is the same in the
 logarithms of the parameters for all values belongs to products (only b*g can be identified), one that is the
 same in the parameters themselves to sums.
 """
@@ -55,7 +55,7 @@ class Combination:
     Parameters
     ----------
     parameters
-        Names that no test tells apart.
+        Names that no test separates.
     determined
         What can be identified of them, in the expression language; empty where it is neither a product nor a
         sum.

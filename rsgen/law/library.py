@@ -50,7 +50,7 @@ _POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.
 _WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
 
 _SLIP = Range("x", tuple(np.geomspace(0.003, 0.9, 12)), (0.001, 0.99))
-"""A test over a hundred to one in amplitude shows a slip that is over at a hundredth of its largest."""
+"""Slips from the smallest motions of a test over several hundred to one in amplitude to its largest."""
 _INVERSE = Range("1/x", (0.3, 1.0, 3.0, 10.0), (0.02, 100.0))
 _SIGNED = Range("1/x", (-3.0, -0.5, 0.5, 3.0), (-100.0, 100.0))
 

@@ -92,7 +92,7 @@ class BestLinear:
         (e,) root mean square of what G leaves beyond the noise [m].
     even, odd
         Lines that are not excited, where all excited lines are odd; None where some are even, so that even
-        and odd distortions cannot be told apart.
+        and odd distortions cannot be separated.
     natural_frequency, damping_ratio
         Of the one mode that fits G best [Hz], [1]; NaN where no mode does.
     stiffness, mass

@@ -26,7 +26,7 @@ _HELD = 0.05
 than a loop, keep a tenth of their stiffness."""
 
 _SPARSE = 7
-"""Every n-th point tells a stiffness well enough."""
+"""Every n-th point gives a stiffness well enough."""
 
 _GAIN = 0.05
 """A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""

@@ -26,7 +26,7 @@ class PeriodMap:
     states over ``units``, (D,) or None, and by the loop of its Masing laws: k of them are an array (D, k).
     ``force`` (n, 2) holds the real and imaginary part of F [N].
 
-    ``memory`` is what the points remember besides. A transient goes on with it and changes it. Fixed points
+    ``memory`` is what else the points remember. A transient goes on with it and changes it. Fixed points
     are those of the closed loop alone, whose force after a reversal follows from the reversal before and not
     from the whole history: with the history the offset of a loop is arbitrary (eigenvalue one), alone it is
     the one that the transient has left.

@@ -177,8 +177,8 @@ def _accept_sticking(
     fixed = find_fixed_points(held, all_here, before, steps, _TOLERANCE, least, spared=True)
     peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak
     # later beats bring the greatest of both together
-    still = _swing(before - fixed.y, fixed.jacobian)
-    stays = sticking.reaches(middle, peak[:, 0] + still, peak[:, 1] - still)
+    swing = _swing(before - fixed.y, fixed.jacobian)
+    stays = sticking.reaches(middle, peak[:, 0] + swing, peak[:, 1] - swing)
     sure = np.flatnonzero(_is_reached(held, all_here, fixed, before, history, least, steps, stays))
     # the same as a closed loop, as all that follows has it
     points, peak, least, steps = points[sure], peak[sure], least[sure], steps[sure]
@@ -201,7 +201,7 @@ def _accept_sticking(
 def _swing(away: Array, jacobian: Array) -> Array:
     """(k,) amplitude of the displacement of free vibrations that begin with ``away`` (D, k).
 
-    Their path is an ellipse in displacement and velocity, whose axes the map of a period tells.
+    Their path is an ellipse in displacement and velocity, whose axes follow from the map of a period.
     """
     square = -np.divide(jacobian[0, 1], jacobian[1, 0], out=-np.ones(len(away[0])), where=jacobian[1, 0] != 0)
     return np.asarray(np.hypot(away[0], np.sqrt(np.where(square > 0, square, 1.0)) * away[1]))

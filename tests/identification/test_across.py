@@ -280,7 +280,7 @@ def test_a_joint_that_cannot_be_told_from_the_noise_of_its_sensors_is_doubted():
     assert found["m"].value > 5
     said = {finding.code: finding for finding in found.verdict.decided_by}["noise-across"]
     assert said["noise"] == pytest.approx(0.005, rel=0.2)
-    assert "the joint cannot be told from it" in rs.explain(found.verdict)
+    assert "the joint cannot be distinguished from it" in rs.explain(found.verdict)
 
 
 def test_a_misfit_that_the_sensors_do_not_explain_is_doubted_where_harmonics_across_are_unknown():

@@ -49,7 +49,7 @@ def test_ratios_to_the_mass_contain_the_truth_whatever_lag_the_loop_held(lag: fl
 
 @pytest.mark.parametrize(("damping", "inside"), [(9.0, True), (20.0, False)])
 def test_the_mass_from_which_on_ratios_hold_is_said(damping: float, inside: bool):
-    """Damping ratios of 4.8 and 10.6 %: without a mass nothing tells them apart, but c bounds the mass."""
+    """Damping ratios of 4.8 and 10.6 %: without a mass nothing separates them, but c bounds the mass."""
     found = rsgen.identify(locked(lag=92.0, noise=0.0, **(VALUES | {"c": damping})), LAW)
     why = found["k"].finding
     (said,) = (finding for finding in found.findings if finding.code == "ratios-hold-from")

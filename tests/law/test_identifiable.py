@@ -66,4 +66,4 @@ def test_the_sentence():
     (said,) = law_sentences(make_element("law", "k*x + z", BOUC_WEN).force)
     assert said.startswith("only beta*delta and beta*gamma can be identified, not beta, delta and gamma")
     (said,) = law_sentences(make_element("law", "a*x + b*d*x").force)
-    assert said == "no test tells a, b and d apart: they act together in this law"
+    assert said == "no test separates a, b and d: they act together in this law"

@@ -340,7 +340,7 @@ def test_a_slider_is_recognised_by_its_loop() -> None:
 
 
 @pytest.mark.slow
-def test_a_slip_that_is_over_at_a_hundredth_of_the_motion_is_recognised() -> None:
+def test_a_slip_far_below_the_largest_motion_is_recognised() -> None:
     """Dahl's friction of 5 % of the largest force: 0.2 mm of motions up to 56 mm, nearly Coulomb's."""
     law = rsgen.Law("k*x + c*v + Fc*z", memory={"z": "(v - z*abs(v))/xs"})
     values = {"k": 5920.0, "c": 3.0, "Fc": 0.6, "xs": 2e-4}

@@ -263,7 +263,7 @@ def _(found: Finding) -> str:
         f"and noise makes up to {part} % of what the fit rests on"
     )
     if "moved" not in found.numbers:
-        return f"{text}: the joint cannot be told from it, and no value is what it seems"
+        return f"{text}: the joint cannot be distinguished from it, and no value is what it seems"
     moved, times = number_text(100 * found["moved"], 2), number_text(found["times"], 2)
     return (
         f"{text}: it was taken off, and moved {found.parameter} by {moved} %, {times} standard errors, more "

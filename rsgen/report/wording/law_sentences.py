@@ -33,7 +33,7 @@ say_plainly(
 def _(found: Finding) -> str:
     parameters, determined = found.names["parameters"], found.names["determined"]
     if not determined:
-        return f"no test tells {parameters} apart: they act together in this law"
+        return f"no test separates {parameters}: they act together in this law"
     return f"only {determined} can be identified, not {parameters} separately: the law depends on no more"
 
 

@@ -34,7 +34,7 @@ say_plainly(
             "or no resonance is near the lines"
         ),
         "one-period": (
-            "one period of each record: noise and misfit cannot be told apart, and the intervals take the "
+            "one period of each record: noise and misfit cannot be separated, and the intervals take the "
             "misfit for noise; record several periods"
         ),
         "law-leaves-distortion": (
