@@ -24,7 +24,7 @@ import rsgen
 from benchmarks.cramer_rao import cramer_rao
 from rsgen.case import Case
 from rsgen.finding import Finding
-from rsgen.identification.data import held_out_mask
+from rsgen.fitting.points import held_out_mask
 from rsgen.output import write_atomic
 from rsgen.simulation.noise import add_noise
 from rsgen.surface import ResponseSurface

@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
     from rsgen.export import save_frf
     from rsgen.finding import Finding
-    from rsgen.identification import Identification, ModalTable, identify, modal_table
+    from rsgen.identification import identify
     from rsgen.law import Element, Law, laws, make_element
     from rsgen.measurement import MeasuredTest, read_measurement
+    from rsgen.modal import ModalTable, modal_table
     from rsgen.multisine import MultisineSpectra, best_linear
     from rsgen.observation import Observation
     from rsgen.oscillator import Model, Oscillator
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from rsgen.report import write_report
     from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
+    from rsgen.results import Identification
     from rsgen.simulation import MultisineTest, SimulatedTest, simulate
     from rsgen.steady_state import SteadyStates, solve_steady_states
     from rsgen.surface import ResponseSurface, load_surface, save_surface
@@ -68,11 +70,11 @@ _PLACES = {
     "Element": "law",
     "ExpressionError": "errors",
     "Finding": "finding",
-    "Identification": "identification",
+    "Identification": "results",
     "Law": "law",
     "MeasuredTest": "measurement",
     "MeasurementError": "errors",
-    "ModalTable": "identification",
+    "ModalTable": "modal",
     "Model": "oscillator",
     "MultisineSpectra": "multisine",
     "MultisineTest": "simulation",
@@ -94,7 +96,7 @@ _PLACES = {
     "load_case": "case",
     "load_surface": "surface",
     "make_element": "law",
-    "modal_table": "identification",
+    "modal_table": "modal",
     "predict": "prediction",
     "rank": "ranking",
     "read": "case",

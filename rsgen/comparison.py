@@ -13,12 +13,12 @@ from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
 from rsgen.force_keys import force_keys
-from rsgen.identification import Estimate, Identification
 from rsgen.law.interchangeable import in_order
 from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion
 from rsgen.oscillator import Oscillator
 from rsgen.prediction import Prediction
+from rsgen.results import Estimate, Identification
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.verdict import Verdict, reach_verdict
 

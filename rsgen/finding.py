@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
-__all__ = ["Finding", "Quantity", "Severity", "quantities"]
+__all__ = ["Finding", "Quantity", "Severity", "quantities", "severity_of"]
 
 Severity = Literal["info", "warning", "doubt", "error"]
 
@@ -25,6 +25,11 @@ def quantities(**numbers: float | Quantity) -> dict[str, Quantity]:
         name: number if isinstance(number, Quantity) else Quantity(float(number))
         for name, number in numbers.items()
     }
+
+
+def severity_of(size: float, doubt: float, error: float) -> Severity:
+    """Give the severity of a size by two limits."""
+    return "error" if size > error else "doubt" if size > doubt else "warning"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,11 @@ from rsgen.case import Case
 from rsgen.comparison import Comparison, Row
 from rsgen.expression import parse, symbol
 from rsgen.finding import Finding
-from rsgen.identification import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.law.element import Element
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 

@@ -7,8 +7,9 @@ import pytest
 
 from rsgen.comparison import compare
 from rsgen.errors import RsgenError
-from rsgen.identification import Identification, identify
+from rsgen.identification import identify
 from rsgen.oscillator import Oscillator
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from tests.samples import cubic_comparison, cubic_identification, cubic_surface
 from tests.surfaces import model, truth

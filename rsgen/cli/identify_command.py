@@ -20,11 +20,11 @@ from rsgen.cli.terminal import (
 from rsgen.comparison import compare, verdict_of
 from rsgen.errors import RsgenError
 from rsgen.export import save_frf
-from rsgen.identification import Estimate, Identification
 from rsgen.multisine import MultisineSpectra
 from rsgen.prediction import predict
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
+from rsgen.results import Estimate, Identification
 from rsgen.study import obtain_table
 from rsgen.study.identified import identify_case
 from rsgen.surface import ResponseSurface, load_surface

@@ -8,7 +8,7 @@ from rsgen.case import load_case
 from rsgen.cli.progress_bar import stage_progress
 from rsgen.cli.terminal import ACCEPTED, check_target, number, print_cache_fault, print_json, print_line
 from rsgen.errors import RsgenError
-from rsgen.identification import modal_table
+from rsgen.modal import modal_table
 from rsgen.output import write_atomic
 from rsgen.report.modal_section import Modal, modal_entry, score_held_out
 from rsgen.report.wording import sentence

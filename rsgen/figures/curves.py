@@ -24,7 +24,7 @@ from rsgen.figures.equivalent import (
     values_of,
 )
 from rsgen.figures.overview import colour_bar, level_colours
-from rsgen.identification import Identification
+from rsgen.results import Identification
 from rsgen.units.scale import Scale, choose_scale, number_text, quantity_text
 
 __all__ = [

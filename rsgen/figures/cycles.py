@@ -21,11 +21,11 @@ from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.expression.memory import remembers
 from rsgen.figures.equivalent import amplitudes_tested, backbone, evaluated, solution_of, standard_errors
-from rsgen.identification import Identification
 from rsgen.law.memory import Curve, memory_form
 from rsgen.law.numeric import compile_law
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Model
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import CHANCE
 

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from rsgen.describing import DescribingFunction
 from rsgen.errors import RsgenError, require
-from rsgen.identification import Identification, ModalTable
+from rsgen.modal import ModalTable
 from rsgen.prediction import Prediction
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 
 __all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "label_abscissa", "new_figure", "take_axes"]

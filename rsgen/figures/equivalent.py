@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from rsgen.arrays import Array
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.errors import RsgenError
-from rsgen.identification import Estimate, Identification
+from rsgen.results import Estimate, Identification
 from rsgen.tolerances import NORMAL
 
 __all__ = [

@@ -11,9 +11,9 @@ from rsgen.arrays import Array
 from rsgen.figures.curves import POINT, REFINED, TRUTH
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
-from rsgen.identification import Identification
 from rsgen.law.numeric import compile_law
 from rsgen.oscillator import Model
+from rsgen.results import Identification
 from rsgen.units.scale import choose_scale, number_text, quantity_text
 
 __all__ = ["draw_forces", "force_function"]

@@ -31,8 +31,8 @@ from rsgen.figures.cycles import (
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import calm_limits, solution_of
 from rsgen.figures.responses import choose_levels
-from rsgen.identification import Identification
 from rsgen.motion import cycle_work
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.units import per_mass_unit
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text

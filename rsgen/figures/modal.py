@@ -7,7 +7,8 @@ import numpy as np
 from rsgen.figures.curves import POINT, REFINED
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import backbone, calm_limits, solution_of
-from rsgen.identification import Identification, ModalTable
+from rsgen.modal import ModalTable
+from rsgen.results import Identification
 from rsgen.units.scale import choose_scale, number_text, quantity_text
 
 __all__ = ["draw_modal"]

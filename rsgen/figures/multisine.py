@@ -13,7 +13,7 @@ from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.overview import level_colours
-from rsgen.identification import MultisineIdentification
+from rsgen.lines import MultisineIdentification
 from rsgen.motion import waveform
 from rsgen.multisine import BestLinear
 from rsgen.prediction.multisine import MultisinePrediction, PredictedRecord

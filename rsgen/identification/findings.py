@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
-from rsgen.arrays import Array
-from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.identification.across import LawAtTwoPlaces
-from rsgen.identification.agreement import Agreement
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit, Solution
-from rsgen.identification.least_squares import Regression
+from rsgen.fitting.across import LawAtTwoPlaces
+from rsgen.fitting.fit import Fit
+from rsgen.fitting.phase_resonance import gap_of
+from rsgen.fitting.points import Points
+from rsgen.fitting.repeats import Repeats
 from rsgen.identification.misfit import misfit_findings
-from rsgen.identification.observed import Observed
-from rsgen.identification.phase_resonance import of_one_mode
-from rsgen.identification.repeats import Repeats
-from rsgen.identification.result import Background, Estimate, Resonance
 from rsgen.identification.soundness import (
     aside_findings,
     feeds_exciter,
@@ -29,27 +21,17 @@ from rsgen.identification.soundness import (
     phase_findings,
     sign_findings,
 )
-from rsgen.law.identifiable import combinations_of
-from rsgen.law.numeric import ForceLaw
-from rsgen.oscillator import Model
+from rsgen.results.agreement import Agreement
+from rsgen.results.result import Resonance
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
-from rsgen.tolerances import CONFIDENCE, ERRORS, EXCESS, NULL_PART
-from rsgen.units import parameter_units, per_mass_unit
+from rsgen.tolerances import ERRORS, EXCESS, LARGE
 
 __all__ = [
     "Findings",
-    "make_estimates",
-    "names_of",
-    "parameter_finding",
     "repeat_findings",
-    "state_background",
-    "units_of",
 ]
 
-
-_NOT_ZERO = 0.5
-"""A standard error beyond this share of the value: the 95 % interval contains zero."""
 
 _STRONG = 0.05
 """Higher harmonics beyond this share of the fundamental bias every first-order estimate by per cents."""
@@ -63,139 +45,21 @@ _NO_SINE = 0.5
 _NOISE_AS_SINE = 1.0
 """Harmonics beyond this share at half of the points: noise or a transient, taken for a steady sine."""
 
-_WHOLE = 0.99
-"""Null vectors have unit norm; a shorter parameter part means that the background takes part."""
-
 _FEW = 5
 """Points within the width of a resonance below which one outlier decides the damping."""
 
 
-def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
-    """Name what is identified: the parameters in their order, then "m" where the mass is free."""
-    return (*law.parameters, "m") if model.mass is None else law.parameters
+def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) -> tuple[Finding, ...]:
+    """Findings of a test, with what the points that were chosen and the misfit [1] say of two modes.
 
-
-def make_estimates(
-    found: Solution,
-    law: ForceLaw,
-    model: Model,
-    reasons: Mapping[str, Finding | None],
-    units: Mapping[str, str] | None = None,
-) -> tuple[Estimate, ...]:
-    """State each value with standard error, 95 % interval and unit, and why it is not identifiable."""
-    values = np.append(found.values, found.mass) if model.mass is None else found.values
-    names = names_of(law, model)
-    variance = np.diag(found.covariance)
-    wides = np.broadcast_to(stdtrit(found.freedom, CONFIDENCE), variance.shape).tolist()
-    units = units_of(model) if units is None else units
-    estimates = []
-    for name, value, var, wide in zip(names, values, variance, wides, strict=True):
-        finite = bool(np.isfinite(var) and np.isfinite(value))
-        # round-off is the least error a value can have
-        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite else float("inf")
-        centre = float(value) if finite else float("nan")
-        interval = (centre - wide * error, centre + wide * error) if finite else (float("-inf"), float("inf"))
-        finding = reasons.get(name)
-        if not finite and finding is None:
-            finding = Finding("not-determined", "warning", name)
-        estimates.append(Estimate(name, centre, error, interval, units[name], finding))
-    return tuple(estimates)
-
-
-def state_background(
-    observed: Observed, values: Array, variance: Array, freedom: int, *, per_mass: bool = False
-) -> Background | None:
-    """Give the values (b,) of a background with 95 % intervals; None where none was asked for.
-
-    Parameters
-    ----------
-    observed
-        The points that were fitted.
-    values, variance
-        (b,) of the background; a variance that is not finite is not known.
-    freedom
-        Degrees of freedom of the noise that the variance rests on.
-    per_mass
-        Whether the force is one per mass.
+    Two groups of different amplitudes are of one mode where one law fits both.
     """
-    shape, points = observed.background, observed.points
-    if not len(values):
-        return None
-    wide = float(stdtrit(freedom, CONFIDENCE))
-    errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
-    # the residue of a neighbour, one over its mass, is then a number
-    units = [per_mass_unit(unit).replace("1/kg*kg", "") if per_mass else unit for unit in shape.units]
-    estimates = tuple(
-        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
-        for name, v, e, unit in zip(shape.names, values, errors, units, strict=True)
-    )
-    part = np.abs(shape.receptance(values) * points.force)
-    share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
-    return Background(observed.kind, observed.band, estimates, share)
-
-
-def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say; of a law per unit mass where asked."""
-    # names that are kept for the time and the force have no unit there
-    units = dict.fromkeys(model.parameters, "")
-    # a law whose terms do not agree in units can be fitted all the same
-    with suppress(RsgenError):
-        units |= parameter_units(model.force)
-    if per_mass:
-        units = {name: per_mass_unit(unit) for name, unit in units.items()}
-    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
-
-
-def parameter_finding(
-    name: str, names: tuple[str, ...], unit: str, points: Points, level_unit: str, regression: Regression
-) -> Finding | None:
-    """Why a parameter is not identifiable from the test; None where it is.
-
-    Parameters
-    ----------
-    name, names, unit
-        The parameter, all of the regression, and its SI unit.
-    points, level_unit
-        That were fitted.
-    regression
-        Of all ``names``; errors that a background causes are in its covariance.
-    """
-    i = names.index(name)
-    tested = {
-        "amplitude": Quantity(float(points.amplitude.max()), "m"),
-        "level": Quantity(float(points.level.max()), level_unit),
-    }
-    weight = np.abs(regression.null[i])
-    if weight.max(initial=0.0) > NULL_PART:
-        column = regression.null[:, int(np.argmax(weight))]
-        partners = [n for n, part in zip(names, column, strict=True) if n != name and abs(part) > NULL_PART]
-        if partners:
-            return Finding("confounded", "warning", name, names={"with": ", ".join(partners)})
-        if float(np.linalg.norm(column)) < _WHOLE:
-            return Finding("confounded-with-background", "warning", name)
-        return Finding("no-effect", "warning", name, tested)
-    error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
-    if np.isfinite(error) and error > _NOT_ZERO * abs(value):
-        numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
-        return Finding("not-distinct-from-zero", "warning", name, numbers)
-    return None
-
-
-def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> dict[str, Finding | None]:
-    """Say of confounded parameters which combinations the law itself has of them, whatever the test."""
-    if not any(reason is not None and reason.code == "confounded" for reason in reasons.values()):
-        return dict(reasons)
-    named = dict(reasons)
-    for combination in combinations_of(model.force):
-        for name in combination.parameters:
-            reason = named.get(name)
-            if reason is not None and reason.code == "confounded":
-                names = {
-                    "with": ", ".join(other for other in combination.parameters if other != name),
-                    "determined": " and ".join(combination.determined),
-                }
-                named[name] = replace(reason, names=names)
-    return named
+    codes = {"phase-two-modes", "phase-gap"}
+    rest = tuple(finding for finding in findings if finding.code not in codes)
+    gap = gap_of(points)
+    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < LARGE):
+        return rest
+    return (*rest, gap.finding(severity="doubt"))
 
 
 def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Finding, ...]:

@@ -12,45 +12,45 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
-from rsgen.identification.across import LawAtTwoPlaces, law_of
-from rsgen.identification.agreement import Agreement, is_systematic
-from rsgen.identification.asymmetric import explain_hidden, mirror_findings, widen_squares
-from rsgen.identification.data import Points, per_unit_mass, select_points
-from rsgen.identification.findings import (
-    Findings,
+from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.fitting.least_squares import Regression
+from rsgen.fitting.observed import Observed, shape_of
+from rsgen.fitting.phase_resonance import with_loop_error
+from rsgen.fitting.points import Points, per_unit_mass, select_points
+from rsgen.fitting.problem import Problem
+from rsgen.fitting.repeats import Repeats, gather_repeats, with_repeats
+from rsgen.fitting.systematic import is_systematic
+from rsgen.identification.across_findings import left_out_findings, noise_across_findings
+from rsgen.identification.even_forces import explain_hidden, mirror_findings, widen_squares
+from rsgen.identification.findings import Findings, repeat_findings
+from rsgen.identification.mass_ratios import identify_ratios, resonance_findings
+from rsgen.identification.resonance import fit_resonances
+from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
+from rsgen.identification.soundness import feeds_exciter, runs_away
+from rsgen.law import LawLike
+from rsgen.law.remarks import law_remarks
+from rsgen.lines.identify_multisine import identify_multisine
+from rsgen.multisine import MultisineSpectra
+from rsgen.observation import Observation
+from rsgen.oscillator import Model, join_model
+from rsgen.results.agreement import Agreement
+from rsgen.results.estimates import (
     make_estimates,
     names_of,
     parameter_finding,
-    repeat_findings,
     state_background,
     units_of,
     with_combinations,
 )
-from rsgen.identification.fit import RESOLUTION, Fit, Problem, fit_balance, fit_simulator
-from rsgen.identification.least_squares import Regression
-from rsgen.identification.left_out import left_out_findings
-from rsgen.identification.mass_ratios import identify_ratios
-from rsgen.identification.multisine import identify_multisine
-from rsgen.identification.noise_across import noise_across_findings
-from rsgen.identification.observed import Observed, shape_of
-from rsgen.identification.phase_resonance import resonance_findings, with_loop_error
-from rsgen.identification.repeats import Repeats, gather_repeats, with_repeats
-from rsgen.identification.resonance import fit_resonances
-from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
-from rsgen.identification.result import (
+from rsgen.results.result import (
     Background,
     EquivalentCurve,
     Estimate,
     Identification,
     RestoringForce,
 )
-from rsgen.identification.soundness import feeds_exciter, runs_away
-from rsgen.identification.start import start_fit, with_phase
-from rsgen.law import LawLike
-from rsgen.law.remarks import law_remarks
-from rsgen.multisine import MultisineSpectra
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, join_model
+from rsgen.starting.start import start_fit, with_phase
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, TAIL
 

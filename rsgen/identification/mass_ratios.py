@@ -16,10 +16,9 @@ import numpy as np
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, quantities
-from rsgen.identification.across import LawAtTwoPlaces, law_of
-from rsgen.identification.data import Points, select_points
-from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.phase_resonance import (
+from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.least_squares import solve_scaled
+from rsgen.fitting.phase_resonance import (
     DAMPED,
     LIGHT,
     assumed_mass,
@@ -27,17 +26,18 @@ from rsgen.identification.phase_resonance import (
     mass_sure,
     near_resonance,
 )
-from rsgen.identification.repeats import gather_repeats
-from rsgen.identification.result import Estimate, Identification
+from rsgen.fitting.points import Points, select_points
+from rsgen.fitting.repeats import gather_repeats
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import project, sine_motion
 from rsgen.oscillator import Model
+from rsgen.results.result import Estimate, Identification
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
 from rsgen.tolerances import samples_for
 from rsgen.units import per_mass_unit
 
-__all__ = ["identify_ratios"]
+__all__ = ["identify_ratios", "resonance_findings", "without_mass"]
 
 _SCALES = 1e-6
 """Share of the stiffness of a law that may not scale with its parameters: quadrature leaves less. A law of
@@ -88,6 +88,29 @@ def identify_ratios(
     if powers is None:
         return None
     return _Ratios(surface, points, model, powers, (light, damped)).identification()
+
+
+def without_mass(points: Points, law: ForceLaw | None = None) -> tuple[Finding, ...]:
+    """Foresee that no mass follows from the points of a test with a law, or with any where it is None."""
+    if not at_resonance_alone(points) or (law is not None and law.remembers):
+        return ()
+    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
+
+
+def resonance_findings(
+    points: Points, mass: float | None, law: ForceLaw, noise: float
+) -> tuple[Finding, ...]:
+    """Say what a mass [kg] that was not given rests on where all points have the lag of resonance.
+
+    A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right.
+    With others it rests on errors of the lag.
+    """
+    if mass is not None or not at_resonance_alone(points, noise):
+        return ()
+    numbers = quantities(points=len(points))
+    if law.remembers:
+        return (Finding("mass-by-loops", "warning", "m", numbers),)
+    return (Finding("mass-at-resonance", "doubt", "m", numbers),)
 
 
 def _has_mass(free: Identification, points: Points) -> bool:

@@ -8,17 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.identification.across import LawAtTwoPlaces, law_of
-from rsgen.identification.agreement import is_systematic
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit, Problem, fit_balance
-from rsgen.identification.least_squares import Regression, solve_scaled
-from rsgen.identification.observed import Observed
-from rsgen.identification.result import Resonance
+from rsgen.finding import Finding, Quantity, quantities, severity_of
+from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.fit import Fit, fit_balance
+from rsgen.fitting.least_squares import Regression, solve_scaled
+from rsgen.fitting.observed import Observed
+from rsgen.fitting.points import Points
+from rsgen.fitting.problem import Problem
+from rsgen.fitting.systematic import is_systematic
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
 from rsgen.observation import OFFSET
+from rsgen.results import Resonance
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import (
     APART,
@@ -34,7 +35,7 @@ from rsgen.tolerances import (
     TAKEN,
 )
 
-__all__ = ["free_curves_leave", "misfit_findings", "severity_of"]
+__all__ = ["free_curves_leave", "misfit_findings"]
 
 
 _TELLING = 16
@@ -60,11 +61,6 @@ _REACH = 5.0
 def relative_misfit(fit: Fit) -> float:
     """Root mean square of real and imaginary part together, as everywhere in the result."""
     return float(fit.regression.noise * np.sqrt(2))
-
-
-def severity_of(size: float, doubt: float, error: float) -> Severity:
-    """Give the severity of a size by two limits."""
-    return "error" if size > error else "doubt" if size > doubt else "warning"
 
 
 def misfit_findings(

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.identification.data import Points
-from rsgen.identification.equations import Equations
-from rsgen.identification.fit import Solution
-from rsgen.identification.repeats import JUMP
-from rsgen.identification.result import Resonance
-from rsgen.identification.start import solve_equations
+from rsgen.fitting.fit import Solution
+from rsgen.fitting.points import Points
+from rsgen.fitting.repeats import JUMP
 from rsgen.law.numeric import ForceLaw
+from rsgen.results import Resonance
+from rsgen.starting.equations import Equations
+from rsgen.starting.start import solve_equations
 
 __all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
 

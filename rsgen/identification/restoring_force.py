@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.across import LawAtTwoPlaces
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit
-from rsgen.identification.least_squares import solve_scaled
-from rsgen.identification.result import EquivalentCurve, Resonance, RestoringForce
+from rsgen.fitting.across import LawAtTwoPlaces
+from rsgen.fitting.fit import Fit
+from rsgen.fitting.least_squares import solve_scaled
+from rsgen.fitting.points import Points
 from rsgen.motion import Motion, project, sine_motion
+from rsgen.results.result import EquivalentCurve, Resonance, RestoringForce
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (
     CHANCE,

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.identification.across import Place, places_of
-from rsgen.identification.agreement import Agreement
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit
-from rsgen.identification.least_squares import Regression
-from rsgen.identification.misfit import severity_of
+from rsgen.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.fitting.across import Place, places_of
+from rsgen.fitting.fit import Fit
+from rsgen.fitting.least_squares import Regression
+from rsgen.fitting.points import Points
 from rsgen.motion import Motion, cycle_work, project, sine_motion
+from rsgen.results.agreement import Agreement
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES_SWITCHED, TURNED, samples_for
 

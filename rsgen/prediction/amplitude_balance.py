@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.forward import Response, following_harmonics, hold_amplitude
-from rsgen.identification.result import Identification
+from rsgen.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.law.numeric import compile_law
+from rsgen.results import Identification
 from rsgen.tolerances import NORMAL, ORDER, SAMPLES
 
 __all__ = ["AmplitudeBalance"]

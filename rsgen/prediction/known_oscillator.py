@@ -9,8 +9,8 @@ import numpy as np
 from rsgen.describing import derive
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification import EquivalentCurve, Estimate, Identification
 from rsgen.oscillator import Model, Oscillator
+from rsgen.results import EquivalentCurve, Estimate, Identification
 
 __all__ = ["as_identification"]
 

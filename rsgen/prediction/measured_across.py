@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification import Identification
-from rsgen.identification.across import LawAtTwoPlaces, MeasuredAcross, law_of
+from rsgen.fitting.across import LawAtTwoPlaces, MeasuredAcross, law_of
 from rsgen.motion import Motion
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 
 __all__ = ["acts_across", "respond_across"]

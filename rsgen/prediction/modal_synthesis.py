@@ -12,12 +12,13 @@ import numpy as np
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification import EquivalentCurve, Estimate, Identification, ModalTable
-from rsgen.identification.forward import Response
-from rsgen.identification.modal_splines import SplineMode
+from rsgen.fitting.forward import Response
+from rsgen.modal import ModalTable
+from rsgen.modal.modal_splines import SplineMode
 from rsgen.oscillator import Model
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.prediction.prediction_result import BEYOND
+from rsgen.results import EquivalentCurve, Estimate, Identification
 from rsgen.tolerances import ANY_LAW
 
 __all__ = ["SynthesisBalance", "table_as_identification"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Severity
-from rsgen.identification.result import frozen_array
+from rsgen.results.result import frozen_array
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
 
 __all__ = ["BEYOND", "HeldOutLevel", "Prediction", "ResonanceCurve", "severity_of_error"]

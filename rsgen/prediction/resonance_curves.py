@@ -10,8 +10,9 @@ import numpy as np
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, Quantity, quantities
-from rsgen.identification import Identification, ModalTable, MultisineIdentification
-from rsgen.identification.data import held_out_mask
+from rsgen.fitting.points import held_out_mask
+from rsgen.lines import MultisineIdentification
+from rsgen.modal import ModalTable
 from rsgen.multisine import MultisineSpectra
 from rsgen.oscillator import Oscillator
 from rsgen.prediction.amplitude_balance import AmplitudeBalance
@@ -26,6 +27,7 @@ from rsgen.prediction.prediction_result import (
     ResonanceCurve,
     severity_of_error,
 )
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import BRANCH
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.identification.observed import Observed
+from rsgen.fitting.observed import Observed
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
 from rsgen.tolerances import BLOCK, EXPECTED_NOISE, ORDER

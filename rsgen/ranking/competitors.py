@@ -9,9 +9,7 @@ import numpy as np
 
 from rsgen.errors import RsgenError
 from rsgen.expression import symbol
-from rsgen.identification.data import Points
-from rsgen.identification.equations import Equations
-from rsgen.identification.start import solve_equations
+from rsgen.fitting.points import Points
 from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
 from rsgen.law.library import Library
 from rsgen.law.memory import with_equations
@@ -21,6 +19,8 @@ from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.ranking_result import OWN
 from rsgen.ranking.selection import Trial, search_sums
 from rsgen.ranking.sums import Term, library_terms
+from rsgen.starting.equations import Equations
+from rsgen.starting.start import solve_equations
 
 __all__ = ["Entries", "competitors", "start_guess"]
 

@@ -18,12 +18,11 @@ from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.expression import symbol
 from rsgen.finding import Finding, quantities
-from rsgen.identification import Identification
-from rsgen.identification.data import Points, per_unit_mass, select_points
-from rsgen.identification.fit import Problem, fit_balance
-from rsgen.identification.observed import Observed
-from rsgen.identification.phase_resonance import at_resonance_alone
-from rsgen.identification.start import start_fit
+from rsgen.fitting.fit import fit_balance
+from rsgen.fitting.observed import Observed
+from rsgen.fitting.phase_resonance import at_resonance_alone
+from rsgen.fitting.points import Points, per_unit_mass, select_points
+from rsgen.fitting.problem import Problem
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
@@ -43,6 +42,8 @@ from rsgen.ranking.reference import (
 )
 from rsgen.ranking.sums import Term, base_law
 from rsgen.ranking.verdict import implausible, is_same, judge
+from rsgen.results import Identification
+from rsgen.starting.start import start_fit
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
 

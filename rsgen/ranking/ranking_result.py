@@ -8,8 +8,9 @@ from typing import Any
 
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification import Identification, identify
+from rsgen.identification import identify
 from rsgen.oscillator import Model
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.verdict import Verdict, reach_verdict

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
-from rsgen.identification.fit import Fit, Problem, fit_balance
-from rsgen.identification.observed import Observed
-from rsgen.identification.simulator import go_on
+from rsgen.fitting.fit import Fit, fit_balance
+from rsgen.fitting.observed import Observed
+from rsgen.fitting.problem import Problem
+from rsgen.fitting.simulator import go_on
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work

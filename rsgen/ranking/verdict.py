@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
-from rsgen.identification.data import Points
+from rsgen.fitting.points import Points
 from rsgen.identification.soundness import phase_findings
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows

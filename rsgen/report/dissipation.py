@@ -17,8 +17,8 @@ from rsgen.figures.cycles import (
 )
 from rsgen.figures.equivalent import solution_of
 from rsgen.finding import Finding, Quantity
-from rsgen.identification import Identification
 from rsgen.law.element import Element
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import NORMAL
 

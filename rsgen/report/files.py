@@ -33,8 +33,7 @@ from rsgen.figures import (
     draw_time_history,
 )
 from rsgen.figures.cycles import shows_loops
-from rsgen.identification import Identification
-from rsgen.identification.data import held_out_mask
+from rsgen.fitting.points import held_out_mask
 from rsgen.multisine import MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
@@ -49,6 +48,7 @@ from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface, save_surface, typical_amounts
 
 __all__ = ["draw_all", "write_report"]

@@ -14,11 +14,11 @@ from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
 from rsgen.figures.equivalent import evaluated, standard_errors
 from rsgen.finding import Finding, Quantity
-from rsgen.identification import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
 from rsgen.report.dissipation import slip_findings
 from rsgen.report.wording import sentence
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import CHANCE, NORMAL
 

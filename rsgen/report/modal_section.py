@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsgen.errors import RsgenError
-from rsgen.identification import Identification, ModalTable, modal_table
-from rsgen.identification.modal_result import MODAL_COLUMNS
+from rsgen.modal import ModalTable, modal_table
+from rsgen.modal.modal_result import MODAL_COLUMNS
 from rsgen.prediction import HeldOutLevel, predict
 from rsgen.report.page_tables import Cell, Table, TableRow
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 from rsgen.units.scale import choose_scale, number_text
 

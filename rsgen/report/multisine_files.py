@@ -16,8 +16,8 @@ from rsgen.case import Case
 from rsgen.comparison import Comparison
 from rsgen.expression.memory import Structural
 from rsgen.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record
-from rsgen.identification import Identification, MultisineIdentification
 from rsgen.law.notation import mathml
+from rsgen.lines import MultisineIdentification
 from rsgen.multisine import BestLinear, MultisineSpectra
 from rsgen.output import write_atomic
 from rsgen.prediction.multisine import MultisinePrediction, predict_multisine
@@ -36,6 +36,7 @@ from rsgen.report.result_json import (
 )
 from rsgen.report.subject import Subject
 from rsgen.report.wording.page_sentences import error_text, share_text
+from rsgen.results import Identification
 from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["write_multisine_files"]

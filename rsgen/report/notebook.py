@@ -16,12 +16,12 @@ from rsgen.case import Case
 from rsgen.comparison import Comparison
 from rsgen.errors import RsgenError
 from rsgen.figures import Drawing
-from rsgen.identification import Identification
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction
 from rsgen.report.environment import TEMPLATES, plain_text
 from rsgen.report.modal_section import NO_MODAL, Modal
 from rsgen.report.notebook_cells import KnownResults, execute_cells
+from rsgen.results import Identification
 from rsgen.simulation import SimulatedTest
 from rsgen.surface import ResponseSurface
 

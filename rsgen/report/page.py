@@ -12,7 +12,6 @@ from rsgen.comparison import Comparison, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import parse
 from rsgen.figures import Drawing
-from rsgen.identification import Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
@@ -36,6 +35,7 @@ from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence
 from rsgen.report.wording.verdict_sentences import MARKED
+from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 
 __all__ = ["common_context", "render_page"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 from rsgen.comparison import Comparison, Row
 from rsgen.force_keys import FORCE_KEYS
-from rsgen.identification import Estimate, Identification
 from rsgen.prediction import HeldOutLevel
 from rsgen.report.wording import sentence
 from rsgen.report.wording.page_sentences import error_text
+from rsgen.results import Estimate, Identification
 from rsgen.units.scale import choose_scale, number_text, quantity_text, unit_text
 
 __all__ = [

@@ -15,8 +15,6 @@ from rsgen.comparison import Comparison, Row, verdict_of
 from rsgen.describing import derive
 from rsgen.expression import write
 from rsgen.force_keys import FORCE_KEYS
-from rsgen.identification import Estimate, Identification
-from rsgen.identification.result import Resonance
 from rsgen.prediction import HeldOutLevel, Prediction
 from rsgen.ranking import Ranking
 from rsgen.report.dissipation import dissipation_entry
@@ -25,6 +23,7 @@ from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
+from rsgen.results import Estimate, Identification, Resonance
 from rsgen.surface import ResponseSurface
 
 __all__ = [

@@ -10,10 +10,10 @@ import sympy
 from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.expression import symbol
 from rsgen.figures import force_function, number_text, quantity_text
-from rsgen.identification import Identification
 from rsgen.oscillator import Model
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.subject import Subject
+from rsgen.results import Identification
 
 __all__ = ["PrintedFormula", "check_printed"]
 

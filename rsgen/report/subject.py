@@ -10,9 +10,9 @@ import sympy
 
 from rsgen.case import Case
 from rsgen.comparison import Comparison, Row
-from rsgen.identification import Estimate, Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
+from rsgen.results import Estimate, Identification
 
 __all__ = ["Subject"]
 

@@ -7,11 +7,11 @@ import numpy as np
 from rsgen.case import Case
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification.data import Points, select_points
-from rsgen.identification.multisine import check_records, refuse_across
-from rsgen.identification.phase_resonance import without_mass
-from rsgen.identification.repeats import gather_repeats
+from rsgen.fitting.points import Points, select_points
+from rsgen.fitting.repeats import gather_repeats
+from rsgen.identification.mass_ratios import without_mass
 from rsgen.law.numeric import compile_law
+from rsgen.lines.identify_multisine import check_records, refuse_across
 from rsgen.multisine import MultisineSpectra
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface

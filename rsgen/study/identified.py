@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from rsgen.case import Case
-from rsgen.identification import Identification, identify
+from rsgen.identification import identify
 from rsgen.multisine import MultisineSpectra
 from rsgen.ranking import identify_best
+from rsgen.results import Identification
 from rsgen.study.foresight import refuse_ranking
 from rsgen.surface import ResponseSurface
 

@@ -22,9 +22,10 @@ from rsgen.errors import RsgenError
 from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
 from rsgen.figures.equivalent import backbone, refined_band, values_of
 from rsgen.finding import Finding
-from rsgen.identification import Estimate, modal_table
 from rsgen.law.element import make_element
+from rsgen.modal import modal_table
 from rsgen.oscillator import Model
+from rsgen.results import Estimate
 from rsgen.surface import ResponseSurface
 from tests.samples import (
     C1,

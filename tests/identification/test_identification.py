@@ -8,9 +8,10 @@ import pytest
 
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification import Identification, identify
+from rsgen.identification import identify
 from rsgen.observation import Observation
 from rsgen.report.wording import sentence
+from rsgen.results import Identification
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
 
 EXACT = 1e-6

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.identification.data import select_points
+from rsgen.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
 from rsgen.surface import ResponseSurface
 from tests.surfaces import model

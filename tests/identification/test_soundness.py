@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsgen.finding import Finding, Quantity
+from rsgen.fitting.fit import Fit
+from rsgen.fitting.points import Points
 from rsgen.identification import identify, misfit
-from rsgen.identification.data import Points
-from rsgen.identification.fit import Fit
 from rsgen.identification.soundness import _negative, aside_findings
 from rsgen.observation import Observation
 from rsgen.report.wording import sentence

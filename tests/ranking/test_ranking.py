@@ -18,9 +18,9 @@ from rsgen.case import load_case
 from rsgen.errors import RsgenError
 from rsgen.expression import parse
 from rsgen.expression.memory import remembers
+from rsgen.fitting.observed import Observed
+from rsgen.fitting.points import Points, select_points
 from rsgen.identification import identify
-from rsgen.identification.data import Points, select_points
-from rsgen.identification.observed import Observed
 from rsgen.law import laws
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_memory

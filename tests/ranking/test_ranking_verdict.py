@@ -13,8 +13,8 @@ import pytest
 import rsgen
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
-from rsgen.identification.data import select_points
-from rsgen.identification.observed import Observed
+from rsgen.fitting.observed import Observed
+from rsgen.fitting.points import select_points
 from rsgen.law.element import make_element
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator

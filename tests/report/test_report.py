@@ -27,7 +27,6 @@ from rsgen.comparison import Comparison
 from rsgen.expression import parse, write
 from rsgen.figures import Drawing
 from rsgen.finding import Finding
-from rsgen.identification import Estimate, Identification
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.report import draw_all, write_index
@@ -40,6 +39,7 @@ from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import PrintedFormula, check_printed
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
+from rsgen.results import Estimate, Identification
 from rsgen.surface import ResponseSurface, save_surface
 from tests.samples import (
     C1,

@@ -15,7 +15,6 @@ import rsgen
 from rsgen.errors import RsgenError
 from rsgen.figures import Drawing
 from rsgen.finding import Finding
-from rsgen.identification import Identification
 from rsgen.report import draw_all
 from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
 from rsgen.report.environment import coded
@@ -25,6 +24,7 @@ from rsgen.report.result_json import build_result, result_text
 from rsgen.report.stated_verdict import explain, read_verdict, state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, next_step
+from rsgen.results import Identification
 from rsgen.surface import save_surface
 from rsgen.verdict import STATES, Verdict, reach_verdict, verdict_lines
 from tests.samples import (

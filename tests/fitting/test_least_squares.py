@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.fitting.least_squares import Linearisation, fit, solve_scaled
+
+
+def test_columns_of_any_size_are_solved_exactly() -> None:
+    generator = np.random.default_rng(1)
+    true = np.array([7.2e5, -1.2e10, 4.7e21, 3e-4])
+    matrix = generator.normal(size=(50, 4)) / true * generator.uniform(1, 2, 4)
+    solution, inverse, null = solve_scaled(matrix, matrix @ true)
+    assert solution == pytest.approx(true, rel=1e-12)
+    assert null.shape == (4, 0)
+    expected = np.linalg.inv((matrix * true).T @ (matrix * true))
+    assert (inverse @ inverse.T) / np.outer(true, true) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_what_is_not_identifiable_is_named() -> None:
+    generator = np.random.default_rng(2)
+    one, other = generator.normal(size=(2, 30))
+    matrix = np.stack([one, 1e9 * one, other, np.zeros(30)], axis=1)
+    solution, _, null = solve_scaled(matrix, 3 * one + other)
+    assert matrix @ solution == pytest.approx(3 * one + other, rel=1e-9, abs=1e-9)
+    assert null.shape[1] == 2
+    assert (np.abs(null).max(axis=1) > 1e-3).tolist() == [True, True, False, True]
+
+
+def test_of_columns_that_are_no_numbers_nothing_is_known() -> None:
+    matrix = np.ones((6, 3))
+    matrix[:, 2] = np.nan
+    solution, inverse, null = solve_scaled(matrix, np.ones(6))
+    assert np.isnan(solution).all()
+    assert (inverse @ inverse.T).shape == (3, 3)
+    assert null.shape == (3, 0)
+
+
+def line_through(noise: float, seed: int, spoilt: int = 0):
+    """Points of y = p0 + p1 x with equal noise on x and y; nuisances are x and an idle one."""
+    generator = np.random.default_rng(seed)
+    x = np.linspace(0, 1, 60)
+    seen_x, seen_y = x + noise * generator.normal(size=60), 0.5 + 2 * x + noise * generator.normal(size=60)
+    seen_y[:spoilt] += 1
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        predicted = p[0] + p[1] * nuisance[:, 0]
+        residual = np.stack([seen_x - nuisance[:, 0], seen_y - predicted, -nuisance[:, 1]], axis=1) / max(
+            noise, 1e-6
+        )
+        by_own = np.zeros((60, 3, 2))
+        by_own[:, 0, 0], by_own[:, 1, 0], by_own[:, 2, 1] = 1, p[1], 1
+        by_parameter = np.zeros((60, 3, 2))
+        by_parameter[:, 1, 0], by_parameter[:, 1, 1] = 1, nuisance[:, 0]
+        return Linearisation(residual, by_own / max(noise, 1e-6), by_parameter / max(noise, 1e-6))
+
+    return linearise, np.stack([seen_x, np.zeros(60)], axis=1)
+
+
+@pytest.mark.slow
+def test_noise_on_both_sides_does_not_bias_the_slope() -> None:
+    # ordinary least squares would find 2/(1 + 0.2^2/var(x)) = 1.35
+    found = [fit(*reordered(line_through(0.2, seed))).parameters[1] for seed in range(200)]
+    spread = np.std(found) / np.sqrt(200)
+    assert abs(np.mean(found) - 2) < 0.1 + 4 * spread
+    assert np.median(found) == pytest.approx(2, abs=4 * spread)
+
+
+def reordered(problem):
+    linearise, nuisance = problem
+    return linearise, np.array([0.0, 1.0]), nuisance
+
+
+@pytest.mark.slow
+def test_noise_and_errors_are_found() -> None:
+    runs = [fit(*reordered(line_through(0.01, seed))) for seed in range(100)]
+    assert np.mean([run.noise for run in runs]) == pytest.approx(
+        1, rel=0.04
+    )  # 4 standard errors of the mean of 100
+    scores = [(run.parameters[1] - 2) / np.sqrt(run.covariance[1, 1]) for run in runs]
+    assert np.std(scores) == pytest.approx(1, rel=0.25)  # 3.5 standard errors of a spread of 100
+
+
+def test_outliers_are_set_aside_but_not_when_neighbours_agree() -> None:
+    problem = reordered(line_through(0.01, 1, spoilt=3))
+    assert np.flatnonzero(~fit(*problem).used).tolist() == [0, 1, 2]
+    pairs = np.stack([np.arange(59), np.arange(1, 60)], axis=1)
+    systematic = fit(*reordered(line_through(0.01, 1, spoilt=8)), neighbours=pairs)
+    assert systematic.used.all()

@@ -1,0 +1,188 @@
+"""Laws of repeats: joined to means they give the same estimate, and standard errors from their scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsgen.case import load_case
+from rsgen.fitting.repeats import gather_repeats
+from rsgen.identification import identify
+from rsgen.law.element import make_element
+from rsgen.measurement import read_measurement
+from rsgen.oscillator import Model
+from rsgen.results.agreement import Agreement
+from rsgen.surface import ResponseSurface
+from tests.surfaces import changed, model, noisy, surface, truth
+
+READINGS, NOISE = 8, 0.01
+
+
+def repeated(table: ResponseSurface, seed: int, noise: float = NOISE) -> ResponseSurface:
+    """Every point read several times, with noise anew and the clock at another moment each time."""
+    random = np.random.default_rng(seed)
+    parts = []
+    for reading in range(READINGS):
+        part = noisy(table, noise, 100 * seed + reading)
+        turn = np.exp(2j * np.pi * random.random(len(part)))
+        orders = np.arange(part.harmonics.shape[1])
+        parts.append(
+            changed(part, force=part.force * turn, harmonics=part.harmonics * turn[:, None] ** orders)
+        )
+    together = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(ResponseSurface)
+        if isinstance(getattr(table, f.name), np.ndarray)
+    }
+    return changed(table, **together)
+
+
+@pytest.fixture(scope="module")
+def cubic() -> ResponseSurface:
+    return surface("cubic")
+
+
+def test_readings_become_means_with_their_scatter(cubic):
+    means, repeats = gather_repeats(repeated(cubic, 1))
+    assert repeats is not None
+    assert len(means) == len(cubic)
+    assert set(repeats.count) == {READINGS}
+    # noise of force and response, each of relative size NOISE
+    assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+    order = np.lexsort((cubic.frequency, cubic.level))
+    again = np.lexsort((means.frequency, means.level))
+    receptance = [t.harmonics[o, 1] / t.force[o] for t, o in ((cubic, order), (means, again))]
+    assert np.abs(receptance[1] / receptance[0] - 1).max() < 6 * NOISE / np.sqrt(READINGS)
+
+
+def test_exact_copies_are_no_measure_of_noise(cubic):
+    table, repeats = gather_repeats(repeated(cubic, 1, noise=0.0))
+    assert repeats is None
+    assert len(table) == READINGS * len(cubic)
+    assert gather_repeats(cubic) == (cubic, None)
+
+
+def test_readings_on_two_branches_are_not_averaged(cubic):
+    double = repeated(cubic, 2)
+    harmonics = np.array(double.harmonics)
+    first = (double.level == double.level[0]) & (double.frequency == double.frequency[0])
+    harmonics[np.flatnonzero(first)[0]] *= 3
+    means, repeats = gather_repeats(changed(double, harmonics=harmonics))
+    assert len(means) == len(cubic) - 1 + READINGS
+    assert np.count_nonzero(repeats.count == 1) == READINGS
+
+
+def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
+    table = repeated(cubic, 3)
+    harmonics = np.array(table.harmonics)
+    harmonics[0] *= 1.3
+    _, repeats = gather_repeats(changed(table, harmonics=harmonics))
+    assert repeats.aside >= 1
+    assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_those_of_doing_the_test_again(cubic):
+    distances = []
+    for seed in range(8):
+        found = identify(repeated(cubic, seed), model("cubic"))
+        distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
+        assert "misfit-is-scatter" in {finding.code for finding in found.findings}
+    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
+
+
+@pytest.mark.slow
+def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
+    """The scatter within points shows a third of the error; between the points the law leaves all of it."""
+    distances, inside = [], []
+    for seed in range(4):
+        together = noisy(cubic, NOISE, 1000 + seed)
+        found = identify(repeated(together, seed, NOISE / 3), model("cubic"))
+        finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+        # means scatter by a third over the root of the readings
+        assert finding["wider"] == pytest.approx(np.hypot(1, 3 * np.sqrt(READINGS)), rel=0.2)
+        for e in found.refined:
+            distances.append((e.value - truth("cubic")[e.name]) / e.standard_error)
+            inside.append(e.interval[0] < truth("cubic")[e.name] < e.interval[1])
+    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
+    assert np.mean(inside) > 0.85
+
+
+@pytest.mark.slow
+def test_standard_errors_hold_where_only_the_force_scatters_a_little(cubic):
+    some = cubic.select(np.repeat(np.arange(0, len(cubic), 3), READINGS))
+    distances = []
+    for seed in range(6):
+        scatter = 1 + 1e-4 * np.random.default_rng(seed).normal(size=len(some))
+        found = identify(changed(some, force=some.force * scatter), model("cubic"))
+        distances.append((found["c"].value - truth("cubic")["c"]) / found["c"].standard_error)
+    assert 0.4 < np.sqrt(np.mean(np.square(distances))) < 2
+
+
+@pytest.mark.parametrize("order", ["as tested", "shuffled"])
+def test_small_steps_of_the_force_are_points_of_their_own(order):
+    """Eight forces two per cent apart at each frequency: one level by its gaps, and no repeat."""
+    frequency = np.repeat(np.linspace(8, 12, 31), 8)
+    size = np.tile(np.geomspace(0.010, 0.0115, 8), 31)
+    omega = 2 * np.pi * frequency
+    force = size * (5920 + 0.75 * 3e5 * size**2 - 1.5 * omega**2 + 3.8j * omega)
+    table = noisy(ResponseSurface(5.0, frequency, force, size.astype(complex), sweep="rest"), 3e-3, 1)
+    if order == "shuffled":
+        table = table.select(np.random.default_rng(1).permutation(len(table)))
+    same, repeats = gather_repeats(table)
+    assert repeats is None
+    assert len(same) == len(table)
+    found = identify(table, "k*x + c*v")
+    assert found.noise < 0.01
+    assert not {"misfit-is-scatter", "repeats-scatter"} & {finding.code for finding in found.findings}
+
+
+def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):
+    """A parameter of one point has one degree of freedom, the mean of all points has one of each."""
+    twice = cubic.select(np.repeat(np.arange(0, len(cubic), 7), 2))
+    means, repeats = gather_repeats(noisy(twice, NOISE, 1))
+    rows = np.arange(len(means))
+    influence = np.zeros((len(rows), 4, 2))
+    influence[:, 0, 0], influence[0, 0, 1] = 1 / len(rows), 1.0
+    np.testing.assert_allclose(repeats.covariance(rows, influence)[1], [len(rows), 1])
+    found = identify(noisy(twice, NOISE, 1), model("cubic"))
+    wide = [np.ptp(e.interval) / 2 / e.standard_error for e in found.refined]
+    assert min(wide) > 1.97
+    assert max(wide) > 2.1
+
+
+@pytest.mark.slow
+def test_a_wrong_law_is_not_taken_for_noise(cubic):
+    linear = Model((make_element("law", "k*x + c*v"),))
+    found = identify(repeated(cubic, 1), linear)
+    finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+    assert finding["times"] > 2
+    assert finding["wider"] > 1
+    assert found.residual > 3 * found.noise
+
+
+@pytest.mark.slow
+def test_the_beam_with_fifty_readings_a_point(
+    measured_data: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+):
+    case = load_case(Path(__file__).parents[1] / "cases" / "nlbeam.toml", data=measured_data("nlbeam").parent)
+    table = read_measurement(case.test)
+    assert len(table) == 8000
+    # four parameters beside the mass; the exponent costs a search that the errors do not need
+    asked = replace(case.model, elements=(make_element("law", "k*x + kn*x*abs(x) + c*v + cn*v*abs(v)"),))
+    whole = identify(table, case.model)
+    assert whole.residual < 0.025
+    assert "not-calibrated" in {finding.code for finding in whole.findings}
+    assert "intervals-widened" in {finding.code for finding in whole.findings}
+    # the errors of doing the test again, before the misfit of the law widens them
+    monkeypatch.setattr(Agreement, "widen", lambda _, found: found)
+    parts = [identify(table.select(np.arange(len(table)) % 5 == k), asked) for k in range(5)]
+    spread = np.std([[e.value for e in part.refined] for part in parts], axis=0, ddof=1)
+    quoted = np.median([[e.standard_error for e in part.refined] for part in parts], axis=0)
+    # five numbers give a spread within a factor of two; readings in a row drift, which subsets share
+    assert np.all(spread < 2 * quoted)
+    assert np.all(spread > quoted / 5)

@@ -1,0 +1,319 @@
+"""The modal table against closed forms, and its intervals against repeated noise; no law takes part."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.errors import RsgenError
+from rsgen.modal.modal_result import MODAL_COLUMNS
+from rsgen.observation import Observation
+from rsgen.surface import ResponseSurface
+from tests.samples import C1, K1, KN1, MASS, cubic_surface
+from tests.surfaces import noisy
+
+SURFACE = cubic_surface(levels=6, frequencies=41)
+
+
+def omega_of(amplitude: np.ndarray) -> np.ndarray:
+    """First-order resonance of the softening spring [rad/s], Liu et al., Eq. (13)."""
+    return np.sqrt((K1 + 0.75 * KN1 * amplitude**2) / MASS)
+
+
+def phase_resonance(
+    amplitudes: np.ndarray, degrees: float = 90.0, kn: float = KN1, c: float = C1, m: float = MASS
+) -> ResponseSurface:
+    """One point a level, at a lag of so many degrees, to first order."""
+    k = K1 + 0.75 * kn * amplitudes**2
+    # k - m omega^2 = omega c cot(lag)
+    cotangent = 1 / np.tan(np.radians(degrees))
+    omega = (-c * cotangent + np.sqrt((c * cotangent) ** 2 + 4 * m * k)) / (2 * m)
+    force = amplitudes * (k - m * omega**2 + 1j * omega * c)
+    return ResponseSurface(
+        np.abs(force), omega / (2 * np.pi), np.abs(force), amplitudes * np.exp(-1j * np.angle(force))
+    )
+
+
+def test_a_linear_mode_has_the_same_row_at_every_amplitude():
+    omega = 2 * np.pi * np.linspace(9, 11, 41)
+    table = rsgen.modal_table(
+        ResponseSurface(2.0, omega / 2 / np.pi, 2.0, 2 / (5000 - 1.25 * omega**2 + 2j * omega))
+    )
+    np.testing.assert_allclose(table.mass, 1.25, rtol=1e-9)
+    np.testing.assert_allclose(table.omega, np.sqrt(4000), rtol=1e-10)
+    np.testing.assert_allclose(table.damping_ratio, 2 / (2 * np.sqrt(5000 * 1.25)), rtol=1e-9)
+    np.testing.assert_allclose(table.stiffness, 5000, rtol=1e-9)
+    np.testing.assert_allclose(table.damping, 2, rtol=1e-9)
+    np.testing.assert_allclose(table.stiffness_per_mass, 4000, rtol=1e-9)
+    np.testing.assert_allclose(table.damping_per_mass, 1.6, rtol=1e-9)
+
+
+def test_stiffness_and_damping_of_a_cubic_spring_follow_its_describing_function():
+    table = rsgen.modal_table(SURFACE)
+    X = table.amplitude
+    np.testing.assert_allclose(table.omega, omega_of(X), rtol=5e-5)
+    np.testing.assert_allclose(table.stiffness, K1 + 0.75 * KN1 * X**2, rtol=1e-4)
+    np.testing.assert_allclose(table.damping, C1, rtol=2e-4)
+    assert X[0] < 0.3 * X[-1]
+
+
+@pytest.mark.parametrize(("force", "order"), [("h/v", 0), ("d*v", 2)])
+def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency(force: str, order: int):
+    """A joint (omega c constant) and a drag (c as omega); with c alone the table is several per cent off."""
+    X, f = np.meshgrid(np.geomspace(1e-3, 1e-2, 7), np.linspace(7, 14, 31), indexing="ij")
+    X, omega = X.ravel(), 2 * np.pi * f.ravel()
+    resonance = omega_of(X)
+    c = C1 * (1 + 30 * X) * (omega / resonance) ** (order - 1) * resonance ** (order - 1) / 60 ** (order - 1)
+    F = X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * c)
+    table = rsgen.modal_table(
+        ResponseSurface(X, f.ravel(), np.abs(F), X * np.exp(-1j * np.angle(F)), control="response")
+    )
+    wanted = C1 * (1 + 30 * table.amplitude) * (omega_of(table.amplitude) / 60) ** (order - 1)
+    np.testing.assert_allclose(table.damping, wanted, rtol=1e-3)
+    np.testing.assert_allclose(table.mass, MASS, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_intervals_cover_what_they_say_under_noise():
+    at = np.array([0.01, 0.02, 0.03])
+    surface = SURFACE.select(np.abs(SURFACE.frequency - 9.95) < 0.9)
+    hits, count = dict.fromkeys(("frequency", "damping_ratio", "stiffness"), 0), 0
+    for seed in range(18):
+        table = rsgen.modal_table(noisy(surface, 0.01, seed)).at(at)
+        truth = {"frequency": omega_of(at) / (2 * np.pi), "stiffness": K1 + 0.75 * KN1 * at**2}
+        truth["damping_ratio"] = C1 / (2 * MASS * omega_of(at))
+        for name, true in truth.items():
+            low, high = getattr(table, f"{name}_lower"), getattr(table, f"{name}_upper")
+            hits[name] += int(np.count_nonzero((low <= true) & (true <= high)))
+        count += len(at)
+    # 95 % of 54, four standard deviations of a binomial below: wider than needed is allowed, narrower is not
+    assert all(hit >= 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count) for hit in hits.values()), hits
+    for name, most in (("frequency", 1e-3), ("damping_ratio", 0.04), ("stiffness", 0.01)):
+        width = getattr(table, f"{name}_upper") - getattr(table, f"{name}_lower")
+        assert np.all(width < most * getattr(table, name)), name
+
+
+def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_damping_alone():
+    X = np.geomspace(5e-3, 5e-2, 9)
+    table = rsgen.modal_table(phase_resonance(X))
+    assert table.known == ("frequency", "damping", "stiffness_per_mass")
+    np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=1e-4)
+    np.testing.assert_allclose(table.damping, C1, rtol=1e-6)
+    assert np.isnan([*table.stiffness, *table.damping_ratio, table.mass]).all()
+    assert [finding.code for finding in table.findings] == ["modal-mass-unknown"]
+
+
+def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_without():
+    X = np.geomspace(5e-3, 5e-2, 9)
+    surface = phase_resonance(X, 80.0)
+    given = rsgen.modal_table(surface, mass=MASS)
+    np.testing.assert_allclose(given.omega, omega_of(given.amplitude), rtol=2e-5)
+    np.testing.assert_allclose(given.damping_ratio, C1 / (2 * MASS * omega_of(given.amplitude)), rtol=1e-4)
+    unknown = rsgen.modal_table(surface)
+    true = omega_of(unknown.amplitude) / (2 * np.pi)
+    assert np.all(np.abs(unknown.frequency / true - 1) > 1e-3)
+    assert np.all((unknown.frequency_lower < true) & (true < unknown.frequency_upper))
+
+
+def test_one_slice_off_resonance_determines_the_mass():
+    X = np.geomspace(5e-3, 5e-2, 9)
+    on, f = phase_resonance(X), np.array([9.6, 9.8, 10.1, 10.3])
+    omega = 2 * np.pi * f
+    F = 0.02 * (K1 + 0.75 * KN1 * 0.02**2 - MASS * omega**2 + 1j * omega * C1)
+    both = ResponseSurface(
+        np.append(on.level, np.abs(F)),
+        np.append(on.frequency, f),
+        np.append(on.force, np.abs(F)),
+        np.append(on.harmonics[:, 1], 0.02 * np.exp(-1j * np.angle(F))),
+    )
+    table = rsgen.modal_table(both)
+    assert table.known == tuple(MODAL_COLUMNS)
+    np.testing.assert_allclose(table.mass, MASS, rtol=1e-3)
+
+
+def test_a_test_without_scale_has_frequencies_and_damping_ratios():
+    drive = ResponseSurface(SURFACE.level, SURFACE.frequency, 7 * SURFACE.force, SURFACE.harmonics[:, 1])
+    table = rsgen.modal_table(drive, Observation(calibrated=False))
+    assert not {"stiffness", "damping"} & set(table.known)
+    np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=5e-5)
+    np.testing.assert_allclose(table.damping_ratio, C1 / (2 * MASS * omega_of(table.amplitude)), rtol=2e-4)
+
+
+def test_a_phase_error_of_the_sensor_is_found_and_removed():
+    turned = ResponseSurface(
+        SURFACE.level, SURFACE.frequency, SURFACE.force, SURFACE.harmonics[:, 1] * np.exp(0.1j)
+    )
+    table = rsgen.modal_table(turned, Observation(background="phase"))
+    np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=1e-4)
+    np.testing.assert_allclose(table.damping, C1, rtol=2e-3)
+
+
+def test_amplitudes_alone_are_enough():
+    flat = ResponseSurface(
+        SURFACE.level,
+        SURFACE.frequency,
+        np.abs(SURFACE.force),
+        np.abs(SURFACE.harmonics[:, 1]),
+        phase_known=False,
+    )
+    table = rsgen.modal_table(flat)
+    inner = slice(2, -2)
+    np.testing.assert_allclose(table.omega[inner], omega_of(table.amplitude)[inner], rtol=1e-3)
+    np.testing.assert_allclose(table.damping[inner], C1, rtol=0.02)
+
+
+def test_a_model_gives_its_mass_and_observation_and_not_its_law():
+    model = rsgen.Model("k*x + c*v", mass=2 * MASS, observation=Observation(hold_out=(1.0, 12.0)))
+    table = rsgen.modal_table(SURFACE, model)
+    assert (table.mass, table.mass_error) == (2 * MASS, 0.0)
+    assert table.tested[1] < SURFACE.amplitude[SURFACE.level == 12.0].max()
+    assert rsgen.modal_table(SURFACE, model, mass=MASS).mass == MASS
+
+
+def test_the_file_has_every_row_with_its_interval():
+    table = rsgen.modal_table(SURFACE)
+    rows = list(csv.DictReader(io.StringIO(table.to_csv())))
+    assert len(rows) == len(table)
+    for name, unit in (("frequency", "Hz"), ("damping_ratio", "1"), ("stiffness", "N/m")):
+        for start, end in (("", ""), ("lower ", "_lower"), ("upper ", "_upper")):
+            column = [float(row[f"{start}{name} [{unit}]"]) for row in rows]
+            np.testing.assert_allclose(column, getattr(table, f"{name}{end}"), rtol=1e-9)
+
+
+def test_columns_that_are_not_known_are_empty():
+    table = rsgen.modal_table(phase_resonance(np.geomspace(5e-3, 5e-2, 9)))
+    row = next(csv.DictReader(io.StringIO(table.to_csv())))
+    assert row["stiffness [N/m]"] == row["lower damping_ratio [1]"] == ""
+    assert "damping_ratio" not in repr(table)
+
+
+def test_what_cannot_be_tabulated_is_refused_with_the_reason():
+    flank = SURFACE.select(SURFACE.frequency < 9)
+    with pytest.raises(RsgenError, match="points lie within 45 degrees of resonance"):
+        rsgen.modal_table(flank)
+    with pytest.raises(RsgenError, match="about"):
+        rsgen.modal_table(SURFACE, "k*x")
+    with pytest.raises(RsgenError, match="positive and finite"):
+        rsgen.modal_table(SURFACE).at([1e-3, -1.0])
+    with pytest.raises(AttributeError, match="it has amplitude, frequency"):
+        _ = rsgen.modal_table(SURFACE).omga
+
+
+@pytest.mark.parametrize("level", [3.2, 12.0])
+def test_a_held_out_level_is_predicted_without_a_law(level: float):
+    """Inside the table to the error of its splines; above its amplitudes not at all, and that is said."""
+    asked = float(SURFACE.levels[np.argmin(np.abs(SURFACE.levels - level))])
+    table = rsgen.modal_table(SURFACE, Observation(hold_out=(asked,)))
+    prediction = rsgen.predict(table, None, SURFACE)
+    (scored,) = prediction.held_out
+    known = np.isfinite(scored.predicted)
+    assert scored.error < 1e-3
+    if level == 12.0:
+        assert np.nanmax(np.abs(scored.predicted)) < 1.011 * table.tested[1]
+        assert scored.missing == np.count_nonzero(~known) > 0
+        assert "held-out-points-missing" in [finding.code for finding in prediction.findings]
+        return
+    assert known.all()
+    # the resonance curve by the closed formula of the law that nobody told it
+    curve = prediction[asked]
+    X, omega = curve.amplitude, 2 * np.pi * curve.frequency
+    force = X * np.abs(K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1)
+    near = (table.tested[0] < X) & (table.tested[1] > X)
+    np.testing.assert_allclose(force[near], asked, rtol=2e-3)
+
+
+def test_without_a_mass_no_response_off_resonance_is_predicted():
+    table = rsgen.modal_table(phase_resonance(np.geomspace(5e-3, 5e-2, 9)))
+    with pytest.raises(RsgenError, match="give the mass"):
+        rsgen.predict(table, [1.0])
+
+
+def test_a_response_of_the_wrong_sign_is_refused():
+    turned = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, -SURFACE.harmonics[:, 1])
+    with pytest.raises(RsgenError, match="feed the exciter"):
+        rsgen.modal_table(turned)
+
+
+def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
+    test = rsgen.SimulatedTest(level=[1.0, 3.0], frequency=np.linspace(9.4, 10.8, 15), base="acceleration")
+    surface = rsgen.simulate(rsgen.Oscillator(MASS, "k*x + c*v", {"k": K1, "c": C1}), test)
+    per_mass, whole = rsgen.modal_table(surface), rsgen.modal_table(surface, mass=MASS)
+    assert "stiffness" not in per_mass.known
+    assert "per unit mass" in repr(per_mass)
+    np.testing.assert_allclose(per_mass.stiffness_per_mass, K1 / MASS, rtol=1e-5)
+    np.testing.assert_allclose(per_mass.damping_per_mass, C1 / MASS, rtol=1e-4)
+    np.testing.assert_allclose(whole.stiffness, K1, rtol=1e-5)
+    np.testing.assert_allclose(whole.damping, C1, rtol=1e-4)
+
+
+def test_a_motion_across_two_sensors_is_remarked():
+    across = ResponseSurface(
+        SURFACE.level, SURFACE.frequency, SURFACE.force, SURFACE.harmonics, across=0.5 * SURFACE.harmonics
+    )
+    assert "modal-across" in [finding.code for finding in rsgen.modal_table(across).findings]
+    assert rsgen.modal_table(SURFACE).findings == ()
+
+
+@pytest.mark.slow
+def test_intervals_contain_curves_that_no_spline_follows_exactly():
+    """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
+    X, f = np.meshgrid(np.geomspace(1e-3, 3e-2, 15), np.linspace(8.6, 10.6, 13), indexing="ij")
+    X, omega = X.ravel(), 2 * np.pi * f.ravel()
+
+    def curves(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ratio = size / 6e-3
+        return K1 * (1 - 0.12 * ratio / (1 + ratio)), K1 * 0.09 * ratio**0.7 / (1 + ratio) ** 1.6
+
+    def force(size: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        k, loss = curves(size)
+        return size * (k - MASS * rate**2 + 1j * (loss + rate * C1))
+
+    F = force(X, omega)
+    exact = ResponseSurface(X, f.ravel(), np.abs(F), X * np.exp(-1j * np.angle(F)), control="response")
+    at = np.geomspace(1.5e-3, 2.5e-2, 7)
+    k, loss = curves(at)
+    true = {"stiffness": k, "damping": C1 + loss / np.sqrt(k / MASS)}
+    hits = dict.fromkeys(true, 0)
+    runs = 16
+    for seed in range(runs):
+        table = rsgen.modal_table(noisy(exact, 0.01, seed)).at(at)
+        for name, wanted in true.items():
+            low, high = getattr(table, f"{name}_lower"), getattr(table, f"{name}_upper")
+            hits[name] += int(np.count_nonzero((low <= wanted) & (wanted <= high)))
+    count = runs * len(at)
+    # as above; the seven of a run depend on each other, so that they count as three
+    least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
+    assert all(hit >= least for hit in hits.values()), (hits, count)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("k*x + c*v + Ff*sign(v)", {"k": 5920.0, "c": 2.0, "Ff": 0.6}),
+        ("c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+         {"c": 3.0, "k4": 5920.0, "k5": 9000.0, "b": 0.012}),
+    ],
+)  # fmt: skip
+def test_intervals_hold_between_the_amplitudes_that_were_tested(law, values):
+    """A gap in the amplitudes, or a corner of k(X), is not known better than shapes that fit alike agree."""
+    test = rsgen.SimulatedTest(level=np.linspace(1, 12, 39), frequency=[8, 16], control="phase", harmonics=3)
+    exact = rsgen.simulate(rsgen.Oscillator(1.5, law, values), test)
+    tested, between = exact.select(np.arange(0, 39, 2)), exact.select(np.arange(1, 39, 2))
+    true = {
+        "stiffness_per_mass": between.omega**2,
+        "damping": np.abs(between.force) / between.omega / between.amplitude,
+    }
+    inside = {name: [] for name in true}
+    for seed in range(16):
+        table = rsgen.modal_table(noisy(tested, 0.01, seed), mass=1.5).at(between.amplitude)
+        for name, column in true.items():
+            low, high = (getattr(table, f"{name}_{end}") for end in ("lower", "upper"))
+            inside[name].append((low < column) & (column < high))
+    for name, each in inside.items():
+        assert np.mean(each) > 0.9, name
+        assert np.mean(each, axis=0).min() > 0.5, name

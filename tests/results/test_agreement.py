@@ -1,0 +1,127 @@
+"""Parts of a test identified apart: against refits, closed forms, and laws that do and do not hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.fitting.least_squares import Linearisation, Regression, fit
+from rsgen.identification import identify
+from rsgen.oscillator import Model
+from rsgen.results.agreement import compare_parts, jackknife
+from rsgen.surface import ResponseSurface
+from rsgen.verdict import reach_verdict
+from tests.surfaces import model, noisy, surface
+
+NOISE = 0.01
+
+
+def line_through(x: np.ndarray, y: np.ndarray) -> Regression:
+    """Fit y = a + b x; the second residual of a point is its nuisance's."""
+    none = np.zeros((len(x), 1))
+
+    def linearise(parameters: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        rest = np.stack([y - parameters[0] - parameters[1] * x, -nuisance[:, 0]], axis=1)
+        by_nuisance = np.zeros((len(x), 2, 1))
+        by_nuisance[:, 1] = 1.0
+        by = np.zeros((len(x), 2, 2))
+        by[:, 0] = np.stack([np.ones(len(x)), x], axis=1)
+        return Linearisation(rest, by_nuisance, by)
+
+    return fit(linearise, np.array([0.1, 0.1]), none, reject=False)
+
+
+@pytest.fixture
+def data() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(5)
+    x = generator.uniform(1, 3, 40)
+    group = np.arange(40) % 5
+    return x, 2 + 3 * x + generator.normal(size=40) + generator.normal(size=5)[group], group
+
+
+def test_of_a_linear_model_one_step_is_the_refit(data: tuple[np.ndarray, ...]) -> None:
+    x, y, group = data
+    part = group < 2
+    whole, here, there = line_through(x, y), line_through(x[part], y[part]), line_through(x[~part], y[~part])
+    found = compare_parts(whole, part)
+    assert found is not None
+    assert found.moved == pytest.approx(here.parameters - there.parameters, rel=1e-9)
+    # the same noise in both parts
+    variance = sum(np.diag(each.covariance_of_unit) for each in map(Unit, (here, there)))
+    assert found.error == pytest.approx(whole.noise * np.sqrt(variance), rel=1e-9)
+
+
+class Unit:
+    """Covariance of a fit whose noise has unit size."""
+
+    def __init__(self, found: Regression) -> None:
+        self.covariance_of_unit = found.basis @ found.basis.T
+
+
+def test_the_jackknife_is_that_of_refits(data: tuple[np.ndarray, ...]) -> None:
+    x, y, group = data
+    whole = line_through(x, y)
+    left_out = [line_through(x[group != g], y[group != g]).parameters - whole.parameters for g in range(5)]
+    expected = 4 / 5 * np.sum([np.outer(moved, moved) for moved in left_out], axis=0)
+    assert jackknife(whole, group) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_jackknife_of_a_mean_has_a_closed_form() -> None:
+    # groups of one size: the variance of the mean of the group means, G/(G - 1) of it for leaving one out
+    generator = np.random.default_rng(6)
+    group = np.repeat(np.arange(6), 10)
+    y = generator.normal(size=60) + generator.normal(size=6)[group]
+    x = np.tile(np.linspace(-1, 1, 10), 6)
+    means = np.array([y[group == g].mean() for g in range(6)])
+    # the slope is orthogonal to the mean in every group
+    assert jackknife(line_through(x, y), group)[0, 0] == pytest.approx(np.var(means, ddof=1) / 6, rel=1e-9)
+
+
+def codes(table: ResponseSurface, law: Model | str) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in identify(table, law).findings}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["cubic", "combined", "coulomb"])
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_a_wrong_law_is_found_by_levels_that_disagree(law: str, noise: float) -> None:
+    table = noisy(surface(law), noise, 3)
+    right, wrong = identify(table, model(law)), identify(table, "k*x + c*v")
+    assert {"parts-disagree", "intervals-widened"}.isdisjoint(finding.code for finding in right.findings)
+    assert reach_verdict(right.findings).state == "identified"
+    assert reach_verdict(wrong.findings).state in ("doubtful", "rejected")
+    assert {"parts-disagree", "intervals-widened"} <= {finding.code for finding in wrong.findings}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("law", "apart"), [("cubic", False), ("combined", True)])
+def test_one_step_agrees_with_levels_really_identified_apart(law: str, apart: bool) -> None:
+    table = noisy(surface(law), NOISE, 4)
+    asked = Model("k*x + kn*x**3 + c*v") if apart else model(law)
+    even = np.isin(table.level, table.levels[::2])
+    halves = [identify(table.select(rows), asked) for rows in (even, ~even)]
+    difference = np.array([a.value - b.value for a, b in zip(*halves, strict=True)])
+    error = np.sqrt([a.standard_error**2 + b.standard_error**2 for a, b in zip(*halves, strict=True)])
+    z = float(np.max(np.abs(difference / error)))
+    told = [f for f in identify(table, asked).findings if f.code == "parts-disagree"]
+    assert bool(told) == apart
+    if apart:
+        assert told[0]["z"] > 4
+        assert told[0]["z"] == pytest.approx(z, rel=1.0) or z < 3
+    else:
+        assert z < 4
+
+
+@pytest.mark.slow
+def test_widened_intervals_rest_on_the_number_of_levels() -> None:
+    table = noisy(surface("combined"), NOISE, 4)
+    found = identify(table, "k*x + kn*x**3 + c*v")
+    widths = [
+        (each.interval[1] - each.interval[0]) / (2 * each.standard_error)
+        for each in found
+        if each.identifiable
+    ]
+    # Student's t of six levels
+    assert widths == pytest.approx([2.5706] * len(widths), abs=1e-3)
+    plain = identify(table, model("combined"))
+    assert all((e.interval[1] - e.interval[0]) / (2 * e.standard_error) < 2 for e in plain)

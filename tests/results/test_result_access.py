@@ -1,0 +1,119 @@
+"""Laws of what a result gives by name, as a table and as a data frame."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsgen.errors import RsgenError
+from rsgen.identification import identify
+from rsgen.oscillator import Model
+from rsgen.ranking import Candidate, Ranking
+from rsgen.results import Identification
+from tests.samples import cubic_model, cubic_surface
+
+
+@pytest.fixture(scope="module")
+def found() -> Identification:
+    return identify(cubic_surface(), cubic_model().elements)
+
+
+@pytest.fixture(scope="module")
+def ranking() -> Ranking:
+    model = Model("k*x + k3*x**3 + c*v")
+    candidates = (
+        Candidate("cubic-spring", "c*v + k*x + k3*x**3", 4, 1e-4, 0.0, True, {}),
+        Candidate("linear", "c*v + k*x", 3, 0.1, 1e4, False, {}),
+    )
+    return Ranking(candidates, model, True, (), 1e-4, 0.0, cubic_surface())
+
+
+def test_estimates_come_by_name(found: Identification) -> None:
+    for estimate in found.refined:
+        assert found[estimate.name] is estimate
+        assert estimate.name in found
+    assert [estimate.name for estimate in found] == [*found.model.parameters, "m"]
+    assert "kn3" not in found
+
+
+@pytest.mark.parametrize("name", ["k9", 0, None])
+def test_a_name_that_is_not_there_is_answered_with_those_that_are(
+    found: Identification, name: object
+) -> None:
+    with pytest.raises(KeyError, match="there are c1, k1, kn1, m") as fault:
+        found[name]  # type: ignore[index]  # the attempt is the test
+    assert isinstance(fault.value, RsgenError)
+
+
+def test_a_given_mass_has_a_name_too(found: Identification) -> None:
+    mass = found["m"].value
+    given = identify(cubic_surface(), replace(found.model, mass=mass))
+    assert (given["m"].value, given["m"].standard_error, given["m"].unit) == (mass, 0.0, "kg")
+    assert given["m"] not in given.refined
+    assert f"m          {mass:.5g}" in str(given)
+
+
+def test_the_table_holds_values_intervals_and_units(found: Identification) -> None:
+    lines = str(found).splitlines()
+    assert lines[:2] == ["identified", "c1*v + k1*x + kn1*x**3"]
+    assert lines[2].split("  ")[0] == "parameter"
+    for line, estimate in zip(lines[3 : 3 + len(found.refined)], found.refined, strict=True):
+        name, value, low, to, high, unit = line.split()
+        assert (name, to, unit) == (estimate.name, "to", estimate.unit)
+        width = estimate.interval[1] - estimate.interval[0]
+        for shown, exact in (
+            (value, estimate.value),
+            (low, estimate.interval[0]),
+            (high, estimate.interval[1]),
+        ):
+            # rounded to a small part of the interval, or to ten digits
+            assert float(shown) == pytest.approx(exact, rel=1e-9, abs=width / 20)
+    html = found._repr_html_()
+    assert html.count("<tr>") == 1 + len(found.refined)
+
+
+@pytest.mark.slow
+def test_a_parameter_without_effect_is_marked_and_has_no_number() -> None:
+    found = identify(cubic_surface(), "k1*x + kn1*x**3 + c1*v + kq*(Max(x - 10, 0) + Min(x + 10, 0))")
+    line = next(line for line in str(found).splitlines() if line.startswith("kq"))
+    assert line.split() == ["kq", "N/m", "no-effect"]
+
+
+@pytest.mark.slow
+def test_a_dimensionless_parameter_has_no_unit() -> None:
+    found = identify(cubic_surface(), "k1*x + kn1*abs(x)**p*sign(x) + c1*v")
+    assert found["p"].unit == ""
+    assert found["p"].value == pytest.approx(3, rel=2e-3)  # of a balance of one harmonic
+
+
+@pytest.mark.slow
+def test_a_result_as_a_data_frame(found: Identification) -> None:
+    pytest.importorskip("pandas")
+    frame = found.to_frame()
+    assert list(frame.index) == [estimate.name for estimate in found]
+    for estimate in found:
+        row = frame.loc[estimate.name]
+        assert (row["value"], row["standard_error"]) == (estimate.value, estimate.standard_error)
+        assert (row["lower"], row["upper"]) == estimate.interval
+
+
+def test_the_best_law_of_a_ranking_is_identified(ranking: Ranking, found: Identification) -> None:
+    assert ranking.candidates[0] is ranking["cubic-spring"]
+    assert ranking.best is ranking.best
+    assert ranking.best.ranking is ranking
+    for name, other in (("k", "k1"), ("k3", "kn1"), ("c", "c1"), ("m", "m")):
+        assert ranking.best[name].value == pytest.approx(found[other].value, rel=1e-6)
+    assert np.isfinite(ranking.best["k3"].interval).all()
+    assert str(ranking).splitlines()[2].split()[:2] == ["cubic-spring", "4"]
+    with pytest.raises(KeyError, match="cubic-spring"):
+        ranking["cubic"]
+    assert len(list(ranking)) == len(ranking) == len(ranking.candidates)
+
+
+def test_a_ranking_goes_to_another_process_with_its_best(ranking: Ranking) -> None:
+    best = ranking.best
+    back = pickle.loads(pickle.dumps(ranking))
+    assert back.best["k3"] == best["k3"]

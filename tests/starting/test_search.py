@@ -1,0 +1,153 @@
+"""Parameters in which a law is not linear: found over their whole range, of two signs the positive one."""
+
+from __future__ import annotations
+
+from math import isnan
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.expression import parse
+from rsgen.law.element import make_element
+from rsgen.law.library import laws
+from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion, project
+from rsgen.oscillator import Model, Oscillator
+from rsgen.simulation import SimulatedTest
+from rsgen.simulation.noise import add_noise
+from rsgen.starting.equations import Equations
+from rsgen.starting.start import solve_equations
+from tests.oracles.masing import slider
+
+MASS = 1.5
+BASE = {"k": 5000.0, "c": 4.0}
+SATURATION = "Max(-Fm, Min(ks*x, Fm))"
+
+
+@pytest.mark.parametrize(
+    ("text", "groups"),
+    [
+        (f"k*x + {SATURATION}", [{"Fm", "ks"}]),
+        ("k*x + Max(0, ks*x - F0)", [{"F0", "ks"}]),
+        ("k*x + Max(0, ks*(x - b))", [{"ks"}]),
+        ("k*x + ks*Max(0, x - b)", []),
+        ("k*x + A*tanh(v/w)", []),
+        # numbers in a law hide what a parameter does
+        ("k*x + 4e8*x**5 + A*tanh(v/w)", []),
+        ("k*x + A*tanh(1e6*v/w)", []),
+        ("k*x + Max(0, ks*x - 500)", []),
+        ("k*x + kg*Max(-Fm, Min(ks*x, Fm))", []),
+        ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", [{"Fm", "ks"}]),
+    ],
+)
+def test_groups_of_degree_one_are_found(text: str, groups: list[set[str]]) -> None:
+    law = compile_law(parse(text))
+    assert [{law.parameters[i] for i in group} for group in law.scaled] == groups
+
+
+def identified(text: str, added: dict[str, float], level: tuple[float, float], noise: float, seed: int = 1):
+    """Identify a law beside a linear spring and damper; the mass is free."""
+    elements = (make_element("base", "k*x + c*v"), make_element("added", text))
+    test = SimulatedTest(np.linspace(*level, 7), np.linspace(7.0, 12.0, 45), harmonics=5, accuracy=1e-7)
+    surface = rsgen.simulate(Oscillator(MASS, elements, BASE | added), test)
+    found = rsgen.identify(add_noise(surface, noise, seed) if noise else surface, Model(elements))
+    return found, BASE | added | {"m": MASS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
+@pytest.mark.parametrize(
+    ("text", "added"),
+    [
+        (SATURATION, {"ks": 2000.0, "Fm": 20.0}),
+        ("Max(0, ks*x - F0)", {"ks": 3000.0, "F0": 15.0}),
+        # the same law with both signs turned
+        ("Ff*tanh(v/w)", {"Ff": 1.0, "w": 0.2}),
+        # the same law with both signs turned and a stiffer k
+        ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
+        # no other unknown multiplies what they switch
+        ("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}),
+        ("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}),
+    ],
+)
+def test_values_come_back_with_their_signs(text: str, added: dict[str, float], noise: float) -> None:
+    found, true = identified(text, added, (2.0, 12.0), noise)
+    for estimate in found.refined:
+        error = abs(estimate.value - true[estimate.name])
+        limit = 4.5 * estimate.standard_error if noise else 1e-6 * abs(true[estimate.name])
+        assert error < limit, (estimate, true[estimate.name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", ["", " + Ff*tanh(v/w)"])
+def test_a_saturation_that_is_never_reached_is_no_number(friction: str) -> None:
+    added = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if friction else {})
+    found, true = identified(SATURATION + friction, added, (2.0, 12.0), 1e-3)
+    by_name = {estimate.name: estimate for estimate in found.refined}
+    # k + ks alone shows
+    assert all(isnan(by_name[name].value) for name in ("k", "ks", "Fm"))
+    assert by_name["k"].finding.code == "confounded"
+    for name in set(true) - {"k", "ks", "Fm"}:
+        assert abs(by_name[name].value - true[name]) < 4.5 * by_name[name].standard_error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["2000*Max(0, x - b)", "Max(0, ks*x - F0)", "2e5*x**3"])
+def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
+    elements = (make_element("base", "5000*x + 4*v"), make_element("added", law))
+    added = {"b": 0.006, "ks": 3000.0, "F0": 20.0}
+    true = {name: added[name] for element in elements for name in map(str, element.parameters)}
+    test = SimulatedTest(np.linspace(2.0, 12.0, 5), np.linspace(7.0, 12.0, 31), harmonics=3, accuracy=1e-7)
+    found = rsgen.identify(rsgen.simulate(Oscillator(MASS, elements, true), test), Model(elements, MASS))
+    assert {e.name: e.value for e in found.refined} == pytest.approx(true, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_two_switches_are_found_together() -> None:
+    # softening and then hardening: a few hundred trials of two parameters at once miss it
+    text = f"kg*(Max(0, x - b) + Min(0, x + b)) + {SATURATION}"
+    added = {"kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0}
+    found, true = identified(text, added, (2.0, 14.0), 1e-3)
+    for estimate in found.refined:
+        assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate
+
+
+@pytest.mark.slow
+def test_equal_sliders_are_told_apart() -> None:
+    """Four sliders have 24 equal solutions, and many that are none."""
+    k, c, kt, limits = 5000.0, 3.0, 1500.0, np.array([1.0, 2.0, 4.0, 8.0])
+    law = compile_law(parse("k*x + c*v + " + " + ".join(f"masing(Min(kt*x, F{i}))" for i in range(4))))
+    omega, size = (
+        part.ravel() for part in np.meshgrid(np.linspace(45.0, 90.0, 6), np.geomspace(3e-4, 2e-2, 10))
+    )
+    ratio = k - MASS * omega**2 + 1j * omega * c + sum(slider(kt, limit, size) for limit in limits)
+    noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
+    force = ratio * size * (1 + noise[0] + 1j * noise[1])
+    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
+    equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
+    found = solve_equations(equations, law, None)
+    values = dict(zip(law.parameters, found.values, strict=True))
+    assert found.misfit < 5e-3
+    assert sorted(values[f"F{i}"] for i in range(4)) == pytest.approx(limits, rel=0.02)
+    assert values["kt"] == pytest.approx(kt, rel=0.02)
+
+
+@pytest.mark.slow
+def test_friction_of_four_searched_parameters_is_found() -> None:
+    """LuGre's friction along sines: of its many minima most have parameters that mean nothing."""
+    true = {"Fc": 5.0, "Fs": 8.0, "k": 4e4, "sigma0": 3e4, "sigma1": 8.0, "sigma2": 20.0, "vs": 0.05}
+    law = compile_law(parse("k*x") + laws["lugre"].element().force)
+    grid = np.meshgrid(2 * np.pi * np.linspace(19, 30, 8), np.geomspace(1e-4, 1.3e-2, 8))
+    omega, size = (part.ravel() for part in grid)
+    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
+    x, v, a = Motion(omega, harmonics).waveforms(2048)
+    step = 2 * np.pi / x.shape[1] / omega[:, None]
+    values = np.array([true[name] for name in law.parameters])
+    force = project(law.sample(x, v, a, step, values).force, 1) - 2.3 * omega**2 * size
+    noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
+    force = force * (1 + noise[0] + 1j * noise[1])
+    equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
+    found = solve_equations(equations, law, None)
+    assert found.misfit < 5e-3
+    assert dict(zip(law.parameters, found.values, strict=True)) == pytest.approx(true, rel=0.1)
