@@ -55,7 +55,6 @@ os.name = "nt-like"
 
 LIBRARIES = (
     "h5py",
-    "IPython",
     "matplotlib.pyplot",
     "numba",
     "platformdirs.unix",

@@ -22,7 +22,7 @@ from rsgen.cli.streams import open_streams, output_fault
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
 from rsgen.diagnostics import keep_from_terminal, program_fault
 from rsgen.errors import CaseError, RsgenError
-from rsgen.threads import single_thread
+from rsgen.threads import collect_seldom, single_thread
 
 __all__ = ["main"]
 
@@ -98,6 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         open_streams()
         keep_from_terminal()
         single_thread()
+        collect_seldom()
         _check_memory()
         # figures go to files alone, and the user's choice of windows need not be there
         os.environ["MPLBACKEND"] = "agg"

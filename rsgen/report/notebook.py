@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from functools import cache
@@ -9,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import nbformat
 
 import rsgen
 from rsgen.case import Case
@@ -36,6 +36,10 @@ __all__ = [
 ]
 
 _SURFACE_FILE = "surface.h5"
+_FORMAT = {"nbformat": 4, "nbformat_minor": 5}
+"""Of documents whose cells have names."""
+_TEXTS = ("source", "text", "text/plain", "text/html")
+"""Written line by line, so that a difference of two notebooks shows the lines that changed."""
 _METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
     "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
@@ -124,7 +128,7 @@ def build_notebook(
     held_out: bool = False,
     loops: bool = False,
     surface_file: str = _SURFACE_FILE,
-) -> nbformat.NotebookNode:
+) -> dict[str, Any]:
     """Write the lesson on a case, not yet executed.
 
     Parameters
@@ -155,18 +159,20 @@ def build_notebook(
     )
 
 
-def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
+def render_lesson(template: str, **values: object) -> dict[str, Any]:
     """Write the cells of a template, not yet executed; every value is written as literal or as prose."""
     text = _environment().get_template(template).render(**values)
     pieces = _CELL.split(text)[1:]
-    write: Any = nbformat.v4  # its functions have no types
-    make = {"code": write.new_code_cell, "markdown": write.new_markdown_cell}
     cells = [
-        make[kind](body.strip("\n"), id=name)
+        _cell(kind, name, body.strip("\n"))
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
-    return notebook
+    return {"cells": cells, "metadata": _METADATA, **_FORMAT}
+
+
+def _cell(kind: str, name: str, source: str) -> dict[str, Any]:
+    cell = {"cell_type": kind, "id": name, "metadata": {}, "source": source}
+    return cell | {"execution_count": None, "outputs": []} if kind == "code" else cell
 
 
 def known_results(
@@ -249,11 +255,22 @@ def write_notebook(
     save_lesson(path, notebook, results)
 
 
-def save_lesson(path: Path, notebook: nbformat.NotebookNode, results: KnownResults | None) -> None:
+def _by_line(part: Any) -> Any:
+    """Split the texts of a document into lines."""
+    if isinstance(part, dict):
+        return {
+            key: value.splitlines(keepends=True)
+            if key in _TEXTS and isinstance(value, str)
+            else _by_line(value)
+            for key, value in part.items()
+        }
+    return [_by_line(entry) for entry in part] if isinstance(part, list) else part
+
+
+def save_lesson(path: Path, notebook: dict[str, Any], results: KnownResults | None) -> None:
     """Execute a lesson and save it, even where a cell fails; an RsgenError says which."""
     fault = execute_cells(notebook, results)
-    nbformat.validate(notebook)
-    write: Any = nbformat.writes  # has no types
-    write_atomic(path, write(notebook, version=4) + "\n")
+    text = json.dumps(_by_line(notebook), indent=1, sort_keys=True, ensure_ascii=False)
+    write_atomic(path, text + "\n")
     if fault is not None:
         raise RsgenError(f"{path.name}: {fault}; it is saved with its traceback (rsgen {rsgen.__version__})")

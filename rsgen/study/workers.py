@@ -30,7 +30,7 @@ from rsgen.diagnostics import keep_from_terminal
 from rsgen.errors import RsgenError
 from rsgen.study.progress import Step
 from rsgen.study.run_case import CaseRun, run_case
-from rsgen.threads import ALGEBRA
+from rsgen.threads import ALGEBRA, collect_seldom
 
 __all__ = ["cluster_workers", "local_workers", "work"]
 
@@ -88,6 +88,7 @@ def _follow(parent: Connection) -> None:
 
 def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
     keep_from_terminal()
+    collect_seldom()
     if steps is not None:
         _steps.append(steps)
     # Ctrl-C reaches every process of a terminal; the parent alone answers it
