@@ -1,4 +1,4 @@
-"""Laws between two sensors: a law at two places, and its forward model along the motion that was measured.
+"""Laws between two sensors, and their forward model along the motion that was measured.
 
 The balance is written at the sensor of the response, F = m x'' + n(x, x') + n_a(z, z'): some elements follow
 the response x, others the motion z across them. How z goes with x is measured at every point, and other modes
@@ -8,8 +8,7 @@ take part in it; so z is the measured motion, in proportion to the response, har
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import sympy
@@ -20,79 +19,15 @@ from rsgen.errors import RsgenError
 from rsgen.fitting.forward import Response
 from rsgen.fitting.points import Points
 from rsgen.law.element import Element
-from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
+from rsgen.law.numeric import ForceLaw, ForceSample, Part, Waves, compile_law
 from rsgen.motion import Motion, project
 from rsgen.oscillator import total_force
 from rsgen.tolerances import samples_for
 
-__all__ = ["LawAtTwoPlaces", "MeasuredAcross", "Place", "law_of", "places_of"]
-
-Waves = tuple[Array, Array, Array]
-"""Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s)."""
+__all__ = ["MeasuredAcross", "law_of", "motions_of"]
 
 _STEP = 1e-6
 """Relative change of the amplitude by which the slope of a loop is taken: half the digits of a double."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """The elements of one place as a law, and where its parameters stand among all."""
-
-    law: ForceLaw
-    places: NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """The elements that follow one motion: each such group is a structure of its own, and as passive as one.
-
-    Parameters
-    ----------
-    law
-        Of these elements.
-    parameters
-        (p,) where its parameters stand among all.
-    motion
-        What they follow, n points.
-    across
-        Whether that is the motion across two sensors.
-    """
-
-    law: ForceLaw
-    parameters: NDArray[np.intp]
-    motion: Motion
-    across: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LawAtTwoPlaces(ForceLaw):
-    """A law some of whose elements follow the response and the others the motion across them.
-
-    Its character and its parameters are those of the sum.
-    """
-
-    here: _Part
-    """Elements that follow the response."""
-
-    across: _Part
-    """Elements that follow the motion across."""
-
-    def sample_both(
-        self,
-        response: tuple[Array, Array, Array],
-        across: tuple[Array, Array, Array],
-        step: Array,
-        values: Array,
-    ) -> tuple[ForceSample, ForceSample]:
-        """Evaluate both parts and what each parameter adds to them; see ``ForceLaw.sample``."""
-        found = []
-        for part, motion in ((self.here, response), (self.across, across)):
-            sample = part.law.sample(*motion, step, values[part.places])
-            none = np.zeros_like(sample.force)
-            columns = dict(zip(part.places.tolist(), sample.by_parameter, strict=True))
-            by = tuple(columns.get(place, none) for place in range(len(self.parameters)))
-            found.append(ForceSample(sample.force, sample.by_x, sample.by_v, by, sample.by_memory))
-        return found[0], found[1]
 
 
 def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool] = (True, True)) -> ForceLaw:
@@ -143,25 +78,20 @@ def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool
                 "that act across"
             )
         places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
-        parts.append(_Part(law, places))
-    facts: dict[str, Any] = {one.name: getattr(whole, one.name) for one in fields(ForceLaw)}
+        parts.append(Part(law, places, across=acts))
     # along motions that were measured with their mean nothing even is left to be found
-    facts |= {"odd": True, "even": ()}
-    return LawAtTwoPlaces(**facts, here=parts[0], across=parts[1])
+    return replace(whole, odd=True, even=(), _parts=tuple(parts))
 
 
-def places_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Place, ...]:
-    """Give the places of a law and their motions: of two the measured ones, else the one ``followed``."""
-    if not isinstance(law, LawAtTwoPlaces) or points.across is None:
-        return (Place(law, np.arange(len(law.parameters)), followed),)
-    return (
-        Place(law.here.law, law.here.places, points.motion),
-        Place(law.across.law, law.across.places, Motion(points.omega, points.across), across=True),
-    )
+def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:
+    """Motions of the parts of a law: of several the measured ones, of one that which is ``followed``."""
+    if points.across is None or not law.acts_across:
+        return (followed,)
+    return points.motion, Motion(points.omega, points.across)
 
 
 class MeasuredAcross:
-    """Force at the response from a law at two places, along the measured motion across.
+    """Force at the response from a law across two sensors, along the measured motion across.
 
     It goes with the response in the proportion that was measured, as a prediction needs it, and a law that
     misses. Once its noise is weighed it is the one that was measured, whatever the response is taken to be.
@@ -181,7 +111,7 @@ class MeasuredAcross:
     step = 1e-4
     """As that of the harmonic balance."""
 
-    def __init__(self, law: LawAtTwoPlaces, response: Motion, across: Motion, *, mass_free: bool) -> None:
+    def __init__(self, law: ForceLaw, response: Motion, across: Motion, *, mass_free: bool) -> None:
         self._law, self._omega, self._mass_free = law, response.omega, mass_free
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
@@ -198,7 +128,7 @@ class MeasuredAcross:
         self.noise: Array | None = None
         """(n,) noise of the force with that of the motion across, relative to its own; None: not weighed."""
 
-    def weigh(self, values: Array, mass: float, force: Array) -> None:
+    def weigh(self, values: Array, mass: float, force: Array) -> bool:
         """Follow the motion across as it was measured, and count its noise as the law at (p,) values does.
 
         The motion across is a difference of two sensors, near x and far, each with noise in proportion to
@@ -211,6 +141,7 @@ class MeasuredAcross:
         near, far = (self._moved(values, motion) for motion in self._sensors)
         more = np.abs(own + near) ** 2 - np.abs(own) ** 2 + np.abs(far) ** 2
         self.noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
+        return True
 
     def forget_noise(self) -> None:
         """Let the motion across go with the response again."""
@@ -219,7 +150,7 @@ class MeasuredAcross:
     def _moved(self, values: Array, motion: Waves) -> ComplexArray:
         """(n,) change of the force across with a part of the motion, by its logarithm."""
         high, low = (
-            project(self._law.sample_both(waves, waves, self._step, values)[1].force, 1)
+            project(self._law.sample_parts((waves, waves), self._step, values)[1].force, 1)
             for waves in (_plus(self._measured, motion, sign * _STEP) for sign in (1, -1))
         )
         return np.asarray((high - low) / (2 * _STEP))
@@ -252,7 +183,8 @@ class MeasuredAcross:
     def _sample(self, values: Array, size: Array, phase: Array | None) -> tuple[ForceSample, ForceSample]:
         """Both parts of the law at amplitudes (n,) [m] of the response."""
         across = _times(self._across, size) if phase is None else self._measured
-        return self._law.sample_both(_times(self._response, size), across, self._step, values)
+        here, there = self._law.sample_parts((_times(self._response, size), across), self._step, values)
+        return here, there
 
     def _slope(
         self, here: ForceSample, there: ForceSample, values: Array, size: Array, phase: Array | None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.across import LawAtTwoPlaces, MeasuredAcross
+from rsgen.fitting.across import MeasuredAcross
 from rsgen.fitting.descent import Descent
 from rsgen.fitting.forward import HarmonicBalance
 from rsgen.fitting.least_squares import Regression, fit
@@ -189,8 +189,8 @@ def fit_balance(
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
-    if isinstance(forward, MeasuredAcross) and observed.phase_known and found.noise > NOISY:
-        forward.weigh(*problem.split(found.parameters)[:2], np.abs(mode.force))
+    values, mass, _ = problem.split(found.parameters)
+    if observed.phase_known and found.noise > NOISY and forward.weigh(values, mass, np.abs(mode.force)):
         weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
         if is_systematic(mode, weighed):
             # a misfit of the law is no noise: where it is, points count by their force
@@ -211,7 +211,7 @@ def fit_balance(
         found = fit(descent.linearise, *place, steps=steps, used=used, **common)
         if correct:
             found = descent.corrected(found)
-    if correct and isinstance(forward, MeasuredAcross) and forward.noise is not None:
+    if correct and forward.noise is not None:
         pull = pull_of_noise(problem, found, forward.noise)
         found = pull.taken_off(found) if pull else found
     return _finish(problem, descent, found)
@@ -220,7 +220,7 @@ def fit_balance(
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
     free = problem.given is None
-    if isinstance(problem.law, LawAtTwoPlaces) and mode.across is not None:
+    if problem.law.acts_across and mode.across is not None:
         return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across), mass_free=free)
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:

@@ -278,6 +278,9 @@ class HarmonicBalance:
     step = 1e-4
     """Leaves the second derivatives eight digits: error of central differences h^2, round-off eps/h."""
 
+    noise: Array | None = None
+    """Nothing but force and response is measured."""
+
     def __init__(
         self,
         law: ForceLaw,
@@ -303,6 +306,13 @@ class HarmonicBalance:
         self._law, self._omega, self._mass_free = law, start.omega, mass_free
         self._about_rest = about_rest and 0 in self.harmonics
         self._last: tuple[Array, Array, int, Response] | None = None
+
+    def weigh(self, values: Array, mass: float, force: Array) -> bool:
+        """Count noise of other motions that were measured, as the law at (p,) values does: there are none."""
+        return False
+
+    def forget_noise(self) -> None:
+        """Have no noise but that of force and response."""
 
     def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""

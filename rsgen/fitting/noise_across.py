@@ -11,12 +11,11 @@ so that a correction of several standard errors is not to be relied upon.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.across import LawAtTwoPlaces, MeasuredAcross
+from rsgen.fitting.across import MeasuredAcross
 from rsgen.fitting.descent import Descent
 from rsgen.fitting.least_squares import Regression, eliminate
 from rsgen.fitting.points import Points
@@ -72,7 +71,7 @@ def pull_of_noise(problem: Problem, found: Regression, force_noise: Array | None
         (n,) with which it weighed the points; None where it did not.
     """
     points, used = problem.observed.points, found.used
-    if not isinstance(problem.law, LawAtTwoPlaces) or points.across is None:
+    if not problem.law.acts_across or points.across is None:
         return None
     noise = noise_of_ratio(points)
     whole, random = _rows(problem, found, force_noise, points.across), np.random.default_rng(0)
@@ -140,8 +139,8 @@ def _cubic(omega: Array) -> Array:
 def _rows(problem: Problem, found: Regression, force_noise: Array | None, across: ComplexArray) -> Array:
     """(n, M, q) slopes by the parameters along a motion across (n, H+1) [m], nuisances eliminated."""
     mode = problem.observed.mode(found.parameters[problem.count :])
-    law = cast("LawAtTwoPlaces", problem.law)
-    forward = MeasuredAcross(law, mode.motion, Motion(mode.omega, across), mass_free=problem.given is None)
+    free = problem.given is None
+    forward = MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, across), mass_free=free)
     forward.noise = force_noise
     line = Descent(problem, forward).linearise(found.parameters, found.nuisance)
     return eliminate(line)[1][:, :, : problem.count]

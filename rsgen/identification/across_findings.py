@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Severity, quantities
-from rsgen.fitting.across import LawAtTwoPlaces
 from rsgen.fitting.fit import Fit, fit_balance
 from rsgen.fitting.forward import following_harmonics, hold_amplitude
 from rsgen.fitting.noise_across import LOST, pull_of_noise
@@ -54,7 +53,7 @@ def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Findin
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
     some = some[points.select(some).spread(QUICK)]
-    if not isinstance(law, LawAtTwoPlaces) or points.across is None or not (found.mass > 0 and len(some)):
+    if not law.acts_across or points.across is None or not (found.mass > 0 and len(some)):
         return ()
     problem = found.problem.select(some)
     measured = problem.observed.mode(found.background)
@@ -144,10 +143,11 @@ def _moved(problem: Problem, parameters: Array, across: ComplexArray, missing: C
 
 
 def _missing(
-    law: LawAtTwoPlaces, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
+    law: ForceLaw, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
 ) -> ComplexArray:
     """(n, H+1) harmonics [m] across that the law makes and nobody recorded, in the phase measured."""
-    joint, values = law.across.law, found.values[law.across.places]
+    part = next(part for part in law.parts if part.across)
+    joint, values = part.law, found.values[part.parameters]
     force = project(joint.along(across, values, SAMPLES_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)
     reduced = 1 / (1 / found.mass + 1 / (far or found.mass))

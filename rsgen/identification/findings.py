@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.fitting.across import LawAtTwoPlaces
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.phase_resonance import gap_of
 from rsgen.fitting.points import Points
@@ -192,9 +191,7 @@ class Findings:
                 )
                 found.append(Finding("harmonic-strong", "info", numbers=numbers))
         drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
-        law = self.fit.problem.law
-        symmetric = law.here.law.odd if isinstance(law, LawAtTwoPlaces) else law.odd
-        if symmetric and drift > max(_DRIFT, ERRORS * noise):
+        if self.fit.problem.law.parts[0].law.odd and drift > max(_DRIFT, ERRORS * noise):
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 

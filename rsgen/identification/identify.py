@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.errors import RsgenError, require
 from rsgen.finding import Finding, quantities
-from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.across import law_of
 from rsgen.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.observed import Observed, shape_of
@@ -143,12 +143,12 @@ def _prepare(surface: ResponseSurface, model: Model) -> _Test:
     points = select_points(surface, model)
     across = points.across is not None and bool(np.any(points.across[:, 0]))
     law = law_of(model.elements, across=points.across is not None, means=(0 in points.measured, across))
-    if isinstance(law, LawAtTwoPlaces) and model.observation.background not in ("none", "phase"):
+    if law.acts_across and model.observation.background not in ("none", "phase"):
         raise RsgenError(
             f"background: {model.observation.background!r} beside a motion across two sensors, in which "
             "other modes take part already; 'none' or 'phase' is needed"
         )
-    if law.odd and points.asymmetric and not isinstance(law, LawAtTwoPlaces):
+    if law.odd and points.asymmetric and not law.acts_across:
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)
     observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
@@ -162,7 +162,7 @@ def _fit(problem: Problem, start: Array) -> Fit:
     if observed.points.load is not None and len(found.background):
         # a phase error turns all harmonics of the force, and is known by now
         found, sharp = _refine(problem, found.regression.parameters)
-    if isinstance(problem.law, LawAtTwoPlaces):
+    if problem.law.acts_across:
         # only the measured motion across is known, and no steady state is asked for
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
@@ -243,7 +243,7 @@ def _judge(test: _Test, model: Model, refined: Fit) -> Identification:
     kept = points.select(used)
     first = _first_order(kept, test.problem, refined.values, refined.mass)
     paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
-    if isinstance(law, LawAtTwoPlaces):
+    if law.acts_across:
         # no one amplitude is that of the law at a resonance
         paper = replace(paper, values=np.full(len(law.parameters), np.nan))
     misfits = is_systematic(points, refined.regression)

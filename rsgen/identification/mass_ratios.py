@@ -16,7 +16,7 @@ import numpy as np
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, quantities
-from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.across import law_of
 from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.phase_resonance import (
     DAMPED,
@@ -72,7 +72,7 @@ def identify_ratios(
     points = select_points(gather_repeats(surface)[0], model)
     law = law_of(model.elements, across=surface.across is not None)
     # a loop has its stiffness in its damping, which is known without a mass
-    if isinstance(law, LawAtTwoPlaces) or law.remembers or not near_resonance(points):
+    if law.acts_across or law.remembers or not near_resonance(points):
         return None
     if not at_resonance_alone(points, noise=0.0):
         free = identify(surface, model)

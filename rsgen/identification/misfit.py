@@ -9,7 +9,7 @@ import numpy as np
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, quantities, severity_of
-from rsgen.fitting.across import LawAtTwoPlaces, law_of
+from rsgen.fitting.across import law_of
 from rsgen.fitting.fit import Fit, fit_balance
 from rsgen.fitting.least_squares import Regression, solve_scaled
 from rsgen.fitting.observed import Observed
@@ -99,7 +99,7 @@ def misfit_findings(
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     # other modes are part of a measured motion across: there is no background beside it
-    across = isinstance(fit.problem.law, LawAtTwoPlaces)
+    across = fit.problem.law.acts_across
     if surface.origin == "measured" and observed.kind == "none" and observed.phase_known and not across:
         found.append(_background_proposal(points, resonances))
     trials = {} if across else _with_backgrounds(fit)
@@ -153,7 +153,7 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
 
 def _law_with(problem: Problem, term: str) -> ForceLaw:
     """Add a term to the law, across two sensors where some elements act there; "" is the law alone."""
-    across = isinstance(problem.law, LawAtTwoPlaces)
+    across = problem.law.acts_across
     place = problem.sensors if across else ""
     more = (make_element("extra term", f"extra_term*({term})", across=place),) if term else ()
     return law_of((*problem.elements, *more), across=across)

@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.across import LawAtTwoPlaces
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.points import Points
@@ -336,11 +335,11 @@ def _splines(at: Array, knots: Array) -> Array:
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
     """Amplitude (n,) [m] that the law follows, and what it gives there over it, k + i omega c [N/m]."""
     law, response, omega = found.problem.law, surface.harmonics[:, 1], surface.omega
-    if not isinstance(law, LawAtTwoPlaces) or surface.across is None:
+    if not law.acts_across or surface.across is None:
         return np.abs(response), surface.force / response + found.mass * omega**2
-    motion = sine_motion(omega, response)
-    here = law.here.law.along(motion, found.values[law.here.places], SAMPLES_SWITCHED)
-    left = surface.force + found.mass * omega**2 * response - project(here.force, 1)
+    here = law.parts[0]
+    own = here.law.along(sine_motion(omega, response), found.values[here.parameters], SAMPLES_SWITCHED)
+    left = surface.force + found.mass * omega**2 * response - project(own.force, 1)
     return np.abs(surface.across[:, 1]), left / surface.across[:, 1]
 
 
@@ -349,7 +348,7 @@ def equivalent_curve(
 ) -> EquivalentCurve:
     """k and c of every settled point, with the mass found; ``used`` of the points took part.
 
-    Of a law at two places they are those of the elements across: what the others leave, over their motion.
+    Of a law across two sensors they are those of the elements there: what others leave, over their motion.
     """
     response = surface.harmonics[:, 1]
     rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))

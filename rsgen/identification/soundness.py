@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.fitting.across import Place, places_of
+from rsgen.fitting.across import motions_of
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
+from rsgen.law.numeric import Part
 from rsgen.motion import Motion, cycle_work, project, sine_motion
 from rsgen.results.agreement import Agreement
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
@@ -170,19 +171,20 @@ def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Findin
     if not len(some):
         return found
     motion = Motion(points.omega[some], fit.harmonics[some])
-    for place in places_of(problem.law, motion, points.select(some)):
-        found += _signs_at(place, fit.values[place.parameters], basis[place.parameters], problem.sensors)
+    motions = motions_of(problem.law, motion, points.select(some))
+    for part, followed in zip(problem.law.parts, motions, strict=True):
+        place = part.parameters
+        found += _signs_at(part, followed, fit.values[place], basis[place], problem.sensors)
     return found
 
 
-def _signs_at(place: Place, values: Array, basis: Array, sensors: str) -> list[Finding]:
+def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors: str) -> list[Finding]:
     """Find a negative k(X) or c(X) of the elements at one place; (p, r) ``basis`` of errors of its values.
 
     c is the work of a cycle over that of a damper of 1 N s/m: of a motion that is no sine the fundamental
     alone may lose to the harmonics what the cycle as a whole does not.
     """
-    moving = np.abs(place.motion.harmonics[:, 1]) > 0
-    motion = place.motion.select(moving)
+    motion = motion.select(np.abs(motion.harmonics[:, 1]) > 0)
     if not len(motion):
         return []
     samples = max(samples_for(place.law.switched), 8 * len(motion.orders))

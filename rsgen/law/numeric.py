@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.expression import symbol
@@ -17,7 +19,10 @@ from rsgen.law.loops import Loops, compile_loops, from_rest
 from rsgen.law.memory import memory_form
 from rsgen.law.switched_sum import SwitchedSum, switched_sum
 
-__all__ = ["ForceLaw", "ForceSample", "compile_law"]
+__all__ = ["ForceLaw", "ForceSample", "Part", "Waves", "compile_law"]
+
+Waves = tuple[Array, Array, Array]
+"""Displacement [m], velocity [m/s] and acceleration [m/s^2], of one shape."""
 
 
 class Periodic(Protocol):
@@ -32,6 +37,24 @@ class Periodic(Protocol):
         ...
 
 
+class Part(NamedTuple):
+    """Elements of a law that follow one motion.
+
+    Parameters
+    ----------
+    law
+        Of these elements.
+    parameters
+        (p,) where its parameters stand among those of the whole law.
+    across
+        Whether they follow the motion across two sensors, not the response.
+    """
+
+    law: ForceLaw
+    parameters: NDArray[np.intp]
+    across: bool = False
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceLaw(Character):
     """A compiled law n(x, v; p), with memory or without, and its character."""
@@ -43,6 +66,32 @@ class ForceLaw(Character):
     """n(x, v; p); of a law with memory that without history: states zero, virgin curves."""
 
     _loops: Loops | None
+
+    _parts: tuple[Part, ...] = ()
+    """Parts that follow motions of their own; none where all follow one."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The law by the motions that its elements follow; most have one part, which is all of it."""
+        return self._parts or (Part(self, np.arange(len(self.parameters))),)
+
+    @property
+    def acts_across(self) -> bool:
+        """Whether some elements follow the motion across two sensors."""
+        return any(part.across for part in self._parts)
+
+    def sample_parts(self, motions: Sequence[Waves], step: Array, values: Array) -> tuple[ForceSample, ...]:
+        """Evaluate each part along its motion, and what every parameter of the law adds; see ``sample``."""
+        if not self._parts:
+            return (self.sample(*motions[0], step, values),)
+        found = []
+        for part, motion in zip(self.parts, motions, strict=True):
+            sample = part.law.sample(*motion, step, values[part.parameters])
+            none = np.zeros_like(sample.force)
+            columns = dict(zip(part.parameters.tolist(), sample.by_parameter, strict=True))
+            by = tuple(columns.get(place, none) for place in range(len(self.parameters)))
+            found.append(ForceSample(sample.force, sample.by_x, sample.by_v, by, sample.by_memory))
+        return tuple(found)
 
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Array) -> ForceSample:
         """Evaluate the law and all its derivatives along a motion.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.across import LawAtTwoPlaces, MeasuredAcross, law_of
+from rsgen.fitting.across import MeasuredAcross, law_of
 from rsgen.motion import Motion
 from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
@@ -40,8 +40,6 @@ def respond_across(identification: Identification, surface: ResponseSurface) -> 
         return np.full(len(surface), np.nan, dtype=complex)
     response, across = np.nan_to_num(surface.harmonics), np.nan_to_num(surface.across)
     law = law_of(identification.model.elements, across=True)
-    if not isinstance(law, LawAtTwoPlaces):
-        return np.full(len(surface), np.nan, dtype=complex)
     forward = MeasuredAcross(
         law, Motion(surface.omega, response), Motion(surface.omega, across), mass_free=False
     )

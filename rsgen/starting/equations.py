@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.across import LawAtTwoPlaces
-from rsgen.law.numeric import ForceLaw, ForceSample
+from rsgen.law.numeric import ForceLaw, ForceSample, Waves
 from rsgen.motion import Motion, project
 from rsgen.tolerances import SAMPLES, SAMPLES_SWITCHED
 
@@ -49,7 +48,7 @@ class Equations:
         (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
         equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
     across
-        (n, H+1) complex displacement [m] across the elements of a law at two places; else None.
+        (n, H+1) complex displacement [m] across two sensors, where elements of the law follow it; else None.
     """
 
     omega: Array
@@ -80,7 +79,7 @@ class Equations:
 
 
 @lru_cache(maxsize=4)
-def _motion(equations: Equations, finer: int, across: bool = False) -> tuple[Array, Array, Array]:
+def _motion(equations: Equations, finer: int, *, across: bool) -> Waves:
     """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
     samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
@@ -144,19 +143,16 @@ def _samples(
     omega = equations.omega[:, None]
     finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
     finer = finer if law.switched and not coarse else 1
-    x, v, a = _motion(equations, finer)
-    step = 2 * np.pi / x.shape[1] / omega
+    motions = [_motion(equations, finer, across=part.across) for part in law.parts]
+    step = 2 * np.pi / motions[0][0].shape[1] / omega
     values = np.zeros((len(trials), len(law.parameters)))
     values[:, list(law.nonlinear)] = trials
-    if isinstance(law, LawAtTwoPlaces):
-        across = _motion(equations, finer, across=True)
-        both = [law.sample_both((x, v, a), across, step, trial) for trial in values]
-        return [_joined(here, there) for here, there in both]
     if len(trials) == 1:
-        return [law.sample(x, v, a, step, values[0])]
-    many, count = len(trials), len(x)
-    x, v, a, step = (np.tile(part, (many, 1)) for part in (x, v, a, step))
-    whole = law.sample(x, v, a, step, np.repeat(values, count, axis=0).T[:, :, None])
+        return [_joined(law.sample_parts(motions, step, values[0]))]
+    many, count = len(trials), len(omega)
+    motions = [(np.tile(x, (many, 1)), np.tile(v, (many, 1)), np.tile(a, (many, 1))) for x, v, a in motions]
+    each = np.repeat(values, count, axis=0).T[:, :, None]
+    whole = _joined(law.sample_parts(motions, np.tile(step, (many, 1)), each))
     parts = [slice(i * count, (i + 1) * count) for i in range(many)]
     return [
         ForceSample(
@@ -169,10 +165,12 @@ def _samples(
     ]
 
 
-def _joined(here: ForceSample, there: ForceSample) -> ForceSample:
-    """Add the forces of two places; slopes by the motions have no sum."""
-    by = tuple(a + b for a, b in zip(here.by_parameter, there.by_parameter, strict=True))
-    return ForceSample(here.force + there.force, here.by_x, here.by_v, by)
+def _joined(parts: Sequence[ForceSample]) -> ForceSample:
+    """Add the forces of all parts of a law; slopes by motions that differ have no sum."""
+    first, *others = parts
+    columns = zip(*(part.by_parameter for part in parts), strict=True)
+    by = tuple(sum(column[1:], column[0]) for column in columns)
+    return ForceSample(sum((part.force for part in others), first.force), first.by_x, first.by_v, by)
 
 
 def _rows(

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.fitting.across import LawAtTwoPlaces
 from rsgen.fitting.fit import Fit, Solution, fit_balance
 from rsgen.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.fitting.least_squares import determined, solve_scaled
@@ -122,7 +121,7 @@ def _nonlinear_columns(
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
     """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
     start = _start_first_order(problem)
-    if not isinstance(problem.law, LawAtTwoPlaces):
+    if not problem.law.acts_across:
         values, mass, background = problem.split(start)
         start = problem.join(put_in_order(problem.law, values), mass, background)
     return start_asymmetric(problem, start)
