@@ -30,6 +30,7 @@ from rsgen.figures import (
     draw_responses,
     draw_stiffness,
     draw_surface,
+    draw_thumbnail,
     draw_time_history,
 )
 from rsgen.figures.cycles import shows_loops
@@ -39,6 +40,7 @@ from rsgen.output import write_atomic
 from rsgen.prediction import Prediction, predict
 from rsgen.prediction.measured_across import acts_across
 from rsgen.ranking import Ranking
+from rsgen.report.inline import THUMBNAIL, picture_svg
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.modal_section import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.multisine_files import write_multisine_files
@@ -232,6 +234,7 @@ def _write_files(
         write_atomic(place / "modal.csv", modal.table.to_csv())
     result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
     write_atomic(place / "result.json", result_text(result))
+    write_atomic(place / THUMBNAIL, picture_svg(draw_thumbnail(surface)))
     drawings = draw_all(subject, surface, identification, prediction, modal)
     if figures is not None:
         for drawing in drawings:

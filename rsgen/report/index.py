@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from markupsafe import Markup
+
 import rsgen
-from rsgen.errors import RsgenError
-from rsgen.figures import draw_thumbnail, quantity_text
 from rsgen.force_keys import FORCE_KEYS
 from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
-from rsgen.report.inline import inline_svg
+from rsgen.report.inline import THUMBNAIL
 from rsgen.report.result_json import SCHEMA
 from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.report.wording.verdict_sentences import MARKED
-from rsgen.surface import ResponseSurface, load_surface
+from rsgen.units.scale import quantity_text
 from rsgen.verdict import STATES, StatedVerdict
 
 __all__ = ["read_result", "read_results", "table_of_results", "write_index"]
 
 _MOST_BYTES = 50_000_000
-_AHEAD = 4
-"""Surfaces in memory at once: enough that two cores do not wait for one another."""
+_MOST_PICTURE = 500_000
+"""Bytes of a picture in the index; those that runs write have a tenth of it."""
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
 
@@ -71,25 +70,26 @@ def read_results(folder: Path) -> list[_Entry]:
     return [entry for path in paths if (entry := read_result(path)) is not None]
 
 
-def _load(entry: _Entry) -> ResponseSurface | None:
+def _picture(entry: _Entry) -> Markup | None:
+    """Give the picture of a result as an address; None where a result without a surface has none.
+
+    It is shown as an image, in which nothing acts or loads anything, whatever is in the file.
+    """
+    path = entry.folder / THUMBNAIL
     try:
-        return load_surface(entry.folder / "surface.h5")
-    except RsgenError:
+        if not path.is_file() or path.stat().st_size > _MOST_PICTURE:
+            return None
+        coded = base64.b64encode(path.read_bytes()).decode("ascii")
+    except OSError:
         return None
-
-
-def _surfaces(entries: Sequence[_Entry]) -> Iterator[ResponseSurface | None]:
-    """Load the surfaces one after the other, a few ahead: each waits for a process that opens its file."""
-    with ThreadPoolExecutor(_AHEAD) as pool:
-        for start in range(0, len(entries), _AHEAD):
-            yield from pool.map(_load, entries[start : start + _AHEAD])
+    return Markup(f"data:image/svg+xml;base64,{coded}")  # noqa: S704 - letters and digits, whatever was read
 
 
 def _quantity(value: Any, unit: Any) -> str:
     return "–" if value is None else quantity_text(float(value), str(unit), 6)
 
 
-def _context(entry: _Entry, number: int, surface: ResponseSurface | None) -> dict[str, Any]:
+def _context(entry: _Entry) -> dict[str, Any]:
     points, verdict = entry.result["surface"], entry.verdict
     return {
         "name": entry.folder.name,
@@ -100,9 +100,7 @@ def _context(entry: _Entry, number: int, surface: ResponseSurface | None) -> dic
         "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
         "points": points["points"],
         "origin": points["origin"],
-        "thumbnail": inline_svg(draw_thumbnail(surface, name=f"thumbnail-{number}"))
-        if surface is not None
-        else None,
+        "thumbnail": _picture(entry),
         "warnings": len(entry.result.get("warnings", [])),
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
         "rows": [
@@ -182,10 +180,7 @@ def write_index(folder: Path | str) -> None:
     """
     place = Path(folder)
     entries = read_results(place)
-    contexts = [
-        _context(entry, number, surface)
-        for number, (entry, surface) in enumerate(zip(entries, _surfaces(entries), strict=True))
-    ]
+    contexts = list(map(_context, entries))
     page = page_environment().get_template("index/index.html")
     counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
     counts = {state: count for state, count in counts.items() if count}

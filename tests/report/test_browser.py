@@ -10,15 +10,16 @@ from typing import Any
 import pytest
 
 from rsgen.expression import parse
+from rsgen.figures import draw_thumbnail
 from rsgen.finding import Finding
 from rsgen.report import draw_all, write_index
 from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.environment import plain_text
+from rsgen.report.inline import THUMBNAIL, picture_svg
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
-from rsgen.surface import save_surface
 from tests.report.axe import find_axe
 from tests.report.browser import Page, find_browser, in_browser
 from tests.report.test_report import hostile_titles, identified
@@ -68,7 +69,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         place.mkdir(parents=True)
         result = build_result(*parts[:6], {"surface": 1.0})
         (place / "result.json").write_text(result_text(result), encoding="utf-8")
-        save_surface(place / "surface.h5", surface)
+        (place / THUMBNAIL).write_text(picture_svg(draw_thumbnail(surface)), encoding="utf-8")
         return text
 
     # a formula that no phone shows in one line

@@ -6,6 +6,7 @@ import json
 import re
 import unicodedata
 from ast import literal_eval
+from base64 import b64decode
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,14 +26,15 @@ from scipy.special import ellipk
 import rsgen
 from rsgen.comparison import Comparison
 from rsgen.expression import parse, write
-from rsgen.figures import Drawing
+from rsgen.figures import Drawing, draw_thumbnail
 from rsgen.finding import Finding
 from rsgen.law.element import make_element
 from rsgen.oscillator import Model
 from rsgen.report import draw_all, write_index
-from rsgen.report.environment import page_environment, plain_text, verbatim
+from rsgen.report.environment import TEMPLATES, page_environment, plain_text, verbatim
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.index import read_results, table_of_results
+from rsgen.report.inline import THUMBNAIL, picture_svg
 from rsgen.report.interpretation import describe_elements, mean_finding
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text
@@ -40,7 +42,7 @@ from rsgen.report.source_formulas import PrintedFormula, check_printed
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.results import Estimate, Identification
-from rsgen.surface import ResponseSurface, save_surface
+from rsgen.surface import ResponseSurface
 from tests.samples import (
     C1,
     K1,
@@ -428,7 +430,8 @@ def results(tmp_path: Path) -> Path:
         folder.mkdir()
         content = {**result(), "case": name, "title": title}
         (folder / "result.json").write_text(result_text(content), encoding="utf-8")
-        save_surface(folder / "surface.h5", SURFACE)
+        picture = picture_svg(draw_thumbnail(SURFACE))
+        (folder / THUMBNAIL).write_text(picture.replace("</svg>", "<script>alert(1)</script></svg>"))
     for name, content_text in (
         ("broken", "{"),
         ("other", "[]"),
@@ -438,6 +441,17 @@ def results(tmp_path: Path) -> Path:
         (tmp_path / name).mkdir()
         (tmp_path / name / "result.json").write_text(content_text, encoding="utf-8")
     return tmp_path
+
+
+def test_a_picture_of_its_own_has_the_colours_of_the_pages() -> None:
+    style = (TEMPLATES / "report" / "style.css").read_text(encoding="utf-8")
+    light, dark = re.findall(r":root \{(.*?)\}", style, flags=re.DOTALL)[:2]
+    picture = picture_svg(draw_thumbnail(SURFACE))
+    own = re.findall(r":root\{(.*?)\}", picture)
+    for page, declared in zip((light, dark), own, strict=True):
+        assert set(declared.split(";")) <= {part.strip().replace(": ", ":") for part in page.split(";")}
+    used = set(re.findall(r"var\((--\w+)\)", picture))
+    assert used == {part.split(":")[0] for part in own[0].split(";")}
 
 
 @pytest.mark.slow
@@ -451,7 +465,16 @@ def test_index_lists_what_can_be_read(results: Path) -> None:
     assert "{{7*7}}" in "".join(outline.texts)
     names = [attributes["id"] for _, attributes in outline.elements if "id" in attributes]
     assert len(names) == len(set(names))
-    assert len(outline.all("svg")) == 2
+    # pictures of results are shown, and nothing of their files is part of the page
+    pictures = [str(image["src"]) for image in outline.all("img")]
+    assert [len(pictures), len(outline.all("svg")), len(outline.all("script"))] == [2, 0, 0]
+    for picture in pictures:
+        kind, coded = picture.split(",")
+        assert kind == "data:image/svg+xml;base64"
+        assert b64decode(coded).startswith(b"<svg")
+    (results / "cubic" / THUMBNAIL).write_text("x" * 500_001)
+    write_index(results)
+    assert len(Outline((results / "index.html").read_text(encoding="utf-8")).all("img")) == 1
     assert [entry.folder.name for entry in read_results(results)] == ["cubic", "odd #1"]
 
 

@@ -25,7 +25,6 @@ from rsgen.report.stated_verdict import explain, read_verdict, state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, next_step
 from rsgen.results import Identification
-from rsgen.surface import save_surface
 from rsgen.verdict import STATES, Verdict, reach_verdict, verdict_lines
 from tests.samples import (
     cubic_case,
@@ -216,7 +215,7 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path: Path) -> None:
         ("doubted", 1.0, (DOUBT,)),
         ("wrong", None, (ERROR,)),
     ):
-        save_surface(write(tmp_path, result_of(tolerance, *findings), name) / "surface.h5", SURFACE)
+        write(tmp_path, result_of(tolerance, *findings), name)
     write_index(tmp_path)
     text = (tmp_path / "index.html").read_text()
     assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text

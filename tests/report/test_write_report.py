@@ -27,7 +27,7 @@ def test_a_report_needs_a_surface_and_a_result_only(tmp_path: Path, found: rsgen
     rsgen.write_report(by_place, SURFACE, found)
     rsgen.write_report(by_name, surface=SURFACE, identification=found)
     names = sorted(path.name for path in by_place.iterdir())
-    assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5"]
+    assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5", "thumbnail.svg"]
     results = [json.loads((place / "result.json").read_text()) for place in (by_place, by_name)]
     assert results[0] == results[1]
     assert results[0]["case"] == "joint"
