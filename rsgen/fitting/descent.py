@@ -88,8 +88,8 @@ class Descent:
     def _curvature(self, parameters: Array, nuisance: Array) -> Array:
         step = np.zeros(nuisance.shape[1])
         step[0] = self.forward.step
-        low, here, high = (self._rows(parameters, nuisance + sign * step)[0] for sign in (-1, 0, 1))
-        weight = self._rows(parameters, nuisance)[1]
+        low, high = (self._rows(parameters, nuisance + sign * step)[0] for sign in (-1, 1))
+        here, weight = self._rows(parameters, nuisance)
         if self.forward.exact_slopes:
             by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
         else:

