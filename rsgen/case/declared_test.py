@@ -116,7 +116,7 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
             yield (
                 f"{place}.phase_sense: is missing; 'lag' (positive means later) or 'lead' (earlier) is needed"
             )
-    if response.amplitude is not None and test.history is None:
+    if response is not None and response.amplitude is not None and test.history is None:
         if response.phase is None and response.phase_known:
             yield (
                 "response.phase: is missing; amplitude and phase, or real and imaginary, are needed "

@@ -264,8 +264,9 @@ class Maker:
         values: dict[str, Any] = {one.name: None for one in fields if one.default is MISSING} | known
         for one in fields:
             raw = None if one.name in known or one.rule.outside else _find(table, one.key)
-            if raw is not None:
-                # a signal within a table has no key of its own
+            needed = one.default is MISSING and not one.optional and is_dataclass(one.type)
+            if raw is not None or (needed and one.name not in known):
+                # a signal within a table has no key of its own; one that is missing says what it needs
                 within = f"{place}.{one.key}" if one.key else place
                 values[one.name] = self._convert(one.type, one.rule, raw, within)
         keys = {one.name: one.key for one in fields}

@@ -19,8 +19,8 @@ from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
 from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
-from rsgen.law.character import vanishes
 from rsgen.law.element import Element, Law, make_element
+from rsgen.law.linear_parameters import vanishes
 from rsgen.law.normal_form import expanded
 from rsgen.law.notation import readable
 from rsgen.law.pieces import NormalForm, normal_form

@@ -96,11 +96,12 @@ def draw_trial(
 
 def _trial(cycle: Cycle, found: Projections) -> Trial:
     k, c, m = 1 / (np.pi * cycle.X), 1 / (np.pi * cycle.omega * cycle.X), 1 / (2 * np.pi)
-    return Trial(
-        cycle,
-        (found.sine * k, found.cosine * c, found.mean * m),
-        (found.size * k, found.size * c, found.size * m),
-    )
+    with np.errstate(over="ignore"):
+        return Trial(
+            cycle,
+            (found.sine * k, found.cosine * c, found.mean * m),
+            (found.size * k, found.size * c, found.size * m),
+        )
 
 
 def _differences(values: list[Array], trial: Trial) -> float:

@@ -90,7 +90,9 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     )
 
     def evaluate(*values: Any) -> tuple[Array, ...]:
+        # a power of Python numbers beyond the range of a double is an error there, not infinite
+        places = (np.asarray(value, dtype=np.float64) for value in values)
         with np.errstate(all="ignore"):
-            return tuple(np.asarray(value, dtype=np.float64) for value in function(*values))
+            return tuple(np.asarray(value, dtype=np.float64) for value in function(*places))
 
     return evaluate

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import combinations
@@ -14,38 +13,26 @@ import sympy
 from rsgen.arrays import Array
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
+from rsgen.law.linear_parameters import (
+    PLACES,
+    SAME,
+    SIZES,
+    is_scaled,
+    jointly_linear,
+    scaled_groups,
+    vanishes,
+)
 from rsgen.law.loop_character import TriedLoops
 from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
 from rsgen.law.virgin_curves import positive_in
 
-__all__ = ["Character", "character", "onset", "vanishes"]
+__all__ = ["Character", "character", "onset"]
 
-
-_PLACES = 64
-"""Random states or values at which an identity is tried."""
-
-_SIZES = (1e-3, 1.0, 1e3)
-"""Of random states and values: numbers in a law hide at one size what another shows."""
-
-_SAME = 1e-9
-"""Relative size at which terms cancel."""
-
-_ROUND_OFF = 1e-12
-"""What is left of parts that cancel, relative to the largest of them: b*ks - b*abs(ks)."""
-
-_MOST_LINEAR_SETS = 12
-"""Above this number of parameters the linear ones are chosen greedily instead of by trying every set."""
-
-_LARGEST_GROUP = 3
-"""Parameters in a group of degree one; force and stiffness of a saturation are two."""
 
 _TYPICAL = (0.7, 1e3)
 """Values at which jumps and corners are looked for: positive, ascending by name, close and far apart."""
-
-_FACTORS = (1.0, 2.0, 3.0)
-"""Common factors of a group at which the force must be affine."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +114,7 @@ def character(force: sympy.Expr) -> Character:
     states = (symbol("x"), symbol("v"))
     parameters = sorted(force.free_symbols - set(states), key=str)
     pieces = normal_form(force).pieces
-    linear = _jointly_linear(pieces, parameters)
+    linear = jointly_linear(pieces, parameters)
     onsets = _onsets(force, parameters)
     even = tuple(i for i in linear if _is_mirrored(force.diff(parameters[i]), states, parameters, 1.0))
     without = force.subs({parameters[i]: 0 for i in even})
@@ -135,7 +122,7 @@ def character(force: sympy.Expr) -> Character:
         parameters=tuple(str(p) for p in parameters),
         linear=linear,
         nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
-        scaled=_scaled_groups(len(parameters), linear, partial(_is_scaled, pieces, parameters)),
+        scaled=scaled_groups(len(parameters), linear, partial(is_scaled, pieces, parameters)),
         positive=(),
         odd=_is_mirrored(force, states, parameters, -1.0),
         even=even,
@@ -172,9 +159,9 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     clash = {(i, i) for i in bent} | {
         (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and tried.couples(i, j)
     }
-    linear = _jointly_linear(pieces, parameters, clash)
+    linear = jointly_linear(pieces, parameters, clash)
     nonlinear = tuple(i for i in range(len(parameters)) if i not in linear)
-    is_scaled = tried.scales if rates else partial(_is_scaled, pieces, parameters)
+    factors = tried.scales if rates else partial(is_scaled, pieces, parameters)
     onsets = [each for part in (law, *rates.values()) for each in _onsets(part, parameters)]
     even = tuple(
         i
@@ -190,7 +177,7 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
         parameters=tuple(str(p) for p in parameters),
         linear=linear,
         nonlinear=nonlinear,
-        scaled=_scaled_groups(len(parameters), linear, is_scaled),
+        scaled=scaled_groups(len(parameters), linear, factors),
         positive=tuple(
             i for i in nonlinear if any(positive_in(c.virgin, parameters[i]) for c in memory.curves)
         ),
@@ -240,58 +227,6 @@ def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) ->
     return True if known.has(sympy.zoo) or not vanishes(known) else None
 
 
-def _jointly_linear(
-    pieces: Sequence[Piece],
-    parameters: Sequence[sympy.Symbol],
-    clashing: AbstractSet[tuple[int, int]] = frozenset(),
-) -> tuple[int, ...]:
-    """Find the largest set of parameters in which every term is linear at once (first such set by name).
-
-    ``clashing`` are pairs in which the law is known not to be.
-    """
-    switches = {switch.function for piece in pieces for switch in piece.switches}
-    thresholds = {free for function in switches for free in function.free_symbols}
-    terms = [piece.term for piece in pieces]
-    slopes = [[term.diff(p) for term in terms] for p in parameters]
-    clash = set(clashing) | {
-        (i, j)
-        for i, row in enumerate(slopes)
-        for j, other in enumerate(parameters)
-        if i <= j and not all(vanishes(slope.diff(other)) for slope in row if slope.has(other))
-    }
-    free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
-    if len(free) <= _MOST_LINEAR_SETS:
-        for size in range(len(free), 0, -1):
-            for chosen in combinations(free, size):
-                if not any(pair in clash for pair in combinations(chosen, 2)):
-                    return chosen
-    picked: list[int] = []
-    for i in sorted(free, key=lambda i: sum(i in pair for pair in clash)):
-        if not any(tuple(sorted((i, j))) in clash for j in picked):
-            picked.append(i)
-    return tuple(sorted(picked))
-
-
-def vanishes(expression: sympy.Expr) -> bool:
-    """Decide whether an expression is zero, from its value at random places: to simplify one may not end."""
-    if expression == 0:
-        return True
-    if expression.has(sympy.DiracDelta):
-        # the slope of |p| jumps where p changes its sign
-        return False
-    variables = tuple(sorted(expression.free_symbols, key=str))
-    parts = sympy.Add.make_args(expression)
-    generator = np.random.default_rng(0)
-    # sizes differ, so that what a large number in a law hides at most places shows at some
-    places = 10.0 ** generator.uniform(-4, 4, (len(variables), _PLACES)) * generator.uniform(
-        0.5, 2.0, _PLACES
-    )
-    values = np.array([np.broadcast_to(part, _PLACES) for part in compiled(parts, variables)(*places)])
-    size = np.sum(np.abs(values), axis=0)
-    shown = np.isfinite(size) & (size > 0)
-    return bool(shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= _SAME * size[shown]))
-
-
 def _is_mirrored(
     force: sympy.Expr, moving: Sequence[sympy.Symbol], parameters: Sequence[sympy.Symbol], sign: float
 ) -> bool:
@@ -299,92 +234,14 @@ def _is_mirrored(
     # tried at random states and values of several sizes: a symbolic proof does not end for every law
     law = compiled((force,), (*moving, *parameters))
     generator = np.random.default_rng(0)
-    for scale in _SIZES:
-        x = generator.normal(size=(len(moving), _PLACES)) * scale
+    for scale in SIZES:
+        x = generator.normal(size=(len(moving), PLACES)) * scale
         for _ in range(3):
             values = np.exp(generator.normal(size=len(parameters))) * scale
             (one,), (other,) = law(*x, *values), law(*-x, *values)
-            one, other = np.broadcast_to(one, _PLACES), np.broadcast_to(other, _PLACES)
+            one, other = np.broadcast_to(one, PLACES), np.broadcast_to(other, PLACES)
             finite = np.isfinite(one) & np.isfinite(other)
             largest = np.max(np.abs(one[finite]), initial=0.0)
-            if not np.all(np.abs(one[finite] - sign * other[finite]) <= _SAME * largest):
+            if not np.all(np.abs(one[finite] - sign * other[finite]) <= SAME * largest):
                 return False
-    return True
-
-
-def _scaled_groups(
-    count: int,
-    linear: Sequence[int],
-    is_scaled: Callable[[tuple[int, ...], Sequence[int]], bool],
-) -> tuple[tuple[int, ...], ...]:
-    """Find the smallest disjoint groups of nonlinear parameters in whose common factor a law is linear."""
-    free = [i for i in range(count) if i not in linear]
-    groups: list[tuple[int, ...]] = []
-    for size in range(1, _LARGEST_GROUP + 1):
-        for chosen in combinations(free, size):
-            if set(chosen) & {i for group in groups for i in group}:
-                continue
-            if is_scaled(chosen, linear):
-                groups.append(chosen)
-    return tuple(groups)
-
-
-def _is_scaled(
-    pieces: Sequence[Piece],
-    parameters: Sequence[sympy.Symbol],
-    chosen: tuple[int, ...],
-    linear: Sequence[int],
-) -> bool:
-    """Decide whether a factor of the chosen acts on a law that is affine in it."""
-    scaled = [_scales(piece, parameters, chosen, linear) for piece in pieces]
-    return None not in scaled and any(scaled)
-
-
-def _scales(
-    piece: Piece, parameters: Sequence[sympy.Symbol], chosen: tuple[int, ...], linear: Sequence[int]
-) -> bool | None:
-    """Decide whether a factor of the chosen acts on a piece; None where the piece is not affine in it.
-
-    Switches may change by a positive factor only.
-    """
-    group = {parameters[i] for i in chosen}
-    parts = [part for part in sympy.Add.make_args(expanded(piece.term)) if part.free_symbols & group]
-    moving = [switch.function for switch in piece.switches if switch.function.free_symbols & group]
-    if not parts and not moving:
-        return False
-    if not parts or any(part.free_symbols & {parameters[i] for i in linear} for part in parts):
-        # a part that another unknown multiplies would be linear in neither
-        return None
-    functions = compiled((*parts, *moving), (symbol("x"), symbol("v"), *parameters))
-    generator = np.random.default_rng(1)
-    acts = False
-    for size in _SIZES:
-        x, v = generator.normal(size=(2, _PLACES)) * size
-        values = np.exp(generator.normal(size=len(parameters))) * generator.choice(_SIZES)
-        drawn = []
-        for factor in _FACTORS:
-            trial = np.array(values)
-            trial[list(chosen)] *= factor
-            drawn.append([np.broadcast_to(f, x.shape) for f in functions(x, v, *trial)])
-        shares = np.array([each[: len(parts)] for each in drawn])
-        signs = [each[len(parts) :] for each in drawn]
-        shares = shares[:, :, np.all(np.isfinite(shares), axis=(0, 1))]
-        forces = shares.sum(axis=1)
-        step = np.max(np.abs(forces[1] - forces[0]), initial=0.0)
-        second = forces[2] - 2 * forces[1] + forces[0]
-        round_off = _ROUND_OFF * np.max(np.abs(shares), initial=0.0)
-        if np.any(np.abs(second) > max(_SAME * step, round_off)) or not _same_sign(signs):
-            return None
-        acts |= bool(step > max(_SAME * np.max(np.abs(forces), initial=0.0), round_off))
-    return acts
-
-
-def _same_sign(signs: Sequence[Sequence[Array]]) -> bool:
-    """Decide whether switches change by one positive factor at all states."""
-    for before, after in zip(signs[0], signs[1], strict=True):
-        size = np.max(np.abs(before), initial=0.0)
-        with np.errstate(all="ignore"):
-            factor = float(np.sum(before * after) / np.sum(before * before))
-        if not (factor > 0 and np.all(np.abs(after - factor * before) <= _SAME * factor * size)):
-            return False
     return True

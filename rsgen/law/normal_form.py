@@ -44,11 +44,15 @@ STATES = frozenset((STATE_X, STATE_V))
 LARGEST_FORM = 96
 """More pieces than any law a person writes has; a form that grows beyond is refused instead of hanging."""
 
-LARGEST_EXPANSION = 2000
+LARGEST_EXPANSION = 400
 """Addends beyond which a power of a sum stays as it is written."""
 
-LARGEST_PARTS = 100_000
-"""Numbers, names and functions in all of them, beyond which the same holds: a second or two of algebra."""
+LARGEST_PARTS = 10_000
+"""Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
+
+MOST_OPERATIONS = 4000
+"""In all pieces and switch functions together. Ten elements of the library have a few hundred; what has more
+comes from texts of a few operations whose pieces multiply, and takes minutes to differentiate."""
 
 LARGEST_FRACTION = 400
 """Addends above or below the line beyond which quotients are not brought on one: a fraction in a fraction ten

@@ -15,10 +15,11 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from rsgen.errors import ExpressionError
 from rsgen.expression import symbol
 from rsgen.expression.evaluation import compiled
 from rsgen.law.memory import memory_form
-from rsgen.law.normal_form import Form, Key, add, expanded, moves
+from rsgen.law.normal_form import MOST_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
 __all__ = ["NormalForm", "Piece", "Switch", "normal_form", "normal_form_at"]
@@ -147,7 +148,8 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     Raises
     ------
     ExpressionError
-        The law is not real for negative x or v, not defined everywhere, or has hundreds of switches.
+        The law is not real for negative x or v, not defined everywhere, or has hundreds of switches or
+        thousands of operations.
 
     Examples
     --------
@@ -162,6 +164,13 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
         return expression.xreplace(back)
 
     form = reduce_law(_along_states(force).xreplace(known))
+    operations = sum(term.count_ops() for term in form.values())
+    operations += sum(function.count_ops() for key in form for function in key.others)
+    if operations > MOST_OPERATIONS:
+        raise ExpressionError(
+            f"law: its pieces behind switches take {operations} operations, at most {MOST_OPERATIONS} are "
+            "allowed; write it with fewer abs, sign, Min, Max, Piecewise"
+        )
     return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
 
 

@@ -24,6 +24,10 @@ from rsgen.law.normal_form import (
 
 __all__ = ["sign_of_smooth", "step_of_smooth"]
 
+LARGEST_COEFFICIENT = 2**128
+"""Polynomials with larger numbers, above or below the line, are not factored: 1e300 in a law of three minima
+took half a minute. The number is the square of the largest whole number of 19 digits."""
+
 HIGHEST_DEGREE = 12
 """Polynomials beyond are not factored: their roots would be numbers without meaning to a reader."""
 
@@ -146,7 +150,7 @@ def _factors(function: sympy.Expr) -> list[tuple[sympy.Expr, int]]:
             exponent = int(power) if power.is_Integer else 1
             root = root if power.is_Integer else base
             degrees = [sympy.degree(root, s) for s in (STATE_X, STATE_V) if root.is_polynomial(s)]
-            small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE
+            small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE and not _has_long_numbers(root)
             if small and root.is_Add and len(root.args) <= 12:
                 number, factors = sympy.factor_list(root)
                 listed.append((number, exponent))
@@ -154,6 +158,10 @@ def _factors(function: sympy.Expr) -> list[tuple[sympy.Expr, int]]:
             else:
                 listed.append((root, exponent))
     return listed
+
+
+def _has_long_numbers(expression: sympy.Expr) -> bool:
+    return any(max(abs(int(n.p)), int(n.q)) > LARGEST_COEFFICIENT for n in expression.atoms(sympy.Rational))
 
 
 def sign_of_smooth(function: sympy.Expr) -> Form:

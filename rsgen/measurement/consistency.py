@@ -91,7 +91,7 @@ def _factor_between(
     surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> float | None:
     """Factor by which response over force differs, where it is a step between units; else None."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         size = np.log(surface.amplitude / np.abs(surface.force))
     f = surface.frequency
     order = second[np.argsort(f[second], kind="stable")]

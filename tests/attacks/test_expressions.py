@@ -38,6 +38,27 @@ def test_a_hard_text_has_an_answer(text: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [78, 156, 203, 414, 456, 994])
+def test_a_text_that_once_got_through_has_an_answer(number: int) -> None:
+    """An overflow of Python numbers, a sign of a cube root, a fraction, overflows, 30 pieces, an overflow."""
+    begun = time.process_time()
+    assert answer(text_of(number, 1)[1]).startswith(("result", "refused"))
+    assert time.process_time() - begun < SECONDS
+
+
+def test_numbers_that_nobody_writes_are_not_factored() -> None:
+    begun = time.process_time()
+    with pytest.raises(ExpressionError, match="more than 96 pieces"):
+        derive("abs(Min(Min(abs(x - v), Ff*x), 1e300*x) - b)")
+    assert time.process_time() - begun < SECONDS
+
+
+def test_pieces_of_thousands_of_operations_are_refused() -> None:
+    with pytest.raises(ExpressionError, match="operations, at most 4000 are allowed"):
+        derive("Max(Min(v, x, w0, 0)**-2, sin(v)**64, x/Piecewise((1e300, k > v), (b, True)))")
+
+
+@pytest.mark.slow
 def test_a_deep_fraction_is_integrated_as_it_is_written() -> None:
     """What is too long to become one fraction is left as it is, and its numbers are right."""
     found = derive("x*" + fraction(12).replace("x", "x**2"))
