@@ -305,7 +305,11 @@ OF_TABLE: list[Row] = [
     ({"test.frequency": GONE}, ["test.frequency.column: is missing"]),
     (
         {"test.response": GONE, "test.recponse": {"quantity": "velocity"}},
-        ["test.recponse: is not a key here; did you mean 'response'?", "test.response: give amplitude"],
+        [
+            "test.recponse: is not a key here; did you mean 'response'?",
+            "test.response: give amplitude",
+            "test.response.quantity: is missing",
+        ],
     ),
     (
         {"test.response.real": GONE, "test.response.imaginary": GONE, "test.response.amplitude": 3},
