@@ -59,7 +59,7 @@ constraints: $(READY) ## renew constraints.txt: the versions of reproducible run
 	$(BIN)/uv pip compile pyproject.toml --extra show --extra cluster --extra tdms --extra xlsx --universal --upgrade --quiet \
 		--custom-compile-command "make constraints" --no-annotate --output-file constraints.txt
 
-bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md
+bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFORE=COMMIT: beside an earlier version
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.accuracy

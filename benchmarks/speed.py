@@ -1,6 +1,7 @@
 """Measure steady states a second, side by side with peers, and write reports/benchmark.md.
 
-Run by ``make bench``. Every figure is from this run on this machine; ratios travel better than seconds.
+Run by ``make bench``; ``make bench BEFORE=COMMIT`` measures an earlier version beside this one. Every
+figure is from this run on this machine; ratios travel better than seconds.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import hysteresis, peers
+from benchmarks import hysteresis, peers, stages
 from benchmarks.peers import JOBS, Job
 from rsgen.kernel import compile_kernel
 from rsgen.output import write_atomic
@@ -225,6 +226,7 @@ def report() -> str:
         "",
         *(f"* {name}: {took:.2f} s" for name, took in processes().items()),
         "",
+        *stages.table(os.environ.get("BEFORE") or None),
     ]
     return "\n".join(lines)
 
