@@ -1,4 +1,6 @@
-"""A run of six cases in a pool of two processes, one of which is killed: what the others come to.
+"""A run of six cases on two processes, one of which is killed: what the others come to.
+
+The processes are those of a pool, and in every fourth attack the workers of a Dask cluster.
 
 ``python -m tests.attacks.pool --count 20 --seed 1``
 """
@@ -10,7 +12,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -32,6 +34,9 @@ from tests.attacks.program import (
 
 CASES = 6
 
+Killed = tuple[int, int, list[str]]
+"""Cases finished, others than that of the worker among them, and what else went wrong."""
+
 _LATEST = 2.5
 """Seconds after the beginning of a case until which its worker is killed: about what a case takes."""
 
@@ -46,7 +51,7 @@ def _begun(out: Path, name: str, seconds: float) -> int | None:
     return None
 
 
-def kill_a_worker(seed: int, place: Path, cache: Path) -> tuple[int, int, list[str]]:
+def kill_a_worker(seed: int, place: Path, cache: Path, where: Sequence[str] = ("--jobs", "2")) -> Killed:
     """Kill the worker of one case; give cases finished, others among them, and what else went wrong."""
     chance = random.Random(seed)
     folder, out = place / "cases", place / "out"
@@ -55,7 +60,7 @@ def kill_a_worker(seed: int, place: Path, cache: Path) -> tuple[int, int, list[s
     for number, name in enumerate(names):
         write_case(folder, name, k=5920.0 + 50 * number)
     around = environment(place, RSGEN_CACHE=str(cache))
-    process = start(("run", folder, "--out", out, "--jobs", "2"), env=around)
+    process = start(("run", folder, "--out", out, *where), env=around)
     victim = chance.choice(names)
     worker = _begun(out, victim, HANG_SECONDS)
     time.sleep(chance.uniform(0.0, _LATEST))
@@ -71,18 +76,33 @@ def kill_a_worker(seed: int, place: Path, cache: Path) -> tuple[int, int, list[s
     return len(finished), len(finished.keys() - {victim}), [f"seed {seed}: {text}" for text in wrong]
 
 
+def kill_a_cluster_worker(seed: int, place: Path, cache: Path) -> Killed:
+    """Kill the worker of one case on a cluster of two workers; give the same."""
+    from distributed import LocalCluster
+
+    with LocalCluster(dashboard_address=None, processes=True, n_workers=2, threads_per_worker=1) as cluster:
+        return kill_a_worker(seed, place, cache, ("--cluster", cluster.scheduler_address))
+
+
 def run(count: int, seed: int) -> list[Row]:
-    """Kill one worker in each of ``count`` runs."""
+    """Kill one worker in each of ``count`` runs, and in a fourth as many on a cluster."""
+    return [
+        *_rows("worker", count, seed, kill_a_worker),
+        *_rows("worker of a cluster", -(-count // 4), seed, kill_a_cluster_worker),
+    ]
+
+
+def _rows(what: str, count: int, seed: int, kill: Callable[[int, Path, Path], Killed]) -> list[Row]:
     finished, others, wrong = [], [], []
     with temporary() as cache:
         for number in range(count):
             with temporary() as place:
-                found = kill_a_worker(1_000_000 * seed + number, place, cache / "kernels")
+                found = kill(1_000_000 * seed + number, place, cache / "kernels")
             finished.append(found[0])
             others.append(found[1])
             wrong += found[2]
     held = sum(number == CASES - 1 for number in others)
-    figure = f"one worker killed in a run of {CASES}, {count} times"
+    figure = f"one {what} killed in a run of {CASES}, {count} times"
     return [
         row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
         row(
