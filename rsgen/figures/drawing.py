@@ -21,12 +21,22 @@ from numpy.typing import NDArray
 
 from rsgen.describing import DescribingFunction
 from rsgen.errors import RsgenError, require
+from rsgen.figures.layout import lay_out
 from rsgen.modal import ModalTable
 from rsgen.prediction import Prediction
 from rsgen.results import Identification
 from rsgen.surface import ResponseSurface
 
-__all__ = ["STYLE", "Drawing", "GivenAxes", "in_style", "label_abscissa", "new_figure", "take_axes"]
+__all__ = [
+    "STYLE",
+    "Drawing",
+    "GivenAxes",
+    "in_style",
+    "label_abscissa",
+    "new_figure",
+    "project_style",
+    "take_axes",
+]
 
 STYLE = Path(__file__).with_name("rsgen.mplstyle")
 """The style file of the project; ``matplotlib.style.use(rsgen.figures.STYLE)`` takes it over."""
@@ -50,10 +60,19 @@ _NO_METADATA = {
 }
 
 
+_styled: list[None] = []
+"""An entry for each block that draws in the project's style now; the settings are those of a process."""
+
+
 @contextmanager
-def _style() -> Iterator[None]:
-    with matplotlib.style.context(STYLE, after_reset=True):
-        yield
+def project_style() -> Iterator[None]:
+    """Draw in the project's style; a block inside another changes nothing, which settings cost time to do."""
+    with nullcontext() if _styled else matplotlib.style.context(STYLE, after_reset=True):
+        _styled.append(None)
+        try:
+            yield
+        finally:
+            _styled.pop()
 
 
 def in_style(draw: Callable[P, R]) -> Callable[P, R]:
@@ -66,17 +85,15 @@ def in_style(draw: Callable[P, R]) -> Callable[P, R]:
         for value, kind in zip(args, wanted, strict=False):
             if kind is not None:
                 require(value, kind, draw.__name__)
-        with _style() if kwargs.get("ax") is None else nullcontext():
+        with project_style() if kwargs.get("ax") is None else nullcontext():
             return draw(*args, **kwargs)
 
     return styled
 
 
-def new_figure(width: float = 4.4, height: float = 3.3, layout: str | None = "constrained") -> Figure:
+def new_figure(width: float = 4.4, height: float = 3.3) -> Figure:
     """Make a figure [inches] that belongs to no window and no global list."""
     figure = Figure(figsize=(width, height))
-    if layout == "constrained":
-        figure.set_layout_engine("constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -142,15 +159,10 @@ class Drawing:
     whole: bool = True
 
     def __post_init__(self) -> None:
-        if not self.whole:
-            return
-        # the layout is made once: made anew at each saving it would creep by fractions of a point, and a
-        # figure that has an engine, even one that does nothing, is drawn twice each time
-        with _style():
-            engine = self.figure.get_layout_engine()
-            if engine is not None:
-                engine.execute(self.figure)
-            self.figure.set_layout_engine(None)
+        # once: a figure that is laid out anew at each saving creeps by fractions of a point
+        if self.whole:
+            with project_style():
+                lay_out(self.figure)
 
     def render(self, kind: str = "svg") -> bytes:
         """Give the file content, the same bytes for the same figure.
@@ -162,7 +174,7 @@ class Drawing:
         """
         buffer = io.BytesIO()
         metadata: dict[str, Any] = dict(_NO_METADATA.get(kind, {"CreationDate": None}))
-        with _style():
+        with project_style():
             self.figure.savefig(buffer, format=kind, metadata=metadata)
         return buffer.getvalue()
 

@@ -145,7 +145,7 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
         The axes are not three-dimensional.
     """
     if ax is None:
-        figure = new_figure(4.4, 3.7, layout=None)
+        figure = new_figure(4.4, 3.7)
         # matplotlib has no types for its 3-D axes
         axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
     else:
@@ -285,7 +285,7 @@ def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: Giv
         Axes to draw on; None makes a figure.
     """
     if ax is None:
-        figure = new_figure(2.4, 1.35, layout=None)
+        figure = new_figure(2.4, 1.35)
         axes: Axes = figure.add_axes((0, 0, 1, 1))
     else:
         figure, (axes,) = take_axes(ax, 1, (2.4, 1.35))

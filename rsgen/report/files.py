@@ -34,6 +34,7 @@ from rsgen.figures import (
     draw_time_history,
 )
 from rsgen.figures.cycles import shows_loops
+from rsgen.figures.drawing import project_style
 from rsgen.fitting.points import held_out_mask
 from rsgen.multisine import MultisineSpectra
 from rsgen.output import write_atomic
@@ -196,6 +197,7 @@ def write_report(
     _write_files(place, subject, given, dict(durations or {}), command, figures, started)
 
 
+@project_style()
 def _write_files(
     place: Path,
     subject: Subject,

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from rsgen import figures
 from rsgen.describing import derive
@@ -69,6 +70,25 @@ def drawn(name: str) -> tuple[Drawing, bytes]:
 
 
 UNIT = re.compile(r"\[[^\]]+\]$")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in DRAWINGS if name not in ("surface", "thumbnail")])
+def test_panels_lie_where_a_solver_of_constraints_puts_them(name: str) -> None:
+    """The independent way is matplotlib's; its scales of colours have room that they do not use."""
+    figure = DRAWINGS[name]().figure
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    size = [figure.bbox.width, figure.bbox.height] * 2
+    ours = np.array([axes.get_position().bounds for axes in panels]) * size
+    texts = [axes.get_tightbbox() for axes in figure.axes]
+    shown = Bbox.union(texts)
+    assert Bbox.union([figure.bbox, shown]).bounds == figure.bbox.bounds
+    with mpl.style.context(figures.STYLE, after_reset=True):
+        figure.set_layout_engine("constrained")
+        figure.canvas.draw()
+    theirs = np.array([axes.get_position().bounds for axes in panels]) * size
+    # a quarter of a letter
+    assert np.abs(theirs - ours).max() < 2
 
 
 @pytest.mark.slow
