@@ -4,10 +4,11 @@ from __future__ import annotations
 
 __all__ = [
     "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "ERRORS", "EXCESS", "EXPECTED_NOISE",
-    "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "LARGE", "MEANINGLESS", "MOVE", "NOISY", "NORMAL",
-    "NOTICEABLE", "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUND_OFF",
-    "SAME_NUMBER", "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER",
-    "STIFFENING", "TAIL", "TAKEN", "TURNED", "samples_for",
+    "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "HALVINGS", "LARGE", "MEANINGLESS", "MOVE", "NEAR_STEPS",
+    "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK",
+    "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS",
+    "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL", "TAKEN", "TO_REST", "TRIALS",
+    "TRIAL_STEPS", "TURNED", "samples_for",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -58,6 +59,9 @@ GROUPS = 8
 """Parts of a test that are left out in turn, or scatter: the spread of eight has a known factor of
 Student's t, and each is long enough to be correlated in itself."""
 
+HALVINGS = 6
+"""Of a step that leads to no better point: a sixty-fourth of it is as good as none."""
+
 LARGE = 0.1
 """An error, a misfit or a shift of a tenth is doubtful, however wide the interval: noise as large hides
 what a law does wrong."""
@@ -68,6 +72,9 @@ that is right leave a few per cent."""
 
 MOVE = 1e-3
 """Relative change by which derivatives of simulated responses are taken; their error is as large."""
+
+NEAR_STEPS = 8
+"""Gauss-Newton steps from values that are near, such as those of a law without one more term."""
 
 NOISY = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
@@ -100,6 +107,9 @@ to a law that is right, or to one that resembles it."""
 QUICK = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
 
+ROUNDS = 3
+"""Of an alternation, as of a fit and the weights that follow from it: two settle it, the third sees to it."""
+
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
 
@@ -126,6 +136,9 @@ START_ORDER = 3
 """Harmonics while only starting values, phases or a background are sought; the fits that follow find the
 rest."""
 
+STEPS = 50
+"""Gauss-Newton steps of a fit: a law that is right needs ten, one that is not may creep."""
+
 STIFFENING = 1e-7
 """Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
 
@@ -136,6 +149,16 @@ data."""
 TAKEN = 0.5
 """A single cause (a term, a background, a delay) that takes up more than this share of a misfit is
 there."""
+
+TO_REST = 40
+"""Newton steps to the mean of a motion or a place of rest, none longer than the motion is large."""
+
+TRIALS = 400
+"""Values tried of the parameters in which a law is not linear, spread over all their ranges."""
+
+TRIAL_STEPS = 12
+"""Newton or Gauss-Newton steps that show whether a trial leads anywhere: near a solution each doubles the
+digits, and a dozen leaves room for steps that had to be shortened."""
 
 TURNED = 0.785
 """A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another

@@ -19,7 +19,7 @@ from rsgen.fitting.problem import Problem
 from rsgen.fitting.simulator import Simulator
 from rsgen.fitting.systematic import is_systematic
 from rsgen.motion import Motion, sine_motion
-from rsgen.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED
+from rsgen.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
 
 __all__ = ["RESOLUTION", "Fit", "Solution", "fit_balance", "fit_simulator"]
 
@@ -32,6 +32,12 @@ _FOLLOWED = 0.5
 
 RESOLUTION = 5.0
 """A misfit up to this many times the simulator's accuracy is the simulator's."""
+
+_STEPS_KEPT, _RENEWALS = 6, 4
+"""Gauss-Newton steps with the same derivatives by the simulator, and times that these are taken anew."""
+
+_WORTH = 0.99
+"""Of simulated rounds one that leaves more of the misfit was the last: the rest is the simulator's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +165,7 @@ def fit_balance(
     *,
     order: int,
     reject: bool = True,
-    steps: int = 50,
+    steps: int = STEPS,
     correct: bool = True,
 ) -> Fit:
     """Fit by harmonic balance to all points at once.
@@ -229,9 +235,7 @@ def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> Harmo
     return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest, load=load)
 
 
-def fit_simulator(
-    problem: Problem, start: Fit, *, accuracy: float, steps: int = 6, rounds: int = 4, last: float = 0.99
-) -> Fit | None:
+def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
     """Fit by the compiled steady states, started on the measured branch.
 
     Parameters
@@ -240,10 +244,6 @@ def fit_simulator(
         What is fitted, and its fit of the balance.
     accuracy
         Of the simulated amplitude, relative.
-    steps, rounds
-        Most Gauss-Newton steps with the same derivatives, and most times that these are taken.
-    last
-        A round that leaves more than this share of the misfit was the last.
 
     Returns
     -------
@@ -274,12 +274,12 @@ def fit_simulator(
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
-    for _ in range(rounds):
+    for _ in range(_RENEWALS):
         found = fit(
             descent.linearise,
             parameters,
             nuisance,
-            steps=steps,
+            steps=_STEPS_KEPT,
             neighbours=observed.points.neighbours,
             attainable=RESOLUTION * accuracy,
             held=problem.held,
@@ -288,7 +288,7 @@ def fit_simulator(
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
         exact = found.noise < RESOLUTION * accuracy
-        if found.converged and (exact or found.noise > last * noise):
+        if found.converged and (exact or found.noise > _WORTH * noise):
             break
         # near a fold derivatives change quickly
         noise = found.noise

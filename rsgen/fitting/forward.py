@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
-from rsgen.tolerances import BLOCK, SAMPLES
+from rsgen.tolerances import BLOCK, SAMPLES, TO_REST, TRIAL_STEPS
 
 __all__ = ["Forward", "HarmonicBalance", "Response", "following_harmonics", "hold_amplitude"]
 
@@ -158,7 +158,6 @@ def _block(
     start: ComplexArray,
     series: FourierSeries,
     load: Array,
-    steps: int = 12,
 ) -> Response:
     orders = list(series.orders)
     at = series.real(start[:, orders])
@@ -166,7 +165,7 @@ def _block(
     accelerated = -((series.order_of * omega[:, None]) ** 2)
     diagonal = np.arange(at.shape[1])
     update, step = np.zeros_like(at[:, 2:]), np.zeros(len(at))
-    for _ in range(steps):
+    for _ in range(TRIAL_STEPS):
         x, v = at @ series.shape, (omega[:, None] * at) @ series.rate
         # only switches ask for the acceleration
         a = (omega[:, None] ** 2 * at) @ series.bend if law.switched else v
@@ -238,10 +237,10 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solution
 
 
-def _place_of_rest(law: ForceLaw, values: Array, size: float, steps: int = 40) -> float:
+def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
     """Displacement [m] near zero at which the law exerts no force, in steps of at most size [m]; or zero."""
     x = np.zeros(1)
-    for _ in range(steps):
+    for _ in range(TO_REST):
         sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf

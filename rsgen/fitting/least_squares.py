@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from rsgen.arrays import Array
-from rsgen.tolerances import GAIN, NULL_PART, OUTLIERS, ROUND_OFF
+from rsgen.tolerances import GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
@@ -130,7 +130,7 @@ def fit(
     parameters: Array,
     nuisance: Array,
     *,
-    steps: int = 25,
+    steps: int = STEPS,
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
     used: Mask | None = None,
@@ -247,7 +247,6 @@ def _descend(
     attainable: float,
     natural: Array,
     held: Sequence[int],
-    halvings: int = 6,
 ) -> tuple[Array, Array, Linearisation, bool]:
     line = linearise(parameters, nuisance)
     for _ in range(steps):
@@ -271,7 +270,7 @@ def _descend(
             return parameters, nuisance, line, True
         realised = -1.0
         reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
-        for part in 0.5 ** np.arange(1 if reached else halvings):
+        for part in 0.5 ** np.arange(1 if reached else HALVINGS):
             moved = parameters + part * change, nuisance + part * nuisance_change
             trial = linearise(*moved)
             both = good & np.isfinite(trial.residual).all(axis=1)

@@ -21,16 +21,12 @@ from rsgen.fitting.least_squares import Regression, eliminate
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
 from rsgen.motion import Motion
-from rsgen.tolerances import GROUPS, ROUND_OFF
+from rsgen.tolerances import GROUPS, ROUND_OFF, TAKEN
 
-__all__ = ["LOST", "Pull", "noise_of_ratio", "pull_of_noise"]
+__all__ = ["Pull", "noise_of_ratio", "pull_of_noise"]
 
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
-
-LOST = 0.5
-"""Where noise is half of what a direction of the values has in the normal equations, its correction doubles
-the value and rests on the noise more than on the test."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +49,7 @@ class Pull:
 
     def taken_off(self, found: Regression) -> Regression:
         """Values without the pull, and errors that grow as much as the least known combination."""
-        if not self.share < LOST:
+        if not self.share < TAKEN:
             return found
         parameters = np.array(found.parameters)
         parameters[: len(self.change)] += self.change
@@ -93,7 +89,7 @@ def pull_of_noise(problem: Problem, found: Regression, force_noise: Array | None
     of_noise = inverse.T @ part @ inverse
     share = float(np.linalg.eigvalsh(of_noise)[-1])
     change = np.zeros(len(size))
-    if share < LOST:
+    if share < TAKEN:
         pulled = inverse.T @ part @ (found.parameters[: problem.count] * size)
         change = inverse @ np.linalg.solve(np.eye(len(of_noise)) - of_noise, pulled) / size
     return Pull(noise, share, change)

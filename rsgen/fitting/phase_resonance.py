@@ -9,7 +9,7 @@ from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
 from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import BackboneGap, backbone_gap
-from rsgen.tolerances import ERRORS
+from rsgen.tolerances import ERRORS, EXPECTED_NOISE
 
 __all__ = [
     "DAMPED",
@@ -28,9 +28,6 @@ _OFF = 2
 
 _PHASES = 0.01
 """Lags that spread by less, half a degree [rad], say nothing of the mass: phases are measured no better."""
-
-_EXPECTED = 0.02
-"""Relative noise that is allowed for before a fit shows it."""
 
 _KNOWN = 0.2
 """Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
@@ -51,7 +48,7 @@ def near_resonance(points: Points) -> bool:
     return int(np.count_nonzero(~points.in_quadrature)) < _OFF
 
 
-def at_resonance_alone(points: Points, noise: float = _EXPECTED) -> bool:
+def at_resonance_alone(points: Points, noise: float = 2 * EXPECTED_NOISE) -> bool:
     """Tell whether all points have one lag to within the noise [1]: a mass then rests on errors of the lag.
 
     Slices a few degrees on either side of resonance determine a mass, as F/X = k - m omega^2 differs in them.

@@ -20,7 +20,7 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.finding import Finding, Severity, quantities
 from rsgen.fitting.fit import Fit, fit_balance
 from rsgen.fitting.forward import following_harmonics, hold_amplitude
-from rsgen.fitting.noise_across import LOST, pull_of_noise
+from rsgen.fitting.noise_across import pull_of_noise
 from rsgen.fitting.problem import Problem
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, project
@@ -35,6 +35,7 @@ from rsgen.tolerances import (
     QUICK,
     SAME_NUMBER,
     SAMPLES_SWITCHED,
+    TAKEN,
 )
 
 __all__ = ["left_out_findings", "noise_across_findings"]
@@ -100,7 +101,7 @@ def noise_across_findings(found: Fit, estimates: Sequence[Estimate], *, misfits:
     if pull is None:
         return ()
     labels, numbers = {"sensors": problem.sensors}, {"noise": pull.noise, "part": pull.share}
-    if pull.share >= LOST:
+    if pull.share >= TAKEN:
         return (Finding("noise-across", "doubt", "", quantities(**numbers), labels),)
     error = {e.name: e.standard_error for e in estimates if e.identifiable}
     names = [*problem.law.parameters, *(["m"] if problem.given is None else [])]

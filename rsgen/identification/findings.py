@@ -41,7 +41,7 @@ _DRIFT = 0.02
 _NO_SINE = 0.5
 """Harmonics beyond this share of the fundamental at half of the points: hardly the answer to a sine."""
 
-_NOISE_AS_SINE = 1.0
+_NOISE_AS_SINE = 2 * _NO_SINE
 """Harmonics beyond this share at half of the points: noise or a transient, taken for a steady sine."""
 
 _FEW = 5

@@ -52,7 +52,7 @@ from rsgen.results.result import (
 )
 from rsgen.starting.start import start_fit, with_phase
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, TAIL
+from rsgen.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, SAME_NUMBER, STEPS, TAIL
 
 __all__ = ["identify"]
 
@@ -73,9 +73,6 @@ _WORSE = 1.05
 
 _FOLLOWED = 0.9
 """Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
-
-_CENTRED = 0.01
-"""Mean of the motion, relative to its amplitude, beyond which k(X) does not give the force by itself."""
 
 
 def identify(
@@ -199,7 +196,7 @@ def _refine(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step
-    return fit_balance(problem, parameters, order=order, steps=1 if sharp else 25), sharp
+    return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS), sharp
 
 
 def _refit_with_simulator(balanced: Fit) -> Fit:
@@ -342,7 +339,7 @@ def _without_law(
     recorded = 0 in points.measured
     mean = points.harmonics[:, 0].real if recorded else predicted
     # about zero, where alone a force follows from k(X) without a law
-    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < _CENTRED:
+    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < SAME_NUMBER:
         return invert_curve(curve, mass)
     return invert_motion(points, mass, noise) if recorded else None
 

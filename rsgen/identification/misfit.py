@@ -26,12 +26,14 @@ from rsgen.tolerances import (
     ERRORS,
     LARGE,
     MEANINGLESS,
+    NEAR_STEPS,
     NOTICEABLE,
     POINTS_A_KNOT,
     POOR,
     QUICK,
     SAME_NUMBER,
     SEVERAL,
+    START_ORDER,
     TAKEN,
 )
 
@@ -47,9 +49,6 @@ _TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 _KNOTS = (2, 32)
 """Fewest and most amplitudes, evenly spaced by ratio, between which free curves of amplitude are straight:
 ten a decade follow the onset of every slider of a joint."""
-
-_STEPS = 8
-"""Gauss-Newton steps of a trial; it starts at the solution without the term or background."""
 
 _OTHERWISE = frozenset({"another-quantity", "base-misread", "base-scaled", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
@@ -142,13 +141,15 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
         start = np.array([known.get(name, 0.0) for name in law.parameters])
         held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
         trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
-        found = fit_balance(
-            trial, trial.join(start, mass, background), order=1, reject=False, steps=_STEPS, correct=False
-        )
+        found = _fit_near(trial, trial.join(start, mass, background), order=1)
         left[term] = relative_misfit(found)
     whole = left.pop("")
     best = min(left, key=lambda term: left[term])
     return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+
+
+def _fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
+    return fit_balance(problem, parameters, order=order, reject=False, steps=NEAR_STEPS, correct=False)
 
 
 def _law_with(problem: Problem, term: str) -> ForceLaw:
@@ -208,9 +209,7 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
         seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
         start = np.array([known.get(name, 0.0) for name in seen.background.names])
         trial = replace(problem, observed=replace(seen, band=observed.band))
-        found[kind] = fit_balance(
-            trial, trial.join(values, mass, start), order=3, reject=False, steps=_STEPS, correct=False
-        )
+        found[kind] = _fit_near(trial, trial.join(values, mass, start), order=START_ORDER)
     return found
 
 
@@ -231,9 +230,7 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     problem = fit.problem.select(chosen[fit.regression.used[chosen]])
     values, _, background = problem.split(fit.regression.parameters)
     trials = [
-        fit_balance(
-            trial, trial.join(values, given, background), order=3, reject=False, steps=_STEPS, correct=False
-        )
+        _fit_near(trial, trial.join(values, given, background), order=START_ORDER)
         for trial in (problem, replace(problem, given=None))
     ]
     size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)

@@ -30,6 +30,9 @@ _NEAR = 0.6
 _BENT = 2.0
 """Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
 
+_SLICES = 25
+"""Constant amplitudes, of equal shares of the points, at which a linear receptance gives the mass."""
+
 
 def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(len(run) - 1,) True where two neighbours lie on one smooth branch."""
@@ -40,7 +43,7 @@ def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _STEEP))
 
 
-def mass_from_slices(points: Points, slices: int = 25) -> tuple[float, float] | None:
+def mass_from_slices(points: Points) -> tuple[float, float] | None:
     """Mass and its standard error: slope of the inverse receptance over omega^2 at constant amplitude.
 
     A slice of constant X is a linear receptance also where the response folds (docs/method.md, 4).
@@ -48,7 +51,7 @@ def mass_from_slices(points: Points, slices: int = 25) -> tuple[float, float] | 
     """
     stiffness = (points.force / points.harmonics[:, 1]).real
     size, square = points.amplitude, points.omega**2
-    heights = np.quantile(size, np.linspace(0.1, 0.95, slices))
+    heights = np.quantile(size, np.linspace(0.1, 0.95, _SLICES))
     crossed: list[list[tuple[float, float]]] = [[] for _ in heights]
     for run in points.runs:
         smooth = _neighbours(points, run) if len(run) > 1 else np.zeros(0, dtype=bool)

@@ -29,9 +29,9 @@ from rsgen.lines.line_start import start_values
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
-from rsgen.results.estimates import make_estimates, names_of, units_of, with_combinations
+from rsgen.results.estimates import NOT_ZERO, make_estimates, names_of, units_of, with_combinations
 from rsgen.results.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
-from rsgen.tolerances import CHANCE, LARGE, NOTICEABLE, NULL_PART, SIGMAS, TAKEN
+from rsgen.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
 
 __all__ = [
     "MultisineIdentification",
@@ -40,9 +40,6 @@ __all__ = [
     "identify_multisine",
     "refuse_across",
 ]
-
-_POOR, _MEANINGLESS = 0.05, 0.2
-"""Systematic misfits, relative to the force, that cast doubt on a law, and refute it: as for surfaces."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -273,7 +270,7 @@ def _reasons(
             continue
         value = fit.mass if name == "m" else float(fit.values[i])
         error = float(np.sqrt(covariance[i, i]))
-        if error > 0.5 * abs(value):
+        if error > NOT_ZERO * abs(value):
             unit = units_of(model)[name]
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
             reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
@@ -315,7 +312,7 @@ def _damping_findings(
     """
     # of one period nobody can tell a misfit from noise
     by_chance = np.isfinite(noise) and times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1)
-    if misfit > _POOR or by_chance:
+    if misfit > POOR or by_chance:
         return []
     share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
     left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
@@ -332,11 +329,11 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
     times = times_noise(lines, fit)
     if not np.isfinite(noise):
         found = [Finding("one-period", "warning")]
-        if misfit > _POOR:
+        if misfit > POOR:
             found.append(
                 Finding(
                     "law-does-not-fit",
-                    severity_of(misfit, _POOR, _MEANINGLESS),
+                    severity_of(misfit, POOR, MEANINGLESS),
                     numbers=quantities(misfit=misfit),
                 )
             )
@@ -344,15 +341,15 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
     # exact data have no noise to compare with
     parameters = len(fit.values) + 1
     if times < chance_of_noise(lines, parameters) or misfit < NOTICEABLE:
-        if misfit > 2 * _POOR:
+        if misfit > 2 * POOR:
             return [
                 Finding(
                     "misfit-large",
-                    "doubt" if misfit > _MEANINGLESS else "warning",
+                    "doubt" if misfit > MEANINGLESS else "warning",
                     numbers=quantities(misfit=misfit),
                 )
             ]
         return []
     numbers = quantities(misfit=misfit, times=times, wider=wider, groups=int(parts_of_band(lines).max()) + 1)
-    severity = severity_of(misfit, _POOR, _MEANINGLESS)
+    severity = severity_of(misfit, POOR, MEANINGLESS)
     return [Finding("law-leaves-distortion", severity, numbers=numbers)]

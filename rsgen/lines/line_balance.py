@@ -28,7 +28,7 @@ from rsgen.motion import Motion, harmonics_of, waveform
 from rsgen.multisine import MultisineSpectra
 from rsgen.multisine.spectra import scatter, smooth
 from rsgen.multisine.steady import OVERSAMPLED
-from rsgen.tolerances import ROUND_OFF, TAIL
+from rsgen.tolerances import ROUND_OFF, TAIL, TO_REST, TRIAL_STEPS
 
 __all__ = ["Balance", "Lines", "NoiseOfBalance", "lines_of"]
 
@@ -39,12 +39,6 @@ jump errs by the inverse of their number, which leaves a few 1e-6 of the force."
 _CLEAR = 3.0
 """Dynamic stiffness of a line, relative to the largest stiffness of the law, above which inertia rules there
 and the iteration to the law's own motion shrinks its error threefold a step."""
-
-_TAIL_STEPS = 12
-"""Of that iteration."""
-
-_MEAN_STEPS = 30
-"""Newton steps to the mean of a motion whose mean the sensor does not see."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,7 +232,7 @@ class _Along:
         inertia = self.mass * self.rate**2
         before = float("inf")
         self.unseen[:] = 0
-        for _ in range(_TAIL_STEPS):
+        for _ in range(TRIAL_STEPS):
             sample, _, spectrum = self._sample(response, slopes=False)
             stiffness = float(np.max(np.abs(sample.by_x)))
             ruled = low | (high & (np.abs(inertia) > _CLEAR * stiffness))
@@ -339,7 +333,7 @@ class _Along:
 def _centred(law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array) -> tuple[Array, float]:
     """A motion about the mean at which the mean force of the law vanishes, and that mean [m]."""
     mean = 0.0
-    for _ in range(_MEAN_STEPS if law.springs and not law.odd else 0):
+    for _ in range(TO_REST if law.springs and not law.odd else 0):
         sample = law.sample(x + mean, v, a, step, values)
         slope = float(np.mean(sample.by_x))
         move = -float(np.mean(sample.force)) / slope if slope else 0.0

@@ -13,8 +13,8 @@ from rsgen.fitting.least_squares import determined, solve_scaled
 from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.multisine.spectra import SMOOTHED, smooth
-from rsgen.multisine.steady import HALVINGS, SMALL
-from rsgen.tolerances import CHANCE, EXCESS, GAIN, GROUPS
+from rsgen.multisine.steady import SMALL
+from rsgen.tolerances import CHANCE, EXCESS, GAIN, GROUPS, HALVINGS, ROUNDS, STEPS
 
 __all__ = [
     "LineFit",
@@ -27,10 +27,6 @@ __all__ = [
     "times_noise",
 ]
 
-_ROUNDS = 3
-"""Fits, each with the weights of the one before: two settle them, the others see to it."""
-_STEPS = 40
-"""Gauss-Newton steps of a fit."""
 _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
 _DIGITS = 1e-26
@@ -80,12 +76,12 @@ def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, m
     variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
     balance = Balance.of(lines, law, values, mass, noise)
     converged = False
-    for turn in range(_ROUNDS):
+    for turn in range(ROUNDS):
         values, mass, balance, converged = _descend(lines, law, given, values, mass, noise, variance)
         if noise.together.any():
             values, mass = _without_bias(lines, balance, noise, variance, given, values, mass)
             balance = Balance.of(lines, law, values, mass, noise)
-        if turn < _ROUNDS - 1:
+        if turn < ROUNDS - 1:
             noise = balance.noise(lines, law, values, mass)
             variance = _weights(lines, balance, noise, mass)
     return LineFit(values, mass, balance, noise, variance, converged)
@@ -135,7 +131,7 @@ def _descend(
     variance: Array,
 ) -> tuple[Array, float, Balance, bool]:
     balance = Balance.of(lines, law, values, mass, noise)
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         matrix, right = _rows(lines, balance, variance, given)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
             return values, mass, balance, False

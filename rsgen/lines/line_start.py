@@ -11,13 +11,12 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Lines
 from rsgen.motion import Motion
 from rsgen.multisine.spectra import rms
+from rsgen.tolerances import TRIALS
 
 __all__ = ["start_values"]
 
 _SAMPLES = 1500
 """Instants at which a law without memory is tried: many times its parameters, spread over all motions."""
-_TRIALS = 400
-"""Values tried of the parameters in which the law is not linear; of one with memory a quarter."""
 _PER_DECADE = 24
 """Values a decade where one parameter is searched alone."""
 _POLISHED = 3
@@ -113,7 +112,7 @@ def _search(instants: _Instants) -> Array:
     law = instants.law
     natural = instants.natural[list(law.nonlinear)]
     natural = np.where(np.isfinite(natural) & (natural > 0), natural, 1.0)
-    count = _TRIALS // (4 if law.remembers else 1)
+    count = TRIALS // (4 if law.remembers else 1)
     if len(natural) == 1:
         shares = np.linspace(-DECADES, DECADES, int(2 * DECADES * _PER_DECADE) + 1)[:, None]
     else:

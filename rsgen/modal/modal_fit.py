@@ -16,7 +16,7 @@ from rsgen.fitting.points import Points
 from rsgen.fitting.systematic import is_systematic
 from rsgen.modal.modal_splines import SplineBasis, SplineMode
 from rsgen.results.agreement import Agreement
-from rsgen.tolerances import NOISY, ROUND_OFF
+from rsgen.tolerances import NOISY, ROUND_OFF, ROUNDS
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines"]
 
@@ -42,9 +42,6 @@ _ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1,
 
 _CURVED = 2
 """Degree from which on a spline approximates; constants and straight lines are right, or are not chosen."""
-
-_ROUNDS = 3
-"""Shape and orders hardly depend on each other."""
 
 _POINTS_A_COEFFICIENT = 2
 """At least as many points for each coefficient of k and of c: half of what they say is left to disagree."""
@@ -153,7 +150,7 @@ def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
     shape, orders = (*allowed[min(_MIDDLE, len(allowed) - 1)], _POWERS[0]), trials[0]
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         before = shape, orders
         orders = min(trials, key=lambda each: trial(some, shape, each).solve()[1])
         shape = min(shapes, key=lambda each: trial(some, each, orders).solve()[1])

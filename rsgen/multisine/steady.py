@@ -18,8 +18,9 @@ from rsgen.arrays import Array, ComplexArray
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import harmonics_of, waveform
+from rsgen.tolerances import HALVINGS
 
-__all__ = ["HALVINGS", "OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
+__all__ = ["OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
 
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
@@ -40,8 +41,6 @@ SMALL = 1e-11
 """Relative step at which a motion, or a fit to its lines, has converged."""
 _INNER = 1e-4
 """Accuracy of the linear solution of a step: Newton's own error is larger until the last steps."""
-HALVINGS = 6
-"""Halvings of a step that does not lower the residual or the misfit."""
 _AT_ROUND_OFF = 1e-10
 """Residual relative to the force below which a step that gains nothing is round-off."""
 _SWITCHED = 1e-5

@@ -25,6 +25,19 @@ from rsgen.starting.start import solve_equations
 __all__ = ["Entries", "competitors", "start_guess"]
 
 
+_SEARCHED = 300
+"""Points on which sums are searched: a coarse search needs fewer than a fit."""
+
+_FITTED = (20, 6)
+"""Candidates without memory that are fitted, and single laws among them: shown even where sums are nearer."""
+
+_LOOPS = (8, 3)
+"""The same of candidates with memory: they take no place from the others."""
+
+_TOGETHER = 3
+"""Most laws of the library in a sum."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Entries:
     """What competes.
@@ -49,12 +62,6 @@ class Entries:
         points: Points,
         *,
         known: Sequence[Fitted] = (),
-        searched: int = 300,
-        fitted: int = 20,
-        alone: int = 6,
-        looped: int = 8,
-        loops_alone: int = 3,
-        together: int = 3,
     ) -> list[Guess]:
         """Search sums and give the best of them, beside the laws that are given.
 
@@ -64,22 +71,13 @@ class Entries:
             The balance, and the points that it is of.
         known
             Candidates that compete in any case.
-        searched
-            Points on which sums are searched: a coarse search needs fewer than a fit.
-        fitted, alone
-            Candidates without memory, and single laws among them, shown even where sums are
-            nearer.
-        looped, loops_alone
-            The same of candidates with memory: they take no place from the others.
-        together
-            Most laws of the library in a sum.
         """
         guesses = list(self.given)
         if self.terms or not guesses:
-            few = points.spread(searched)
-            trials = search_sums(rows.select(few), self.terms, self.mass, together)
-            plain = _near([trial for trial in trials if not trial.remembers], fitted, alone)
-            loops = _near([trial for trial in trials if trial.remembers], looped, loops_alone)
+            few = points.spread(_SEARCHED)
+            trials = search_sums(rows.select(few), self.terms, self.mass, _TOGETHER)
+            plain = _near([trial for trial in trials if not trial.remembers], *_FITTED)
+            loops = _near([trial for trial in trials if trial.remembers], *_LOOPS)
             guesses += [_guess(trial, rows) for trial in (*plain, *loops)]
         again = [fit.guess for fit in known]
         return list({_parts(guess.name): guess for guess in (*again, *guesses)}.values())

@@ -14,6 +14,7 @@ from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.oscillator import total_force
 from rsgen.ranking.balance import Rows
+from rsgen.tolerances import NEAR_STEPS
 
 __all__ = ["Fitted", "Guess", "fit_rows"]
 
@@ -30,6 +31,9 @@ _SPARSE = 7
 
 _GAIN = 0.05
 """A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""
+
+_HALVINGS = 4
+"""Of a step: a ranking needs no more digits than its noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,9 +190,7 @@ class _Balance:
         return cost if np.isfinite(cost) else np.inf
 
 
-def fit_rows(
-    guess: Guess, rows: Rows, level: Array, mass: float | None, *, steps: int = 8, halvings: int = 4
-) -> Fitted | None:
+def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
     """Fit a candidate along the motion and predict each level from the others.
 
     Parameters
@@ -201,9 +203,6 @@ def fit_rows(
         (n,) [N] to which each point belongs.
     mass
         [kg], None where it is free.
-    steps, halvings
-        Most Gauss-Newton steps, and halvings of each: candidates start near, and a ranking needs no more
-        digits than its noise.
 
     Returns
     -------
@@ -219,11 +218,11 @@ def fit_rows(
     limits = limits.reshape(-1, 2)
     place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
     cost = balance.cost(place, residual)
-    for _ in range(steps if balance.nonlinear else 0):
+    for _ in range(NEAR_STEPS if balance.nonlinear else 0):
         if not np.isfinite(cost):
             return None
         change = _solve(*balance.normal(place, residual, matrix))
-        for part in 0.5 ** np.arange(halvings):
+        for part in 0.5 ** np.arange(_HALVINGS):
             trial, after, slopes = balance.settle(_moved(place, part * change, limits, balance.nonlinear))
             if balance.cost(trial, after) < cost:
                 break

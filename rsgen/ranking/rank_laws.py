@@ -54,7 +54,14 @@ _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 
 _AGAIN = 3
-"""Best candidates of a round that compete in the next, too: a search is coarser than a fit."""
+"""Best candidates of a round whose motion is tried, and that compete in the next: a search is coarser than
+a fit."""
+
+_ROUNDS = 5
+"""In which the best law of one gives the motion of the next: most end with the law they began with."""
+
+_POINTS = 500
+"""That are enough to separate laws; more of them only narrow intervals."""
 
 _CONFIRMED = 3.0
 """The right law leaves as much along its own motions as in the ranking, a few harmonics apart."""
@@ -180,13 +187,11 @@ def _all_rounds(
     return rounds
 
 
-def _rounds(
-    observed: Observed, found: list[Fitted], entries: Entries, most: int = 5
-) -> list[tuple[_Round, list[Fitted]]]:
+def _rounds(observed: Observed, found: list[Fitted], entries: Entries) -> list[tuple[_Round, list[Fitted]]]:
     """Candidates along the motion of the best of the round before, until the best is the same again."""
     rounds: list[tuple[_Round, list[Fitted]]] = []
     tried: list[str] = []
-    for _ in range(most):
+    for _ in range(_ROUNDS):
         current = _next_round(observed, found, entries.mass, rounds[-1][0].noise if rounds else None)
         if current is None:
             break
@@ -217,13 +222,13 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     return rank(surface, model).best
 
 
-def _observed(surface: ResponseSurface, base: Model, most: int = 500) -> Observed:
-    """Some of the points: at ``most`` this many separate laws; more of them only narrow intervals."""
+def _observed(surface: ResponseSurface, base: Model) -> Observed:
+    """Some of the points: as many as separate laws."""
     if not surface.phase_known:
         raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
     points = select_points(surface, base)
     observed = Observed.of(points, base.observation.background)
-    return observed.select(points.spread(most))
+    return observed.select(points.spread(_POINTS))
 
 
 def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Element, ...]]) -> Array:
@@ -248,10 +253,10 @@ def _is_linear(force: sympy.Expr) -> bool:
 
 
 def _next_round(
-    observed: Observed, candidates: list[Fitted], mass: float | None, before: Array | None, tried: int = 3
+    observed: Observed, candidates: list[Fitted], mass: float | None, before: Array | None
 ) -> _Round | None:
     """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
-    for fit in candidates[:tried]:
+    for fit in candidates[:_AGAIN]:
         reference = follow(observed, fit.guess, mass)
         found = None if reference is None else _round(observed.points, fit.guess, reference, mass, before)
         if found is not None:

@@ -20,7 +20,7 @@ from rsgen.oscillator import Oscillator
 from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
-from rsgen.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS
+from rsgen.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS, TRIAL_STEPS
 
 __all__ = [
     "NOISE_LEAST",
@@ -49,6 +49,9 @@ _CLEARLY = 0.7
 
 NOISE_LEAST = 1e-3
 """Least relative noise of a ranking: corners and the simulation leave as much."""
+
+_AGAIN = 2
+"""Times that a law is fitted along its simulated motion, which then follows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +130,7 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     )
 
 
-def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12) -> Reference | None:
+def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | None:
     """Fit a candidate and its background to the measured waveforms.
 
     Parameters
@@ -138,8 +141,6 @@ def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12)
         The candidate, and the background to start from.
     mass
         [kg], None where it is free.
-    steps
-        Most Gauss-Newton steps: a candidate that needs more is not near.
 
     Returns
     -------
@@ -151,7 +152,7 @@ def follow(observed: Observed, best: Guess, mass: float | None, steps: int = 12)
     start = best.values["m"] if mass is None else mass
     problem = Problem(best.elements, law, observed, mass)
     place = problem.join(values, start, best.background)
-    found = fit_balance(problem, place, order=ORDER, reject=False, steps=steps)
+    found = fit_balance(problem, place, order=ORDER, reject=False, steps=TRIAL_STEPS)
     if law.rough and found.mass > 0 and _shared(found) < _NEAR:
         exact = _simulated(best, found, mass)
         if exact is not None:
@@ -183,11 +184,11 @@ def _followed(found: Fit) -> NDArray[np.bool_]:
     )
 
 
-def _simulated(best: Guess, found: Fit, mass: float | None, again: int = 2) -> Reference | None:
+def _simulated(best: Guess, found: Fit, mass: float | None) -> Reference | None:
     """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
     level = found.problem.observed.points.level
     reference = _hold(best.elements, found.values, found.mass, found.background, found)
-    for _ in range(again):
+    for _ in range(_AGAIN):
         if reference is None:
             return None
         noise = np.full(ORDER + 1, EXPECTED_NOISE)

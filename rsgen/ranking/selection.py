@@ -24,6 +24,9 @@ Places = NDArray[np.intp]
 _RIDGE = 1e-10
 """Columns have unit size; beneath this share of it a combination of them is not compared."""
 
+_BEAM = 24
+"""Best sums of each size that are tried with one term more."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
@@ -136,9 +139,7 @@ class _Columns:
         self.rows = len(flat)
 
 
-def search_sums(
-    rows: Rows, terms: Sequence[Term], mass: float | None, most: int, beam: int = 24
-) -> list[Trial]:
+def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int) -> list[Trial]:
     """Try the base, every term, every pair, and the best sums with every term more; best first by BIC.
 
     Parameters
@@ -151,8 +152,6 @@ def search_sums(
         [kg], None where it is free.
     most
         Terms in a sum.
-    beam
-        Best sums of each size that are tried with one term more.
     """
     columns = _Columns(rows, terms, mass)
     place = {term.name: i for i, term in enumerate(terms)}
@@ -179,7 +178,7 @@ def search_sums(
             key=lambda entry: entry[0].misfit,
         )
         # laws with memory stand beside the others and take no place from them
-        kinds = ([entry for entry in last if entry[0].remembers is kind][:beam] for kind in (False, True))
+        kinds = ([entry for entry in last if entry[0].remembers is kind][:_BEAM] for kind in (False, True))
         for trial, variants in chain.from_iterable(kinds):
             inside = {term.name for term in trial.law.terms}
             for term in terms:

@@ -40,6 +40,9 @@ _CANCELLED = 0.2
 _POINTS_A_PARAMETER = 6
 """Fewer points a parameter are few."""
 
+_MOST, _WHOLE = 0.6, 0.75
+"""Share of what is not explained that lies in a range, and most of the tested range that it may take."""
+
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
@@ -289,17 +292,15 @@ def _where(
     return Finding("misfit-place", "warning", numbers=numbers)
 
 
-def _range(
-    values: Array, power: Array, *, most: float = 0.6, whole: float = 0.75
-) -> tuple[float, float] | None:
-    """Shortest range with most of the power; None where it is nearly the whole one, as shares of these."""
+def _range(values: Array, power: Array) -> tuple[float, float] | None:
+    """Shortest range with most of the power; None where it is nearly the whole one."""
     order = np.argsort(values, kind="stable")
     ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
     best: tuple[float, float] | None = None
     for i in range(len(ranked)):
-        j = int(np.searchsorted(sums, sums[i] + most * sums[-1]))
+        j = int(np.searchsorted(sums, sums[i] + _MOST * sums[-1]))
         if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
             best = (float(ranked[i]), float(ranked[j - 1]))
-    if best is None or best[1] - best[0] > whole * (ranked[-1] - ranked[0]):
+    if best is None or best[1] - best[0] > _WHOLE * (ranked[-1] - ranked[0]):
         return None
     return best

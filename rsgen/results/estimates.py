@@ -24,6 +24,7 @@ from rsgen.tolerances import CONFIDENCE, NULL_PART
 from rsgen.units import parameter_units, per_mass_unit
 
 __all__ = [
+    "NOT_ZERO",
     "make_estimates",
     "names_of",
     "parameter_finding",
@@ -32,7 +33,7 @@ __all__ = [
     "with_combinations",
 ]
 
-_NOT_ZERO = 0.5
+NOT_ZERO = 0.5
 """A standard error beyond this share of the value: the 95 % interval contains zero."""
 
 _WHOLE = 0.99
@@ -144,7 +145,7 @@ def parameter_finding(
             return Finding("confounded-with-background", "warning", name)
         return Finding("no-effect", "warning", name, tested)
     error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
-    if np.isfinite(error) and error > _NOT_ZERO * abs(value):
+    if np.isfinite(error) and error > NOT_ZERO * abs(value):
         numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
         return Finding("not-distinct-from-zero", "warning", name, numbers)
     return None

@@ -19,7 +19,7 @@ from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.problem import Problem
 from rsgen.motion import Motion, sine_motion
 from rsgen.starting.equations import Equations, equation_rows
-from rsgen.tolerances import FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER
+from rsgen.tolerances import FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER, TRIAL_STEPS
 
 __all__ = ["is_hidden", "records_even", "start_asymmetric"]
 
@@ -29,9 +29,6 @@ quarter of the amplitude, of the first by as little as noise of one per cent lea
 
 _POINTS = 100
 """Points that each trial is fitted to."""
-
-_STEPS = 12
-"""Gauss-Newton steps that show whether a trial leads anywhere."""
 
 _MOST = 2
 """Directions that are tried together: one more would multiply the trials by seven."""
@@ -70,9 +67,9 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     chosen = list(product(*sizes))
     held = replace(few, held=law.even)
     without, *fits = [
-        _fit(held, parameters + np.array(each) @ np.array(directions), _STEPS) for each in chosen
+        _fit(held, parameters + np.array(each) @ np.array(directions), TRIAL_STEPS) for each in chosen
     ]
-    best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * _STEPS)
+    best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * TRIAL_STEPS)
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
     moved = np.flatnonzero(np.any(np.array(directions) != 0, axis=0))
     if not np.isfinite(np.diag(best.regression.covariance)[moved]).any():
@@ -94,7 +91,7 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     small = fits[chosen.index(tuple(each[1] for each in sizes)) - 1]
     resolved = _at_resolution(small, without, moved, count)
     # errors there are smaller than where the trial misses the points
-    resolved = _at_resolution(_fit(held, resolved, _STEPS), without, moved, count)
+    resolved = _at_resolution(_fit(held, resolved, TRIAL_STEPS), without, moved, count)
     # in exact data what is left is what a few harmonics leave out: the fits that follow go on from here
     return (replace(problem, held=tuple(moved)) if without.regression.noise > NOISY else problem), resolved
 

@@ -15,7 +15,7 @@ from rsgen.fitting.least_squares import solve_scaled
 from rsgen.law.natural_sizes import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.starting.equations import Equations, equation_rows, rows_of_trials
-from rsgen.tolerances import SIGNIFICANT
+from rsgen.tolerances import SIGNIFICANT, TRIALS
 
 __all__ = ["search_nonlinear"]
 
@@ -36,8 +36,8 @@ _FOLLOWED = 4
 """Trials of a law with memory that are followed on few points, a parameter that is searched: of four equal
 sliders every third trial leads to the solution, so that sixteen miss it once in a thousand times."""
 
-_POSITIVE = 200
-"""Trials of a law with memory, of 400, in which all is positive, as forces, stiffnesses and lengths are. With
+_POSITIVE = TRIALS // 2
+"""Trials of a law with memory in which all is positive, as forces, stiffnesses and lengths are. With
 all signs one of 2^q trials of q parameters would be, and the solution of LuGre's law is missed."""
 
 _SAME_END = 1e-3
@@ -49,6 +49,18 @@ _POLISHED = 2
 
 _HUGE = 1e100
 """Columns beyond this are an overflow in the making: the trial is no candidate."""
+
+_SCANNED = 32
+"""Points on which trials are compared: what differs there by less than noise is followed on more."""
+
+_SWEEPS = 2
+"""Sweeps over all parameters one by one, along every other value: the second sees what the first moved."""
+
+_WIDEST = 14
+"""Decades of SI units to both sides of one in which a law may change its shape."""
+
+_ENDS = 4
+"""Best trials, none a neighbour of a better one, from which a search descends."""
 
 
 def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None) -> Array:
@@ -79,7 +91,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
     if law.remembers and len(search.free) > 1:
         starts = search.followed(_distinct(trials[order], _FOLLOWED * len(search.free)))
     else:
-        starts = _distinct(trials[order])
+        starts = _distinct(trials[order], _ENDS)
     if len(search.free) > 1:
         # a few hundred trials are thin in two dimensions and more
         starts.append(search.along(starts[0], windows))
@@ -131,9 +143,9 @@ def _as_good(cost: float, count: int) -> float:
 class _Search:
     """Residuals of trials; linear parameters and the factors of groups are solved for at each."""
 
-    def __init__(self, equations: Equations, law: ForceLaw, mass: float | None, scanned: int = 32) -> None:
+    def __init__(self, equations: Equations, law: ForceLaw, mass: float | None) -> None:
         self._equations, self._law, self._mass = equations, law, mass
-        some = np.unique(np.linspace(0, len(equations.omega) - 1, scanned).round().astype(np.intp))
+        some = np.unique(np.linspace(0, len(equations.omega) - 1, _SCANNED).round().astype(np.intp))
         self._scanned = equations.select(some)
         place = {which: i for i, which in enumerate(law.nonlinear)}
         self._groups = [[place[which] for which in group] for group in law.scaled]
@@ -203,12 +215,12 @@ class _Search:
             rows = rows_of_trials(self._scanned, self._law, self._mass, trials, coarse=True)
         return np.array([float(np.sum(self._settle(*each)[1] ** 2)) for each in rows])
 
-    def along(self, start: Array, windows: list[Array], sweeps: int = 2, every: int = 2) -> Array:
-        """Take the best of every n-th value of one parameter after the other over its whole window."""
+    def along(self, start: Array, windows: list[Array]) -> Array:
+        """Take the best of every other value of one parameter after the other over its whole window."""
         best = np.array(start)
-        for _ in range(sweeps):
+        for _ in range(_SWEEPS):
             for i in self.free:
-                values = windows[i][::every]
+                values = windows[i][::_SWEEPS]
                 trials = np.repeat(best[None, :], len(values) + 1, axis=0)
                 trials[1:, i] = values
                 best = trials[int(np.argmin(self.costs(trials)))]
@@ -273,12 +285,10 @@ class _Search:
                 dense.append(sign * np.geomspace(part.min(), part.max(), 6 * len(part) + 1))
         return np.concatenate(dense)
 
-    def _changing(
-        self, some: Equations, which: int, typical: list[float], *, whole: bool, decades: int = 14
-    ) -> Array:
+    def _changing(self, some: Equations, which: int, typical: list[float], *, whole: bool) -> Array:
         """Values at which the shape differs from that at the value before, whatever the others are."""
         generator = np.random.default_rng(which)
-        size = np.logspace(-decades, decades, 2 * decades * 3 + 1)
+        size = np.logspace(-_WIDEST, _WIDEST, 2 * _WIDEST * 3 + 1)
         values = np.concatenate([size, -size])
         active = np.zeros(len(values), dtype=bool)
         for attempt in typical[:1] if len(self.free) == 1 else typical:
@@ -332,14 +342,14 @@ def _apart(shape: Array | None, other: Array | None) -> bool:
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 
-def _trials(windows: list[Array], count: int = 400, *, positive: int = 0) -> Array:
+def _trials(windows: list[Array], *, positive: int) -> Array:
     """All values of one parameter, or a low-discrepancy sample of several, the first of them positive."""
     searched = [i for i, window in enumerate(windows) if len(window) > 2]
     if len(searched) <= 1:
         return np.array(list(product(*windows)))
     from scipy.stats import qmc
 
-    points = qmc.Halton(len(windows), seed=1).random(count)
+    points = qmc.Halton(len(windows), seed=1).random(TRIALS)
     trials = np.stack(
         [
             window[(column * len(window)).astype(np.intp)]
@@ -351,7 +361,7 @@ def _trials(windows: list[Array], count: int = 400, *, positive: int = 0) -> Arr
     return trials
 
 
-def _distinct(ordered: Array, most: int = 4) -> list[Array]:
+def _distinct(ordered: Array, most: int) -> list[Array]:
     """The best trials that are not neighbours of a better one."""
     ends: list[Array] = []
     for trial in ordered:

@@ -18,6 +18,7 @@ from rsgen.fitting.fit import Fit, Solution, fit_balance
 from rsgen.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.fitting.least_squares import determined, solve_scaled
 from rsgen.fitting.observed import Shape
+from rsgen.fitting.phase_resonance import LIGHT
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
 from rsgen.law.element import make_element
@@ -28,7 +29,7 @@ from rsgen.starting.asymmetric import start_asymmetric
 from rsgen.starting.equations import Equations, equation_rows
 from rsgen.starting.search import search_nonlinear
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, START_ORDER, samples_for
+from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, START_ORDER, TRIAL_STEPS, samples_for
 
 __all__ = [
     "point_misfit",
@@ -48,13 +49,34 @@ _TYPICAL = 0.04
 _FEWEST_OF_LEVEL = 8
 """Points of a level that determine a linear mode with a background, eight values."""
 
+_SEARCHED = 120
+"""Points, spread over the amplitude, on which nonlinear parameters are searched: ten for each of a dozen."""
+
+_SCANNED = 80
+"""Points on which all phase errors are tried: the six parameters of any law and the mass need no more."""
+
+_TURNS = 12
+"""Phase errors around the circle, or places of a neighbour around the band, that are tried: none is farther
+than fifteen degrees, or an eighth of the band, from one of them."""
+
+_WEIGHINGS = 4
+"""Of an equation by its own denominator: what comes out is a start."""
+
+_RESIDUE = 0.3
+"""Residue with which a neighbour begins, relative to that of the mode: seen, and smaller."""
+
+_NEIGHBOURS = 4
+"""Places of a neighbour from which the law itself is tried."""
+
+_WORTH = 0.999
+"""A round in which the law predicts the phases anew and leaves more of the misfit was the last."""
+
 
 def solve_equations(
     equations: Equations,
     law: ForceLaw,
     mass: float | None,
     near: Array | None = None,
-    searched: int = 120,
 ) -> Solution:
     """Solve for all parameters of the law, and for the mass where it is None.
 
@@ -64,11 +86,9 @@ def solve_equations(
         What is solved.
     near
         (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
-    searched
-        Points, spread over the amplitude, on which they are searched.
     """
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
-    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, searched).round().astype(np.intp))]
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCHED).round().astype(np.intp))]
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
@@ -184,7 +204,7 @@ def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int)
     return solution
 
 
-def _start_backgrounds(problem: Problem, scanned: int = 80, turns: int = 12) -> list[Array]:
+def _start_backgrounds(problem: Problem) -> list[Array]:
     """Phase error and background, several of a neighbour, with a law that is near any other."""
     observed = problem.observed
     if not observed.background.names:
@@ -192,8 +212,8 @@ def _start_backgrounds(problem: Problem, scanned: int = 80, turns: int = 12) -> 
     points = observed.points
     law = compile_law(make_element("any", ANY_LAW).force)
     few = replace(problem.select(points.spread(QUICK)), law=law)
-    some = points.select(points.spread(scanned))
-    phases = 2 * np.pi * np.arange(turns) / turns - np.pi
+    some = points.select(points.spread(_SCANNED))
+    phases = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
     misfits = [_turned(some, law, problem.given, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
     found = _turned(few.observed.points, law, problem.given, float(phases[best]))
@@ -228,7 +248,7 @@ def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
     return fits
 
 
-def _linear_receptance(points: Points, rounds: int = 4) -> complex:
+def _linear_receptance(points: Points) -> complex:
     """Give b of x/F = b + a/(k - s^2 + i c s) for measured forces, s = omega over its mean, by least squares.
 
     The denominator multiplied out, the equation is linear; its weight follows in a few rounds (Sanathanan and
@@ -240,7 +260,7 @@ def _linear_receptance(points: Points, rounds: int = 4) -> complex:
     numerator = [part * s**power for power in range(3) for part in (-one, -1j * one)]
     columns = np.stack([ratio, 1j * s * ratio, *numerator], axis=1)
     weight = 1 / np.abs(ratio)
-    for _ in range(rounds):
+    for _ in range(_WEIGHINGS):
         matrix, right = columns * weight[:, None], ratio * s**2 * weight
         matrix, right = np.vstack([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
         found, _, _ = solve_scaled(matrix, right)
@@ -248,32 +268,22 @@ def _linear_receptance(points: Points, rounds: int = 4) -> complex:
     return -complex(found[6], found[7])
 
 
-def _place_neighbour(
-    problem: Problem,
-    parameters: Array,
-    *,
-    share: float = 0.3,
-    damping: float = 0.01,
-    places: int = 12,
-    steps: int = 12,
-    most: int = 4,
-) -> list[Array]:
+def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     """Try a neighbour at places around the band; those that leave the least misfit may be near.
 
-    It begins with a share of the residue of the mode and a damping ratio, and has a few steps at each place;
-    from at most this many of the places the law itself is tried.
+    It begins lightly damped with a share of the residue of the mode, and has a few steps at each place.
     """
     without = replace(problem, observed=problem.observed.without_neighbour())
     mode = len(parameters) - 4
-    begun = fit_balance(without, parameters[:mode], order=1, steps=steps, correct=False)
+    begun = fit_balance(without, parameters[:mode], order=1, steps=TRIAL_STEPS, correct=False)
     low, high = problem.observed.band
     fits = []
-    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), places):
-        neighbour = [share / begun.mass, 0.0, place, damping]
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _TURNS):
+        neighbour = [_RESIDUE / begun.mass, 0.0, place, LIGHT]
         trial = np.concatenate([begun.regression.parameters, neighbour])
-        fits.append(fit_balance(problem, trial, order=1, steps=steps, reject=False, correct=False))
+        fits.append(fit_balance(problem, trial, order=1, steps=TRIAL_STEPS, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
-    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:most]]
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
 
 
 def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> Solution:
@@ -304,28 +314,25 @@ def _guessed(points: Points) -> NDArray[np.float64]:
     return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
 
 
-def _start_amplitudes(
-    points: Points, law: ForceLaw, mass: float | None, rounds: int = 12, worth: float = 0.999
-) -> Solution:
+def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solution:
     """Fit the law to phases that the law itself predicts, from a guess on.
 
     At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
-    less, above it more; the law that fits then predicts the phase anew, in at most
-    this many rounds; another one is worth it where the relative misfit fell below this share.
+    less, above it more; the law that fits then predicts the phase anew.
     """
     lag = _guessed(points)
     force = np.abs(points.force)
     harmonics = sine_motion(points.omega, points.amplitude).harmonics
     best = np.inf
     start: Solution | None = None
-    for _ in range(rounds):
+    for _ in range(TRIAL_STEPS):
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
         found = solve_equations(equations, law, mass)
         balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
-        if start is not None and not misfit < worth * best:
+        if start is not None and not misfit < _WORTH * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)
@@ -338,7 +345,7 @@ def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, 
     return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
 
 
-def with_phase(table: Table, found: Fit, shape: Shape, steps: int = 12) -> Table:
+def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
     """Give force and response the phases that law and background predict at each amplitude."""
     law, background = found.problem.law, found.background
     seen = np.abs(table.harmonics[:, 1])
@@ -348,7 +355,7 @@ def with_phase(table: Table, found: Fit, shape: Shape, steps: int = 12) -> Table
     harmonics[:, 1] = seen
     b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
     size = np.array(wanted)
-    for _ in range(steps):
+    for _ in range(TRIAL_STEPS):
         balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
