@@ -16,6 +16,7 @@ from rsgen.expression import symbol
 from rsgen.expression.memory import remembers
 from rsgen.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.figures.equivalent import (
+    Backbone,
     amplitudes_tested,
     backbone,
     calm_limits,
@@ -24,7 +25,7 @@ from rsgen.figures.equivalent import (
     values_of,
 )
 from rsgen.figures.overview import colour_bar, level_colours
-from rsgen.results import Identification
+from rsgen.results import EquivalentCurve, Identification
 from rsgen.units.scale import Scale, choose_scale, number_text, quantity_text
 
 __all__ = [
@@ -259,24 +260,8 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     joint = remembers(identification.model.force)
     speed = not joint and _acts_on_velocity(identification.model.force)
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
-    velocity = curve.amplitude * 2 * np.pi * curve.frequency
-    rate = choose_scale(velocity, "m/s")
-    parts = (
-        _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x),
-        _Collapse("damping", curve.damping, model.damping, velocity, grid * model.omega, rate)
-        if speed
-        # what does not depend on the rate has one curve of omega c
-        else _Collapse(
-            "loss stiffness",
-            curve.damping * 2 * np.pi * curve.frequency,
-            model.damping * model.omega,
-            curve.amplitude,
-            grid,
-            x,
-        )
-        if joint
-        else _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x),
-    )
+    rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
+    parts = _collapses(curve, model, grid, (x, rate), joint=joint, speed=speed)
     for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
         y = choose_scale(part.line if part.line.size else part.cloud, curve.unit(_KINDS[part.what][1]))
         cloud, line = part.cloud / y.factor, part.line / y.factor
@@ -313,6 +298,28 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
             f" Without a mass none has a {part.what}." for part in parts if not np.isfinite(part.cloud).any()
         )
     return Drawing("collapse", figure, caption, text, ax is None)
+
+
+def _collapses(
+    curve: EquivalentCurve,
+    model: Backbone,
+    grid: Array,
+    scales: tuple[Scale, Scale],
+    *,
+    joint: bool,
+    speed: bool,
+) -> tuple[_Collapse, _Collapse]:
+    """What falls on one curve: k over X; and of a joint omega c, of a drag c over omega X, else c."""
+    x, rate = scales
+    omega = 2 * np.pi * curve.frequency
+    stiffness = _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x)
+    if joint:
+        loss, line = curve.damping * omega, model.damping * model.omega
+        return stiffness, _Collapse("loss stiffness", loss, line, curve.amplitude, grid, x)
+    if speed:
+        velocity, course = curve.amplitude * omega, grid * model.omega
+        return stiffness, _Collapse("damping", curve.damping, model.damping, velocity, course, rate)
+    return stiffness, _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

@@ -40,6 +40,7 @@ from rsgen.tolerances import (
     EXCESS,
     GROUPS,
     POINTS_A_KNOT,
+    ROUNDS,
     SAMPLES,
     SAMPLES_SWITCHED,
     SIGNIFICANT,
@@ -54,6 +55,21 @@ _DRAWN = 61
 
 _DEGREE = 3
 """Of the splines: a force drawn with a smooth slope, and a curvature to weigh."""
+
+_INTERVALS = 24
+"""Most intervals of the spline of an odd force: a corner is as wide as one, a twenty-fourth of the curve."""
+
+_POINTS = 600
+"""Of a test along which a force that is not odd is drawn, spread over the amplitude."""
+
+_TRIED = (1, 2, 3, 4, 6, 8)
+"""Intervals of the splines of damper and spring, of this on each side of zero, where it may have a corner."""
+
+_HIGHEST = (5, 2)
+"""Degrees in amplitude and in frequency up to which a mean or a harmonic is tried as a smooth surface."""
+
+_LEAST = 0.01
+"""Of mean, real and imaginary part none counts as more exact than this share of what the worst leaves."""
 
 
 def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
@@ -87,16 +103,16 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
 
 
 def _invert(
-    reach: Array, amplitude: Array, spread: Array, *, free: bool, most: int = 24
+    reach: Array, amplitude: Array, spread: Array, *, free: bool
 ) -> tuple[Array, Array, Array, float]:
     """Points x, n(x), half width of the band, sum of squares; from g at ``reach`` with errors ``spread``.
 
-    Where g is not ``free`` at zero, it is zero there. Its spline has at ``most`` this many intervals.
+    Where g is not ``free`` at zero, it is zero there.
     """
     from scipy.interpolate import BSpline
 
     largest = float(reach.max())
-    count = int(np.clip(len(reach) // POINTS_A_KNOT, 2, most))
+    count = int(np.clip(len(reach) // POINTS_A_KNOT, 2, _INTERVALS))
     inner = np.linspace(0, 1, count + 1)
     knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
     functions = len(knots) - _DEGREE - 1
@@ -172,9 +188,6 @@ def invert_motion(
     points: Points,
     mass: float,
     noise: float,
-    *,
-    most: int = 600,
-    tried: tuple[int, ...] = (1, 2, 3, 4, 6, 8),
 ) -> RestoringForce | None:
     """Draw the whole stiffness force, and the damping force taken as odd, from measured motions.
 
@@ -186,10 +199,6 @@ def invert_motion(
         m [kg].
     noise
         Relative noise of the response.
-    most
-        Points used, at most, spread over the amplitude.
-    tried
-        Intervals of the splines of damper and spring (on each side of zero, where it may have a corner).
 
     Returns
     -------
@@ -200,11 +209,11 @@ def invert_motion(
     """
     if len(points) < GROUPS * POINTS_A_KNOT or 2 not in points.measured:
         return None
-    points = points.select(points.spread(most))
+    points = points.select(points.spread(_POINTS))
     surfaces = _choose_surfaces(points, noise)
     x, v = _signals(points, _denoised(points, noise, surfaces))
     ends = float(x.min()), float(x.max()), float(np.abs(v).max())
-    plans = [_Plan(surfaces, ends, intervals) for intervals in tried]
+    plans = [_Plan(surfaces, ends, intervals) for intervals in _TRIED]
     drawn = [_draw(points, mass, noise, plan) for plan in plans]
     best = int(np.argmin([criterion for *_, criterion in drawn]))
     spring, damper, _ = drawn[best]
@@ -233,14 +242,9 @@ def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
     return points.harmonics / back, back
 
 
-def _choose_surfaces(
-    points: Points, noise: float, highest: tuple[int, int] = (5, 2)
-) -> tuple[tuple[int, int] | None, ...]:
-    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise.
-
-    ``highest`` are the degrees tried, in amplitude and in frequency.
-    """
-    tried = list(product(range(highest[0] + 1), range(highest[1] + 1)))
+def _choose_surfaces(points: Points, noise: float) -> tuple[tuple[int, int] | None, ...]:
+    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise."""
+    tried = list(product(range(_HIGHEST[0] + 1), range(_HIGHEST[1] + 1)))
     relative, _ = _relative(points)
     chosen: list[tuple[int, int] | None] = []
     for h, values in enumerate(relative.T):
@@ -274,9 +278,7 @@ def _surface_of(points: Points, values: ComplexArray, degree: int, bend: int) ->
     return found, 2 * len(values) * np.log(rest) + 2 * matrix.shape[1] * np.log(2 * len(values))
 
 
-def _draw(
-    points: Points, mass: float, noise: float, plan: _Plan, weighings: int = 3, least: float = 1e-2
-) -> tuple[Array, Array, float]:
+def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array, Array, float]:
     """Stiffness and damping force at the places of a plan, and the BIC.
 
     Mean, real and imaginary part are weighed by what they leave, down to a least share of the largest.
@@ -303,7 +305,7 @@ def _draw(
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
     stiff *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
     weight = np.ones(len(balance))
-    for _ in range(weighings):
+    for _ in range(ROUNDS):
         scale = np.append(weight, np.ones(len(stiff)))
         solution, *_ = solve_scaled(
             np.concatenate([matrix, stiff]) * scale[:, None],
@@ -313,7 +315,7 @@ def _draw(
         spread = np.sqrt(np.mean(rest**2, axis=1))
         # a smooth mean says no more than the noisy one did
         spread[0] = max(spread[0], noise)
-        weight = np.repeat(1 / np.maximum(spread, least * spread.max()), len(points))
+        weight = np.repeat(1 / np.maximum(spread, _LEAST * spread.max()), len(points))
     likelihood = len(points) * float(np.sum(np.log(np.maximum(spread**2, 1e-300))))
     at_x, at_v = plan.places
     return (
