@@ -154,7 +154,9 @@ def _dips(along: Along, phi: Array, level: Array) -> tuple[NDArray[np.intp], Arr
     sign = np.where(level > 0, 1.0, -1.0)
     size = np.abs(level)
     dip = (sign[:, 1:-1] == sign[:, :-2]) & (sign[:, 1:-1] == sign[:, 2:])
-    dip &= (size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] <= size[:, 2:])
+    before, here, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
+    # what is constant or infinite over three samples dips nowhere
+    dip &= (here <= before) & (here <= after) & ((here < before) | (here < after))
     rows, columns = np.nonzero(dip)
     start, stop, side = phi[rows, columns], phi[rows, columns + 2], sign[rows, columns + 1]
     low, high = start, stop
