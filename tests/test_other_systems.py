@@ -55,6 +55,7 @@ os.name = "nt-like"
 
 LIBRARIES = (
     "h5py",
+    "IPython",
     "matplotlib.pyplot",
     "numba",
     "platformdirs.unix",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from functools import cache
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import nbformat
 
 import rsgen
 from rsgen.case import Case
@@ -36,10 +36,6 @@ __all__ = [
 ]
 
 _SURFACE_FILE = "surface.h5"
-_FORMAT = {"nbformat": 4, "nbformat_minor": 5}
-"""Of documents whose cells have names."""
-_TEXTS = ("source", "text", "text/plain", "text/html")
-"""Written line by line, so that a difference of two notebooks shows the lines that changed."""
 _METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
     "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
@@ -128,7 +124,7 @@ def build_notebook(
     held_out: bool = False,
     loops: bool = False,
     surface_file: str = _SURFACE_FILE,
-) -> dict[str, Any]:
+) -> nbformat.NotebookNode:
     """Write the lesson on a case, not yet executed.
 
     Parameters
@@ -159,20 +155,18 @@ def build_notebook(
     )
 
 
-def render_lesson(template: str, **values: object) -> dict[str, Any]:
+def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
     """Write the cells of a template, not yet executed; every value is written as literal or as prose."""
     text = _environment().get_template(template).render(**values)
     pieces = _CELL.split(text)[1:]
+    write: Any = nbformat.v4  # its functions have no types
+    make = {"code": write.new_code_cell, "markdown": write.new_markdown_cell}
     cells = [
-        _cell(kind, name, body.strip("\n"))
+        make[kind](body.strip("\n"), id=name)
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    return {"cells": cells, "metadata": _METADATA, **_FORMAT}
-
-
-def _cell(kind: str, name: str, source: str) -> dict[str, Any]:
-    cell = {"cell_type": kind, "id": name, "metadata": {}, "source": source}
-    return cell | {"execution_count": None, "outputs": []} if kind == "code" else cell
+    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
+    return notebook
 
 
 def known_results(
@@ -255,22 +249,11 @@ def write_notebook(
     save_lesson(path, notebook, results)
 
 
-def _by_line(part: Any) -> Any:
-    """Split the texts of a document into lines."""
-    if isinstance(part, dict):
-        return {
-            key: value.splitlines(keepends=True)
-            if key in _TEXTS and isinstance(value, str)
-            else _by_line(value)
-            for key, value in part.items()
-        }
-    return [_by_line(entry) for entry in part] if isinstance(part, list) else part
-
-
-def save_lesson(path: Path, notebook: dict[str, Any], results: KnownResults | None) -> None:
+def save_lesson(path: Path, notebook: nbformat.NotebookNode, results: KnownResults | None) -> None:
     """Execute a lesson and save it, even where a cell fails; an RsgenError says which."""
     fault = execute_cells(notebook, results)
-    text = json.dumps(_by_line(notebook), indent=1, sort_keys=True, ensure_ascii=False)
-    write_atomic(path, text + "\n")
+    nbformat.validate(notebook)
+    write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more
+    write_atomic(path, write(notebook) + "\n")
     if fault is not None:
         raise RsgenError(f"{path.name}: {fault}; it is saved with its traceback (rsgen {rsgen.__version__})")

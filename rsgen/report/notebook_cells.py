@@ -14,6 +14,8 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
+import nbformat
+
 import rsgen
 from rsgen import figures
 from rsgen.case import Case
@@ -110,7 +112,7 @@ def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
     return compile(tree, name, "exec"), compile(ast.Expression(last.value), name, "eval")
 
 
-def _shown(value: object) -> list[dict[str, Any]]:
+def _shown(value: object) -> list[nbformat.NotebookNode]:
     """Give a value as a kernel would show it: in words, as HTML or as a picture, whichever it has.
 
     A shell that does so replaces ``__main__`` and the hooks of ``sys`` and opens the user's history, which is
@@ -129,11 +131,12 @@ def _shown(value: object) -> list[dict[str, Any]]:
     return [_output("execute_result", data=data, metadata=metadata)]
 
 
-def _output(kind: str, **content: Any) -> dict[str, Any]:
-    return {"output_type": kind, **content}
+def _output(kind: str, **content: Any) -> nbformat.NotebookNode:
+    make: Callable[..., nbformat.NotebookNode] = nbformat.v4.new_output
+    return make(kind, **content)
 
 
-def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[dict[str, Any]], str | None]:
+def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[nbformat.NotebookNode], str | None]:
     """Run a cell; give its outputs, and what went wrong."""
     fault, last = None, []
     stdout, stderr = io.StringIO(), io.StringIO()
@@ -152,7 +155,7 @@ def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[dict[str, 
     return [*printed, *last], fault
 
 
-def execute_cells(notebook: dict[str, Any], results: KnownResults | None = None) -> str | None:
+def execute_cells(notebook: nbformat.NotebookNode, results: KnownResults | None = None) -> str | None:
     """Run every cell in this process; the notebook keeps what comes out.
 
     Parameters
@@ -166,13 +169,13 @@ def execute_cells(notebook: dict[str, Any], results: KnownResults | None = None)
         What went wrong in which cell, in a sentence; None where everything ran.
     """
     space = _namespace(results)
-    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(cells, 1):
-        cell["execution_count"] = number
-        cell["outputs"], fault = _run(cell["source"], cell["id"], space)
-        for output in cell["outputs"]:
-            if output["output_type"] == "execute_result":
-                output["execution_count"] = number
+        cell.execution_count = number
+        cell.outputs, fault = _run(cell.source, cell.id, space)
+        for output in cell.outputs:
+            if output.output_type == "execute_result":
+                output.execution_count = number
         if fault is not None:
-            return f"cell {cell['id']}: {plain_text(fault, _MOST_CHARACTERS)}"
+            return f"cell {cell.id}: {plain_text(fault, _MOST_CHARACTERS)}"
     return None

@@ -21,8 +21,7 @@ from nbclient import NotebookClient
 import rsgen
 from rsgen import Case, figures, load_case
 from rsgen.errors import RsgenError
-from rsgen.report.notebook import build_notebook as notebook_content
-from rsgen.report.notebook import literal, prose, write_notebook
+from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from rsgen.report.notebook_cells import KnownResults
 from rsgen.study import run_cases
 from tests.report.test_report import hostile_titles
@@ -52,10 +51,6 @@ frequency = { start = 9, stop = 11, count = 25 }
 [accept]
 k = 1e-3
 """
-
-
-def build_notebook(case: Case, **options: bool) -> nbformat.NotebookNode:
-    return nbformat.from_dict(notebook_content(case, **options))
 
 
 def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
