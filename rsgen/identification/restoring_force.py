@@ -33,6 +33,7 @@ from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.points import Points
 from rsgen.motion import Motion, project, sine_motion
 from rsgen.results.result import EquivalentCurve, Resonance, RestoringForce
+from rsgen.splines import b_splines
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (
     CHANCE,
@@ -109,14 +110,12 @@ def _invert(
 
     Where g is not ``free`` at zero, it is zero there.
     """
-    from scipy.interpolate import BSpline
-
     largest = float(reach.max())
     count = int(np.clip(len(reach) // POINTS_A_KNOT, 2, _INTERVALS))
     inner = np.linspace(0, 1, count + 1)
     knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
     functions = len(knots) - _DEGREE - 1
-    matrix = BSpline.design_matrix(reach / largest, knots, _DEGREE).toarray() / spread[:, None]
+    matrix = b_splines(reach / largest, knots, _DEGREE)[0] / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
     curvature *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(reach))
     if not free:
@@ -135,10 +134,7 @@ def _invert(
     weights = weights * np.pi / 4
     x = np.linspace(0, 1, _DRAWN)
     inside = (x[:, None] * sine).ravel()
-    value = BSpline.design_matrix(inside, knots, _DEGREE).toarray().reshape(_DRAWN, len(sine), functions)
-    slope = np.stack(
-        [BSpline(knots, unit, _DEGREE).derivative()(inside) for unit in np.eye(functions)], axis=-1
-    ).reshape(value.shape)
+    value, slope = (part.reshape(_DRAWN, len(sine), functions) for part in b_splines(inside, knots, _DEGREE))
     operator = np.einsum("t,xtf->xf", weights * sine**2, value)
     operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
     band = float(ndtri(CONFIDENCE)) * np.sqrt(variance) * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
@@ -327,12 +323,9 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
 
 def _splines(at: Array, knots: Array) -> Array:
     """(..., f) cubic B-splines over knots."""
-    from scipy.interpolate import BSpline
-
     whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
-    # a third of the time of the table of splines, whose checks go through the places one by one
-    every = BSpline(whole, np.eye(len(whole) - _DEGREE - 1), _DEGREE)
-    return np.asarray(every(np.clip(at, knots[0], knots[-1])))
+    inside = np.clip(at, knots[0], knots[-1]).ravel()
+    return b_splines(inside, whole, _DEGREE)[0].reshape(*at.shape, -1)
 
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:

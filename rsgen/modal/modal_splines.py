@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.arrays import Array
 from rsgen.fitting.forward import Response
+from rsgen.splines import b_splines
 
 __all__ = ["ModalSplines", "SplineBasis", "SplineMode"]
 
@@ -63,13 +64,11 @@ class SplineBasis:
 
     def __call__(self, amplitude: Array) -> tuple[Array, Array]:
         """(n, f) functions at amplitudes [m], and their derivatives by ln X; constant beyond the ends."""
-        from scipy.interpolate import BSpline
-
         u = _place(amplitude, self.power)
         inside = np.clip(u, self.knots[0], self.knots[-1])
         by_log = np.where(u == inside, self.power * u if self.power else 1.0, 0.0)
-        spline = BSpline(self.knots, np.eye(self.count), self.degree)
-        return np.asarray(spline(inside)), np.asarray(spline(inside, nu=1) * by_log[:, None])
+        functions, slopes = b_splines(inside, self.knots, self.degree)
+        return functions, slopes * by_log[:, None]
 
 
 def _place(amplitude: ArrayLike, power: int) -> Array:
