@@ -1,11 +1,20 @@
-"""Names for arrays of numbers in annotations."""
+"""Names for arrays of numbers in annotations, and arrays that nobody can change."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-__all__ = ["Array", "ComplexArray"]
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Array", "ComplexArray", "frozen_array"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
+    """Copy into an array that nobody can change."""
+    array: NDArray[Any] = np.array(values, dtype=dtype)
+    array.flags.writeable = False
+    return array

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 __all__ = [
-    "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "ERRORS", "EXCESS", "EXPECTED_NOISE",
-    "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "HALVINGS", "LARGE", "MEANINGLESS", "MOVE", "NEAR_STEPS",
-    "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER", "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK",
-    "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES", "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS",
-    "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL", "TAKEN", "TO_REST", "TRIALS",
-    "TRIAL_STEPS", "TURNED", "samples_for",
+    "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "DAMPED", "ERRORS", "EXCESS",
+    "EXPECTED_NOISE", "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "HALVINGS", "LARGE", "LIGHT",
+    "MEANINGLESS", "MOVE", "NEAR_STEPS", "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER",
+    "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES",
+    "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL",
+    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "samples_for",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -29,6 +29,9 @@ CHANCE = 4.0
 
 CONFIDENCE = 0.975
 """One-sided probability of every interval and band: 95 % between both ends."""
+
+DAMPED = 0.05
+"""Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
 
 ERRORS = 3.0
 """Standard errors by which a value may differ from another, or from noise: chance brings more once in
@@ -65,6 +68,9 @@ HALVINGS = 6
 LARGE = 0.1
 """An error, a misfit or a shift of a tenth is doubtful, however wide the interval: noise as large hides
 what a law does wrong."""
+
+LIGHT = 0.01
+"""Damping ratio of a mode while it is not known: it weighs frequency against force."""
 
 MEANINGLESS = 0.2
 """A fifth of force and response is not what the law says; truncated waveforms and one harmonic of a law

@@ -26,8 +26,8 @@ class Parametrised(Protocol):
         """Values for the forward model, mass [kg] and background."""
         ...
 
-    def compared(self, forward: Forward) -> tuple[int, ...]:
-        """Harmonics other than the fundamental that are measured and predicted."""
+    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
+        """Harmonics other than the fundamental that are measured, of those ``predicted``."""
         ...
 
 
@@ -36,7 +36,7 @@ class Descent:
 
     def __init__(self, problem: Parametrised, forward: Forward) -> None:
         self.problem, self.forward = problem, forward
-        self.compared = problem.compared(forward)
+        self.compared = problem.compared(forward.harmonics)
         self.scale: Array | None = None
 
     def predict(self, parameters: Array, nuisance: Array) -> Response:

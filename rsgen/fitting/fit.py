@@ -198,7 +198,7 @@ def fit_balance(
     values, mass, _ = problem.split(found.parameters)
     if observed.phase_known and found.noise > NOISY and forward.weigh(values, mass, np.abs(mode.force)):
         weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
-        if is_systematic(mode, weighed):
+        if is_systematic(weighed.residual, mode.pairs(weighed.used)):
             # a misfit of the law is no noise: where it is, points count by their force
             forward.forget_noise()
         else:

@@ -5,22 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.arrays import Array
-from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
-from rsgen.surface import ResponseSurface
 from rsgen.surface.phase_lag import BackboneGap, backbone_gap
 from rsgen.tolerances import ERRORS, EXPECTED_NOISE
 
 __all__ = [
-    "DAMPED",
     "LAG_ERROR",
-    "LIGHT",
     "assumed_mass",
     "at_resonance_alone",
     "gap_of",
+    "loop_error",
     "mass_sure",
     "near_resonance",
-    "with_loop_error",
 ]
 
 _OFF = 2
@@ -31,12 +27,6 @@ _PHASES = 0.01
 
 _KNOWN = 0.2
 """Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
-
-LIGHT = 0.01
-"""Damping ratio that weighs frequency against force where the mass is not known; both are fitted apart."""
-
-DAMPED = 0.05
-"""Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
 
 LAG_ERROR = 0.035
 """Standard deviation of a lag that was not recorded [rad], two degrees: filters and amplifiers of a loop that
@@ -76,13 +66,12 @@ def gap_of(points: Points) -> BackboneGap | None:
     return backbone_gap(points.omega[near] / (2 * np.pi), points.amplitude[near])
 
 
-def with_loop_error(covariance: Array, regression: Regression, surface: ResponseSurface) -> Array:
-    """Add to a covariance (q, q) what the error of a lag does that was taken for a quarter period.
+def loop_error(influence: Array) -> Array:
+    """Covariance (q, q) that the error of a lag causes which was taken for a quarter period.
 
-    It turns every force by one angle, so that the imaginary part of all relative forces changes by it.
+    It turns every force by one angle, so that the imaginary part of all relative forces changes by it; the
+    (n, M, q) influence of those on the parameters adds up.
     """
-    if not surface.lag_assumed:
-        return covariance
-    half = (regression.influence.shape[1] + 1) // 2
-    moved = LAG_ERROR * np.sum(regression.influence[:, half], axis=0)
-    return np.asarray(covariance + np.outer(moved, moved))
+    half = (influence.shape[1] + 1) // 2
+    moved = LAG_ERROR * np.sum(influence[:, half], axis=0)
+    return np.outer(moved, moved)

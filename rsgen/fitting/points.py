@@ -135,6 +135,11 @@ class Points:
         first = np.concatenate([order[:-1][same], chain[:-1]])
         return np.stack([first, np.concatenate([order[1:][same], chain[1:]])], axis=1)
 
+    def pairs(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """(k, 2) ``neighbours`` of which both are ``counted``, (n,)."""
+        pairs = self.neighbours
+        return pairs[counted[pairs].all(axis=1)]
+
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Points:
         """Keep some points."""
         return Points(

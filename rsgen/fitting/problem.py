@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.fitting.forward import Forward
 from rsgen.fitting.observed import Observed
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
@@ -64,7 +63,7 @@ class Problem:
         """Take some of the points."""
         return replace(self, observed=self.observed.select(chosen))
 
-    def compared(self, forward: Forward) -> tuple[int, ...]:
-        """Harmonics other than the fundamental that are measured and predicted."""
+    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
+        """Harmonics other than the fundamental that are measured, of those ``predicted``."""
         measured = self.observed.points.measured if self.observed.phase_known else ()
-        return tuple(h for h in measured if h in forward.harmonics)
+        return tuple(h for h in measured if h in predicted)

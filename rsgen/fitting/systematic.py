@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.points import Points
+from rsgen.arrays import Array
 from rsgen.tolerances import CHANCE, NOTICEABLE
 
 __all__ = ["is_systematic"]
@@ -17,19 +17,21 @@ _PAIRS = 6
 """Pairs of neighbours below which their correlation says nothing."""
 
 
-def is_systematic(points: Points, regression: Regression, level: float | None = None) -> bool:
+def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
     """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
 
-    Of all levels, or of one.
+    Parameters
+    ----------
+    residual
+        (n, M) of force, fundamental and harmonics, real and imaginary parts, relative.
+    pairs
+        (k, 2) points next to each other in the test, of those that count; see ``Points.pairs``.
     """
-    pairs = points.neighbours
-    counted = regression.used if level is None else regression.used & (points.level == level)
-    pairs = pairs[counted[pairs].all(axis=1)]
     if len(pairs) < _PAIRS:
         return False
-    first, second = (regression.residual[side] for side in pairs.T)
+    first, second = (residual[side] for side in pairs.T)
     # (M,) of force, fundamental and harmonics, real and imaginary parts
-    power = np.mean(regression.residual[pairs] ** 2, axis=(0, 1))
+    power = np.mean(residual[pairs] ** 2, axis=(0, 1))
     counts = power > NOTICEABLE**2 / 2
     product = np.mean(first * second, axis=0)[counts]
     if not counts.any():

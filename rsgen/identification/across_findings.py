@@ -10,7 +10,6 @@ within 20 % of the exact one, 30 % where it meets a mode.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +23,6 @@ from rsgen.fitting.noise_across import pull_of_noise
 from rsgen.fitting.problem import Problem
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, project
-from rsgen.results.result import Estimate
 from rsgen.tolerances import (
     ERRORS,
     EXCESS,
@@ -41,15 +39,16 @@ from rsgen.tolerances import (
 __all__ = ["left_out_findings", "noise_across_findings"]
 
 
-def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Finding, ...]:
+def left_out_findings(found: Fit, errors: Array) -> tuple[Finding, ...]:
     """Say how far values would move with the harmonics across that were not recorded; none or one finding.
 
     Parameters
     ----------
     found
         The refined fit.
-    estimates
-        Of the values of the law, as they are stated; what is not identifiable is not looked at.
+    errors
+        (q,) standard errors of the values of the law and of a free mass, as they are stated; NaN where one is
+        not identifiable: it is not looked at.
     """
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
@@ -62,8 +61,7 @@ def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Findin
     recorded = np.flatnonzero((across.harmonics != 0).any(axis=0))
     missing = _missing(law, found, across, measured.harmonics[:, 1], recorded)
     moved = _moved(problem, found.regression.parameters, across.harmonics, missing)
-    error = {e.name: e.standard_error for e in estimates if e.identifiable}
-    errors = np.array([error.get(name, np.nan) for name in law.parameters])
+    errors = errors[: len(law.parameters)]
     with np.errstate(all="ignore"):
         share, times = moved / np.abs(found.values), np.abs(moved) / errors
     large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)
@@ -84,15 +82,15 @@ def left_out_findings(found: Fit, estimates: Sequence[Estimate]) -> tuple[Findin
     return (Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names),)
 
 
-def noise_across_findings(found: Fit, estimates: Sequence[Estimate], *, misfits: bool) -> tuple[Finding, ...]:
+def noise_across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
     """Doubt values that noise of the motion across, or what is not noise, leaves open; none or one finding.
 
     Parameters
     ----------
     found
         The refined fit, the pull of noise taken off.
-    estimates
-        Of the values of the law, then the mass, as they are stated; only identifiable ones are looked at.
+    errors
+        As for ``left_out_findings``.
     misfits
         Whether what the law leaves is systematic.
     """
@@ -103,9 +101,7 @@ def noise_across_findings(found: Fit, estimates: Sequence[Estimate], *, misfits:
     labels, numbers = {"sensors": problem.sensors}, {"noise": pull.noise, "part": pull.share}
     if pull.share >= TAKEN:
         return (Finding("noise-across", "doubt", "", quantities(**numbers), labels),)
-    error = {e.name: e.standard_error for e in estimates if e.identifiable}
-    names = [*problem.law.parameters, *(["m"] if problem.given is None else [])]
-    errors = np.array([error.get(name, np.nan) for name in names])
+    names = (*problem.law.parameters, "m")
     with np.errstate(all="ignore"):
         relative = pull.change / np.abs(found.regression.parameters[: problem.count])
         times = np.abs(pull.change) / errors

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from scipy.special import stdtrit
 from rsgen.finding import Finding
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.problem import Problem
-from rsgen.results.result import Estimate
 from rsgen.starting.asymmetric import is_hidden, records_even
 from rsgen.tolerances import CONFIDENCE
 
@@ -29,12 +28,11 @@ def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> d
     }
 
 
-def mirror_findings(problem: Problem, estimates: Sequence[Estimate]) -> tuple[Finding, ...]:
-    """Say that the law of -x fits as well, where nothing even was recorded."""
+def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, ...]:
+    """Say that the law of -x fits as well, where nothing even was recorded; name ``known`` parameters."""
     law = problem.law
     if not is_hidden(problem) or records_even(problem):
         return ()
-    known = {estimate.name for estimate in estimates if np.isfinite(estimate.value)}
     names = [law.parameters[i] for i in law.even if law.parameters[i] in known]
     if not law.mirrored:
         return (Finding("mirror-image-fits", "warning"),)

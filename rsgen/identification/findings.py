@@ -17,11 +17,11 @@ from rsgen.identification.soundness import (
     aside_findings,
     feeds_exciter,
     limit_findings,
-    phase_findings,
     sign_findings,
 )
+from rsgen.results import Resonance
 from rsgen.results.agreement import Agreement
-from rsgen.results.result import Resonance
+from rsgen.results.estimates import phase_findings
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
 from rsgen.tolerances import ERRORS, EXCESS, LARGE
@@ -154,7 +154,7 @@ class Findings:
         wider = self.agreement.wider
         found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider)
         found += self.agreement.findings
-        found += sign_findings(self.points, self.fit, self.agreement)
+        found += sign_findings(self.points, self.fit, self.agreement.wider)
         found += phase_findings(self.fit.background) if self.fit.problem.observed.phase_known else []
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})

@@ -19,8 +19,6 @@ from rsgen.finding import Finding, Quantity, quantities
 from rsgen.fitting.across import law_of
 from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.phase_resonance import (
-    DAMPED,
-    LIGHT,
     assumed_mass,
     at_resonance_alone,
     mass_sure,
@@ -31,10 +29,10 @@ from rsgen.fitting.repeats import gather_repeats
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import project, sine_motion
 from rsgen.oscillator import Model
-from rsgen.results.result import Estimate, Identification
+from rsgen.results import Estimate, Identification
 from rsgen.surface import ResponseSurface
 from rsgen.surface.plausibility import plausibility_findings
-from rsgen.tolerances import samples_for
+from rsgen.tolerances import DAMPED, LIGHT, samples_for
 from rsgen.units import per_mass_unit
 
 __all__ = ["identify_ratios", "resonance_findings", "without_mass"]

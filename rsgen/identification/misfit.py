@@ -78,7 +78,8 @@ def misfit_findings(
     wider
         (q,) by how much the standard errors of its parameters are to be widened.
     """
-    misfit, systematic = relative_misfit(fit), is_systematic(points, fit.regression)
+    regression, misfit = fit.regression, relative_misfit(fit)
+    systematic = is_systematic(regression.residual, points.pairs(regression.used))
     numbers = quantities(misfit=misfit)
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
@@ -104,7 +105,7 @@ def misfit_findings(
     trials = {} if across else _with_backgrounds(fit)
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
-        found += _level_apart(points, fit.regression, surface.level_unit)
+        found += _level_apart(points, regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
         if severity != "error":
             found += _mass_contradicted(fit, left)
@@ -122,7 +123,8 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
     worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
     level, size = float(levels[worst]), float(sizes[worst])
-    if not (size > max(POOR, APART * typical) and is_systematic(points, regression, level)):
+    pairs = points.pairs(regression.used & (points.level == level))
+    if not (size > max(POOR, APART * typical) and is_systematic(regression.residual, pairs)):
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-apart", "doubt", numbers=numbers)]
@@ -272,7 +274,8 @@ def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: fl
         return []
     taken = relative_misfit(best) < (1 - TAKEN) * whole
     leaves = size * relative_misfit(best) / whole
-    if not (taken or not is_systematic(best.problem.observed.points, best.regression)) or leaves > left:
+    pairs = best.problem.observed.points.pairs(best.regression.used)
+    if not (taken or not is_systematic(best.regression.residual, pairs)) or leaves > left:
         return []
     of_law = slice(problem.count)
     change = best.regression.parameters[of_law] - without.regression.parameters[of_law]

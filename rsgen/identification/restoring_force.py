@@ -32,7 +32,7 @@ from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.points import Points
 from rsgen.motion import Motion, project, sine_motion
-from rsgen.results.result import EquivalentCurve, Resonance, RestoringForce
+from rsgen.results import EquivalentCurve, Resonance, RestoringForce
 from rsgen.splines import b_splines
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (

@@ -15,15 +15,13 @@ from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
 from rsgen.law.numeric import Part
 from rsgen.motion import Motion, cycle_work, project, sine_motion
-from rsgen.results.agreement import Agreement
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
-from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES_SWITCHED, TURNED, samples_for
+from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES_SWITCHED, samples_for
 
 __all__ = [
     "aside_findings",
     "feeds_exciter",
     "limit_findings",
-    "phase_findings",
     "runs_away",
     "sign_findings",
 ]
@@ -153,14 +151,14 @@ def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
     return int(starts[best]), int(lengths[best])
 
 
-def sign_findings(points: Points, fit: Fit, agreement: Agreement) -> list[Finding]:
+def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     """Find a negative mass, and k(X) or c(X) of elements at one place that are negative where it was tested.
 
     Elements across two sensors and those that follow the response are judged apart: neither can make up for
-    a spring or damper that the others have with the wrong sign.
+    a spring or damper that the others have with the wrong sign. Errors are (q,) times ``wider``.
     """
     regression, problem = fit.regression, fit.problem
-    basis = regression.basis * regression.noise * agreement.wider[:, None]
+    basis = regression.basis * regression.noise * wider[:, None]
     found = []
     if problem.given is None:
         error = float(np.linalg.norm(basis[len(problem.law.parameters)]))
@@ -223,14 +221,6 @@ def runs_away(fit: Fit) -> bool:
     motion = sine_motion(np.array([omega]), _BEYOND * size.max(keepdims=True))
     force = fit.problem.law.along(motion, fit.values, SAMPLES_SWITCHED).force
     return not bool(project(force, 1)[0].real > 0)
-
-
-def phase_findings(background: Array) -> list[Finding]:
-    """Find a phase error that is a sign, a sense or another quantity, taken up by a background (b,)."""
-    turned = float(np.angle(np.exp(1j * background[0]))) if len(background) else 0.0
-    if not abs(turned) > TURNED:
-        return []
-    return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
 
 
 def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, Quantity]:

@@ -8,7 +8,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, ComplexArray, frozen_array
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities, severity_of
 from rsgen.fitting.fit import Solution
@@ -29,8 +29,8 @@ from rsgen.lines.line_start import start_values
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.observation import Observation
 from rsgen.oscillator import Model
+from rsgen.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.results.estimates import NOT_ZERO, make_estimates, names_of, units_of, with_combinations
-from rsgen.results.result import EquivalentCurve, Estimate, Identification, Resonance, frozen_array
 from rsgen.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
 
 __all__ = [

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.fitting.descent import Descent
-from rsgen.fitting.forward import Forward
 from rsgen.fitting.least_squares import Regression, fit, solve_scaled
 from rsgen.fitting.observed import Observed
 from rsgen.fitting.points import Points
@@ -102,7 +101,7 @@ class ModeProblem:
         mass = float(parameters[self.coefficients]) if self.given is None else self.given
         return parameters[: self.coefficients], mass, parameters[self.count :]
 
-    def compared(self, forward: Forward) -> tuple[int, ...]:
+    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
         """Higher harmonics are part of no linear mode."""
         return ()
 
@@ -218,5 +217,5 @@ def fit_splines(modal: ModeProblem) -> Regression:
         values = modal.split(found.parameters)[2]
         influence = observed.relative_influence(found.influence, values, found.nuisance)
         found = replace(found, influence=influence)
-    misfits = is_systematic(observed.points, found)
+    misfits = is_systematic(found.residual, observed.points.pairs(found.used))
     return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)

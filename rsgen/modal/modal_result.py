@@ -16,7 +16,7 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.modal.modal_splines import ModalSplines
 from rsgen.observation import Observation
-from rsgen.results.result import Background
+from rsgen.results import Background
 from rsgen.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.tolerances import CONFIDENCE, NORMAL
 

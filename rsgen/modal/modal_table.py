@@ -22,15 +22,13 @@ from rsgen.fitting.fit import fit_balance
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.observed import Observed
 from rsgen.fitting.phase_resonance import (
-    DAMPED,
     LAG_ERROR,
-    LIGHT,
     assumed_mass,
     at_resonance_alone,
     gap_of,
+    loop_error,
     mass_sure,
     near_resonance,
-    with_loop_error,
 )
 from rsgen.fitting.points import FEWEST, Points, select_points
 from rsgen.fitting.problem import Problem
@@ -45,7 +43,7 @@ from rsgen.results.estimates import state_background
 from rsgen.starting.start import start_fit
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.surface.amounts import HALF_POWER
-from rsgen.tolerances import ANY_LAW, EXCESS, NORMAL, POOR
+from rsgen.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NORMAL, POOR
 
 __all__ = ["modal_table"]
 
@@ -102,7 +100,8 @@ def modal_table(
         found = fit_splines(modal)
         if not _mass_known(modal, found):
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
-    found = replace(found, covariance=with_loop_error(found.covariance, found, means))
+    if means.lag_assumed:
+        found = replace(found, covariance=found.covariance + loop_error(found.influence))
     return _table(modal, found, means, model)
 
 

@@ -8,7 +8,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, ComplexArray, frozen_array
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities
 from rsgen.law.numeric import compile_law
@@ -17,7 +17,6 @@ from rsgen.lines.identify_multisine import held_out_records
 from rsgen.multisine import MultisineSpectra
 from rsgen.multisine.steady import periodic_response
 from rsgen.prediction.prediction_result import BEYOND, Prediction, severity_of_error
-from rsgen.results.result import frozen_array
 from rsgen.surface import ResponseSurface
 from rsgen.text_table import TextTable, short
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, ComplexArray, frozen_array
 from rsgen.finding import Finding, Severity
-from rsgen.results.result import frozen_array
 from rsgen.text_table import Printed, TextTable, data_frame, lookup, short
 
 __all__ = ["BEYOND", "HeldOutLevel", "Prediction", "ResonanceCurve", "severity_of_error"]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity
 from rsgen.fitting.points import Points
-from rsgen.identification.soundness import phase_findings
 from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
 from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms, terms_of
+from rsgen.results.estimates import phase_findings
 from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT
 
 __all__ = ["Judgement", "implausible", "is_same", "judge"]

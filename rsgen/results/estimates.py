@@ -20,7 +20,7 @@ from rsgen.law.identifiable import combinations_of
 from rsgen.law.numeric import ForceLaw
 from rsgen.oscillator import Model
 from rsgen.results.result import Background, Estimate
-from rsgen.tolerances import CONFIDENCE, NULL_PART
+from rsgen.tolerances import CONFIDENCE, NULL_PART, TURNED
 from rsgen.units import parameter_units, per_mass_unit
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "make_estimates",
     "names_of",
     "parameter_finding",
+    "phase_findings",
     "state_background",
     "units_of",
     "with_combinations",
@@ -102,6 +103,14 @@ def state_background(
     part = np.abs(shape.receptance(values) * points.force)
     share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
     return Background(observed.kind, observed.band, estimates, share)
+
+
+def phase_findings(background: Array) -> list[Finding]:
+    """Find a phase error that is a sign, a sense or another quantity, taken up by a background (b,)."""
+    turned = float(np.angle(np.exp(1j * background[0]))) if len(background) else 0.0
+    if not abs(turned) > TURNED:
+        return []
+    return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
 
 
 def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:

@@ -8,8 +8,9 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from rsgen.arrays import frozen_array
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.fitting.observed import Shape, shape_of
@@ -26,15 +27,7 @@ __all__ = [
     "Identification",
     "Resonance",
     "RestoringForce",
-    "frozen_array",
 ]
-
-
-def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
-    """Copy into an array that nobody can change."""
-    array: NDArray[Any] = np.array(values, dtype=dtype)
-    array.flags.writeable = False
-    return array
 
 
 def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:

@@ -13,12 +13,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, ComplexArray
 from rsgen.fitting.fit import Fit, Solution, fit_balance
 from rsgen.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.fitting.least_squares import determined, solve_scaled
-from rsgen.fitting.observed import Shape
-from rsgen.fitting.phase_resonance import LIGHT
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
 from rsgen.law.element import make_element
@@ -29,7 +27,7 @@ from rsgen.starting.asymmetric import start_asymmetric
 from rsgen.starting.equations import Equations, equation_rows
 from rsgen.starting.search import search_nonlinear
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ANY_LAW, FLAT, POOR, QUICK, START_ORDER, TRIAL_STEPS, samples_for
+from rsgen.tolerances import ANY_LAW, FLAT, LIGHT, POOR, QUICK, START_ORDER, TRIAL_STEPS, samples_for
 
 __all__ = [
     "point_misfit",
@@ -345,15 +343,15 @@ def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, 
     return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
 
 
-def with_phase(table: Table, found: Fit, shape: Shape) -> Table:
-    """Give force and response the phases that law and background predict at each amplitude."""
-    law, background = found.problem.law, found.background
+def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
+    """Give force and response the phases that law and background (n,) [m/N] predict at each amplitude."""
+    law = found.problem.law
     seen = np.abs(table.harmonics[:, 1])
     held = np.isfinite(seen) & (seen > 0)
     force = np.abs(table.force).astype(np.complex128)
     harmonics = np.zeros((len(seen), 2), dtype=np.complex128)
     harmonics[:, 1] = seen
-    b, omega, wanted = shape.receptance(background)[held], table.omega[held], seen[held]
+    b, omega, wanted = receptance[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(TRIAL_STEPS):
         balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)

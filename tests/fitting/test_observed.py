@@ -53,7 +53,7 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
     def at(p: np.ndarray, u: np.ndarray) -> Linearisation:
         values, mass, b = problem.split(p)
         response = made(values, mass, np.exp(u[:, 0]))
-        return problem.observed.linearise(response, b, u, scale, problem.compared(made))
+        return problem.observed.linearise(response, b, u, scale, problem.compared(made.harmonics))
 
     return at, parameters, nuisance + 0.003, problem.observed.fitted
 
