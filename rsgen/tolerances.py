@@ -91,7 +91,8 @@ NORMAL = 1.959964
 of the normal distribution for ``CONFIDENCE``."""
 
 NOTICEABLE = 1e-3
-"""Misfits below this, relative, change no engineering number: a law may be as wrong."""
+"""Misfits below this, relative, change no engineering number: a law may be as wrong, and corners and
+simulations leave as much."""
 
 NULL_PART = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""

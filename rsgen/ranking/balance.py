@@ -22,12 +22,13 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, fourier_series
 from rsgen.tolerances import BLOCK, EXPECTED_NOISE, ORDER
 
-__all__ = ["ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
+__all__ = ["NEAR", "ReferenceMotion", "Rows", "make_rows", "measured_motion", "predicted_motion"]
 
 
-_REACH = 0.02
-"""Relative change of force and response that a background may bring to a candidate: the square of it, which
-the linear balance leaves out, is less than noise. Larger ones wait for the candidate's own motion."""
+NEAR = 0.02
+"""Relative distance of a motion from the measured one up to which it stands for it, and up to which the
+linear balance carries a candidate's background there: the square of it is less than noise. What is farther
+waits for the candidate's own motion."""
 
 _SAMPLES = 128
 """A period; laws are compared along one waveform, so that coarse sampling cancels."""
@@ -319,5 +320,5 @@ def make_rows(
         right[part] = (root @ rest[:, :, None])[:, :, 0]
         columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
         project[part] = root @ projection
-    weight = motion.background_effect / _REACH * (1.0 if balanced else EXPECTED_NOISE)
+    weight = motion.background_effect / NEAR * (1.0 if balanced else EXPECTED_NOISE)
     return Rows(trajectory, columns, right, background, motion.background, weight, known, project)

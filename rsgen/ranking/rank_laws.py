@@ -33,7 +33,6 @@ from rsgen.ranking.competitors import Entries, competitors, start_guess
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.ranking.ranking_result import OWN, Candidate, Ranking
 from rsgen.ranking.reference import (
-    NOISE_LEAST,
     Reference,
     first_rows,
     follow,
@@ -45,7 +44,7 @@ from rsgen.ranking.verdict import implausible, is_same, judge
 from rsgen.results import Identification
 from rsgen.starting.start import start_fit
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, ORDER, QUICK, START_ORDER
+from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
 
 __all__ = ["identify_best", "rank"]
 
@@ -156,7 +155,7 @@ def rank(
     )
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
-    best = max(i for i, value in enumerate(left) if value <= min(left) + NOISE_LEAST)
+    best = max(i for i, value in enumerate(left) if value <= min(left) + NOTICEABLE)
     found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
     # the mass of one kilogram that stands for a unit of mass is not known
     return replace(found, model=replace(found.model, mass=given_mass), surface=given_surface)
@@ -180,7 +179,7 @@ def _all_rounds(
             rounds += _rounds(observed, entries.fit(guesses, rows, observed.points, first=True), entries)
         except RsgenError as refused:
             fault = refused
-        if rounds and min(each.left(observed.points) for each, _ in rounds) <= NOISE_LEAST:
+        if rounds and min(each.left(observed.points) for each, _ in rounds) <= NOTICEABLE:
             break
     if fault is not None and not rounds:
         raise fault
@@ -277,7 +276,7 @@ def _round(
         if leader is None or last:
             break
         _, apart = neighbour_noise(leader.residual, _trusted(leader, noise, chosen), rows.compared)
-        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOISE_LEAST)
+        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOTICEABLE)
     return None if leader is None else _Round(reference, noise, rows, leader)
 
 

@@ -17,13 +17,24 @@ from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import Motion, cycle_work
 from rsgen.oscillator import Oscillator
-from rsgen.ranking.balance import ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
+from rsgen.ranking.balance import NEAR, ReferenceMotion, Rows, make_rows, measured_motion, predicted_motion
 from rsgen.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.steady_state import SteadyStates, solve_steady_states
-from rsgen.tolerances import EXPECTED_NOISE, FEW, FLAT, FOLLOWED, MOVE, ORDER, OUTLIERS, SIGMAS, TRIAL_STEPS
+from rsgen.tolerances import (
+    BRANCH,
+    EXPECTED_NOISE,
+    FEW,
+    FLAT,
+    FOLLOWED,
+    MOVE,
+    NOTICEABLE,
+    ORDER,
+    OUTLIERS,
+    SIGMAS,
+    TRIAL_STEPS,
+)
 
 __all__ = [
-    "NOISE_LEAST",
     "Reference",
     "first_rows",
     "follow",
@@ -38,17 +49,8 @@ WAVEFORM = 31
 _ACCURACY = 3e-5
 """Of the simulated amplitude, far less than the least noise of a ranking."""
 
-_FARTHEST = 0.2
-"""Largest such step, in the logarithm of the force."""
-
-_NEAR = 0.02
-"""A motion whose amplitude or force is farther from the measured one, relatively, is no reference for it."""
-
 _CLEARLY = 0.7
 """Second differences smaller than this share of the first ones measure the noise better."""
-
-NOISE_LEAST = 1e-3
-"""Least relative noise of a ranking: corners and the simulation leave as much."""
 
 _AGAIN = 2
 """Times that a law is fitted along its simulated motion, which then follows."""
@@ -153,7 +155,7 @@ def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | N
     problem = Problem(best.elements, law, observed, mass)
     place = problem.join(values, start, best.background)
     found = fit_balance(problem, place, order=ORDER, reject=False, steps=TRIAL_STEPS)
-    if law.rough and found.mass > 0 and _shared(found) < _NEAR:
+    if law.rough and found.mass > 0 and _shared(found) < NEAR:
         exact = _simulated(best, found, mass)
         if exact is not None:
             return exact
@@ -241,11 +243,11 @@ def _hold(
         with np.errstate(divide="ignore", invalid="ignore"):
             growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(MOVE)
             step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > FLAT, growth, np.inf)
-        drive = drive * np.exp(np.clip(np.nan_to_num(step), -_FARTHEST, _FARTHEST)).astype(np.complex128)
+        drive = drive * np.exp(np.clip(np.nan_to_num(step), -BRANCH, BRANCH)).astype(np.complex128)
         states = solve(drive, state)
     except RsgenError:
         return None
-    near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < _NEAR
+    near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < NEAR
     chosen = np.flatnonzero(good & states.settled & near)
     if len(chosen) < FOLLOWED * len(points):
         return None
@@ -263,7 +265,7 @@ def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
     Such a point shows a spike or a motion that the simulation misses, not a fault of the law.
     """
     size = np.abs(fitted.residual[:, fitted.compared])
-    least = (NOISE_LEAST / np.repeat(noise, 2)[1:])[fitted.compared]
+    least = (NOTICEABLE / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
     out = np.asarray((size > SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
     return out if np.mean(out) <= FEW else np.zeros_like(out)

@@ -16,10 +16,10 @@ from rsgen.law.numeric import compile_law
 from rsgen.ranking.balance import Rows
 from rsgen.ranking.fitting import Fitted, Guess
 from rsgen.ranking.ranking_result import Candidate
-from rsgen.ranking.reference import NOISE_LEAST, neighbour_noise, outlying
+from rsgen.ranking.reference import neighbour_noise, outlying
 from rsgen.ranking.sums import library_terms, terms_of
 from rsgen.results.estimates import phase_findings
-from rsgen.tolerances import EXCESS, FEW, LARGE, SIGNIFICANT
+from rsgen.tolerances import EXCESS, FEW, LARGE, NOTICEABLE, SIGNIFICANT
 
 __all__ = ["Judgement", "implausible", "is_same", "judge"]
 
@@ -123,7 +123,7 @@ def _limits(points: Points, count: int) -> Array:
     size = np.zeros(count)
     relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
     size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(NOISE_LEAST, _HARMONIC_SHARE * size)
+    limits = np.maximum(NOTICEABLE, _HARMONIC_SHARE * size)
     limits[:2] = _FUNDAMENTAL
     return np.asarray(limits)
 
@@ -152,7 +152,7 @@ def is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
         values = law.ordered(fit.guess.values)
         forces.append(law.sample(x, v, a, step, values).force)
     apart = float(np.max(np.abs(forces[0] - forces[1])))
-    return apart <= NOISE_LEAST * float(np.max(np.abs(forces[1])))
+    return apart <= NOTICEABLE * float(np.max(np.abs(forces[1])))
 
 
 def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
@@ -204,7 +204,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     scale = np.repeat(noise, 2)[1:]
     fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
-    if not first.held_out_error > EXCESS * max(fitted, NOISE_LEAST):
+    if not first.held_out_error > EXCESS * max(fitted, NOTICEABLE):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
     badly = first.held_out_error > LARGE
@@ -241,7 +241,7 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
-    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOISE_LEAST)}
+    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOTICEABLE)}
     label = {candidate.name: candidate.label for candidate in candidates}
     law = {"law": label[best]}
     if sure:

@@ -205,7 +205,7 @@ def solve_harmonic_balance(
     force: ArrayLike,
     frequency: ArrayLike,
     *,
-    harmonics: int = 7,
+    harmonics: int,
     guess: ComplexArray | None = None,
 ) -> SteadyStates:
     """Find steady states by harmonic balance; stable or not, near the guess.

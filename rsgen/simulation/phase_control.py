@@ -53,8 +53,8 @@ def solve_phase_control(
     lag: Array,
     band: tuple[float, float],
     *,
-    harmonics: int = 7,
-    accuracy: float = 1e-4,
+    harmonics: int,
+    accuracy: float,
 ) -> PhaseStates:
     """Find frequency and response at which the fundamental lags the force by an angle.
 

@@ -26,7 +26,7 @@ from rsgen.steady_state.fixed_point import attraction
 from rsgen.steady_state.loop_memory import LoopMemory
 from rsgen.steady_state.memory_units import units_of_states
 from rsgen.steady_state.period_map import PeriodMap
-from rsgen.steady_state.solver import LOCATED
+from rsgen.steady_state.solver import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS
 
 __all__ = ["ControlledStates", "control_grid", "solve_response_control"]
 
@@ -105,8 +105,8 @@ def solve_response_control(
     amplitude: ArrayLike,
     frequency: ArrayLike,
     *,
-    harmonics: int = 7,
-    accuracy: float = 1e-4,
+    harmonics: int = USUAL_HARMONICS,
+    accuracy: float = USUAL_ACCURACY,
 ) -> ControlledStates:
     """Find the force that holds the fundamental of the displacement at an amplitude (n,) [m].
 

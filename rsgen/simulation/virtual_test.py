@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from rsgen.arrays import Array, ComplexArray
 from rsgen.declaration import Rule, check, declare, documented, given
 from rsgen.errors import RsgenError
-from rsgen.steady_state.solver import ACCURACY, HARMONICS
+from rsgen.steady_state.solver import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS
 from rsgen.surface.columns import BASE_UNITS, below_acceleration
 
 __all__ = ["SimulatedTest", "level_grid"]
@@ -59,8 +59,8 @@ class SimulatedTest:
     sweep: Literal["rest", "up", "down"] = declare(
         "rest", "rest: every point from rest. up, down: the state is carried from frequency to frequency."
     )
-    harmonics: Annotated[int, HARMONICS] = 7
-    accuracy: Annotated[float, ACCURACY] = 1e-4
+    harmonics: Annotated[int, HARMONICS] = USUAL_HARMONICS
+    accuracy: Annotated[float, ACCURACY] = USUAL_ACCURACY
     noise_relative: float = declare(
         0.0,
         "Complex Gaussian noise on force and response: standard deviation over amplitude.",

@@ -21,10 +21,24 @@ from rsgen.steady_state.settling import COARSE, SETTLED, settle
 from rsgen.steady_state.solution import SteadyStates
 from rsgen.steady_state.sticking import Sticking
 
-__all__ = ["ACCURACY", "HARMONICS", "LOCATED", "solve_steady_states"]
+__all__ = [
+    "ACCURACY",
+    "HARMONICS",
+    "LOCATED",
+    "USUAL_ACCURACY",
+    "USUAL_HARMONICS",
+    "solve_steady_states",
+]
 
 ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
 HARMONICS = Rule("Harmonics of the displacement, the mean apart.", at_least=1, at_most=64)
+
+USUAL_ACCURACY = 1e-4
+"""Relative error of the fundamental unless another is asked for: a tenth of ``NOTICEABLE``."""
+
+USUAL_HARMONICS = 7
+"""Harmonics of the displacement unless others are asked for: three odd ones above the fundamental."""
+
 LOCATED = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 _SECOND_LOOK = 8  # times the steps of the first transient
 
@@ -34,8 +48,8 @@ def solve_steady_states(
     force: ArrayLike,
     frequency: ArrayLike,
     *,
-    harmonics: int = 7,
-    accuracy: float = 1e-4,
+    harmonics: int = USUAL_HARMONICS,
+    accuracy: float = USUAL_ACCURACY,
     start: ArrayLike | None = None,
 ) -> SteadyStates:
     """Find where the response to f(t) = Re F exp(i omega t) repeats with the period of the force.
