@@ -10,6 +10,7 @@ import json
 import shutil
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -98,7 +99,7 @@ def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):
     with pytest.raises(CaseError, match=r"schema: is 7; 1 is needed"):
         rsgen.load_case(tmp_path / "case.toml")
     shutil.copy(folder / "surface.h5", tmp_path)
-    with surface_file.h5py.File(tmp_path / "surface.h5", "r+") as file:
+    with h5py.File(tmp_path / "surface.h5", "r+") as file:
         file.attrs["schema"] = 7
     with pytest.raises(MeasurementError, match=r"surface\.h5: is of schema 7; 1 is needed"):
         rsgen.load_surface(tmp_path / "surface.h5")

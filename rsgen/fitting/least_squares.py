@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from rsgen.arrays import Array
+from rsgen.distributions import chi_square_exceeded
 from rsgen.tolerances import GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
@@ -307,8 +307,8 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
     residual, _ = eliminate(line)
     distance = np.sum(residual**2, axis=1)
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
-    typical = float(np.median(distance[used])) / float(chdtri(freedom, 0.5)) if used.any() else 1.0
-    limit = max(float(chdtri(freedom, 1e-3 / len(distance))) * typical, _OUTLYING**2)
+    typical = float(np.median(distance[used])) / chi_square_exceeded(freedom, 0.5) if used.any() else 1.0
+    limit = max(chi_square_exceeded(freedom, 1e-3 / len(distance)) * typical, _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(OUTLIERS * len(order))
     if most < len(order):

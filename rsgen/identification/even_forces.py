@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
+from rsgen.distributions import t_quantile
 from rsgen.finding import Finding
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.problem import Problem
@@ -54,7 +54,7 @@ def widen_squares(problem: Problem, found: Regression) -> Regression:
     if not is_hidden(problem) or records_even(problem) or not law.mirrored:
         return found
     even, factor = list(law.even), np.ones(len(found.covariance))
-    wide = float(stdtrit(found.freedom, CONFIDENCE))
+    wide = float(t_quantile(found.freedom, CONFIDENCE))
     far = np.abs(found.parameters[even]) / (wide * np.sqrt(np.diag(found.covariance)[even]))
     low, high = np.sqrt(np.maximum(far**2 - 2 * far, 0.0)), np.sqrt(far**2 + 2 * far)
     factor[even] = np.fmax(np.where(low > 0, (high - low) / 2, high), 1.0)

@@ -25,9 +25,9 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
 
 from rsgen.arrays import Array, ComplexArray
+from rsgen.distributions import normal_quantile, t_quantile
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.points import Points
@@ -137,7 +137,8 @@ def _invert(
     value, slope = (part.reshape(_DRAWN, len(sine), functions) for part in b_splines(inside, knots, _DEGREE))
     operator = np.einsum("t,xtf->xf", weights * sine**2, value)
     operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
-    band = float(ndtri(CONFIDENCE)) * np.sqrt(variance) * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
+    wide = normal_quantile(CONFIDENCE) * np.sqrt(variance)
+    band = wide * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
     return x * largest, operator @ solution, band, squares
 
 
@@ -218,7 +219,7 @@ def invert_motion(
         _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(GROUPS)
     ]
     bands = [
-        float(stdtrit(GROUPS - 1, CONFIDENCE))
+        float(t_quantile(GROUPS - 1, CONFIDENCE))
         * np.sqrt((GROUPS - 1) / GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
         for forces in (np.stack(each) for each in zip(*parts, strict=True))
     ]

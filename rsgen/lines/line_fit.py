@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtri, ndtr
 
 from rsgen.arrays import Array
+from rsgen.distributions import f_quantile, normal_share
 from rsgen.fitting.least_squares import determined, solve_scaled
 from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Balance, Lines, NoiseOfBalance
@@ -248,7 +248,7 @@ def chance_of_noise(lines: Lines, parameters: int) -> float:
     if more < 1:
         return EXCESS
     rest, near = max(2 * count - parameters, 1), more * (SMOOTHED + 1)
-    limit = float(fdtri(rest, 2 * more * count, 1 - ndtr(-CHANCE)))
+    limit = f_quantile(rest, 2 * more * count, 1 - normal_share(-CHANCE))
     return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
 
 

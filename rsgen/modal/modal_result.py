@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
 from rsgen.arrays import Array
+from rsgen.distributions import t_quantile
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding
 from rsgen.modal.modal_splines import ModalSplines
@@ -207,7 +207,7 @@ def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -
             "stiffness_per_mass": (k / m, (one / m, none, -k / m**2)),
             "damping_per_mass": (c / m, (none, one / m, -c / m**2)),
         }
-    wide = float(stdtrit(splines.freedom, CONFIDENCE))
+    wide = float(t_quantile(splines.freedom, CONFIDENCE))
     columns: dict[str, Array] = {}
     for name, (value, slopes) in values.items():
         slope = np.stack([np.broadcast_to(part, k.shape) for part in slopes], axis=1)

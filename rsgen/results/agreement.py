@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc, stdtrit
 
 from rsgen.arrays import Array
+from rsgen.distributions import f_tail, t_quantile
 from rsgen.finding import Finding, quantities
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
@@ -85,7 +85,7 @@ def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | No
     count = max(int(np.count_nonzero(whole.used)), 1)
     step = whole.basis @ across
     return Difference(
-        float(fdtrc(directions, whole.freedom, test)),
+        f_tail(directions, whole.freedom, test),
         float(np.sqrt(np.sum(apart**2) / count)),
         step @ apart,
         noise * np.sqrt(step**2 @ variance),
@@ -208,7 +208,7 @@ class Agreement:
         wider = np.maximum(_times(spread, np.diag(covariance)), shared)
         # the parts are compared by the errors of independent points
         times = _times(spread, np.sum(whole.basis**2, axis=1) * whole.noise**2)
-        interval = stdtrit(freedom, CONFIDENCE) / stdtrit(max(whole.freedom, 1), CONFIDENCE)
+        interval = t_quantile(freedom, CONFIDENCE) / t_quantile(max(whole.freedom, 1), CONFIDENCE)
         found = [
             Finding(
                 "intervals-widened",

@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from rsgen.arrays import Array
+from rsgen.distributions import t_quantile
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
 from rsgen.fitting.fit import Solution
@@ -57,7 +57,7 @@ def make_estimates(
     values = np.append(found.values, found.mass) if model.mass is None else found.values
     names = names_of(law, model)
     variance = np.diag(found.covariance)
-    wides = np.broadcast_to(stdtrit(found.freedom, CONFIDENCE), variance.shape).tolist()
+    wides = np.broadcast_to(t_quantile(found.freedom, CONFIDENCE), variance.shape).tolist()
     units = units_of(model) if units is None else units
     estimates = []
     for name, value, var, wide in zip(names, values, variance, wides, strict=True):
@@ -92,7 +92,7 @@ def state_background(
     shape, points = observed.background, observed.points
     if not len(values):
         return None
-    wide = float(stdtrit(freedom, CONFIDENCE))
+    wide = float(t_quantile(freedom, CONFIDENCE))
     errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
     units = [per_mass_unit(unit).replace("1/kg*kg", "") if per_mass else unit for unit in shape.units]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.progress import STAGES, Expectation, Step, expect
 from rsgen.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
-from rsgen.study.run_cases import run_cases
+
+if TYPE_CHECKING:
+    from rsgen.study.many_cases import run_cases
 
 __all__ = [
     "MANIFEST",
@@ -20,3 +24,12 @@ __all__ = [
     "run_case",
     "run_cases",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    # on first use: most commands have one case and need no processes
+    if name != "run_cases":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from rsgen.study.many_cases import run_cases
+
+    return run_cases

@@ -11,7 +11,6 @@ from pathlib import Path
 from threading import Timer
 from typing import Any, BinaryIO
 
-import h5py
 import numpy as np
 
 from rsgen.confined import READY, command, environment
@@ -42,6 +41,8 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     RsgenError
         The file cannot be written; what was there before is still there.
     """
+    import h5py  # whatever handles surfaces loads this module, and few of them write one
+
     require(surface, ResponseSurface, "surface")
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:

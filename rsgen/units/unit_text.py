@@ -87,8 +87,8 @@ def _registry() -> UnitRegistry[float]:
     return pint.UnitRegistry()
 
 
-def _si_names() -> dict[str, Unit]:
-    """Units of SI that nearly every case has, which need no registry: its loading takes 0.3 s."""
+def _known_names() -> dict[str, Unit]:
+    """Units that nearly every case or file has, which need no registry: its loading takes 0.3 s."""
     kilogram, metre, second = (Dimension({name: Fraction(1)}) for name in ("kg", "m", "s"))
     bases = {
         "N": Unit(Fraction(1), kilogram * metre * second ** Fraction(-2)),
@@ -98,14 +98,21 @@ def _si_names() -> dict[str, Unit]:
         "Hz": Unit(Fraction(1), Dimension({"Hz": Fraction(1)})),
         "rad": _ONE,
     }
+    micro = dict.fromkeys(("u", "\u00b5", "\u03bc"), "1e-6")
+    prefixes: dict[str, int | str] = {"": 1, "k": 1000, "m": "1/1000", **micro}
     return {
         prefix + name: Unit(Fraction(size) * unit.factor, unit.dimension)
         for name, unit in bases.items()
-        for prefix, size in (("", 1), ("k", 1000), ("m", "1/1000"))
+        for prefix, size in prefixes.items()
+    } | {
+        "deg": Unit(_factor(math.pi / 180), NUMBER),
+        "%": Unit(Fraction(1, 100), NUMBER),
+        # accelerometers give it
+        "standard_gravity": Unit(Fraction("9.80665"), metre * second ** Fraction(-2)),
     }
 
 
-_SI = _si_names() | {"deg": Unit(_factor(math.pi / 180), NUMBER)}
+_KNOWN = _known_names()
 
 
 @lru_cache(maxsize=500)
@@ -117,8 +124,8 @@ def _named(name: str) -> Unit:
     RsgenError
         The name is unknown, or the unit is not proportional to its SI unit (degC, dB).
     """
-    if name in _SI:
-        return _SI[name]
+    if name in _KNOWN:
+        return _KNOWN[name]
     registry = _registry()
     spelled = "percent" if name == "%" else name
     meanings = registry.parse_unit_name(spelled)

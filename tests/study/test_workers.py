@@ -9,7 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 
 from rsgen.case import load_case
-from rsgen.study.run_cases import _outcome
+from rsgen.study.many_cases import _outcome
 from rsgen.study.workers import _Processes, local_workers
 from tests.study.test_study import write_case
 
