@@ -8,7 +8,7 @@ __all__ = [
     "MEANINGLESS", "MOVE", "NEAR_STEPS", "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER",
     "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES",
     "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL",
-    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "samples_for",
+    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "UNCHANGED", "samples_for",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -170,6 +170,10 @@ digits, and a dozen leaves room for steps that had to be shortened."""
 TURNED = 0.785
 """A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another
 quantity differs; a reversed sign is off by a half."""
+
+UNCHANGED = 1e-3
+"""Misfits, or sums of squares, that differ by a smaller share are the same: a step between them was the last,
+and ends of a search with them are one solution, as of sliders that change places."""
 
 
 def samples_for(switched: bool) -> int:

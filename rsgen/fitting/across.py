@@ -143,10 +143,6 @@ class MeasuredAcross:
         self.noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
         return True
 
-    def forget_noise(self) -> None:
-        """Let the motion across go with the response again."""
-        self.noise = None
-
     def _moved(self, values: Array, motion: Waves) -> ComplexArray:
         """(n,) change of the force across with a part of the motion, by its logarithm."""
         high, low = (

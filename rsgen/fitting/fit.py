@@ -200,7 +200,7 @@ def fit_balance(
         weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
         if is_systematic(weighed.residual, mode.pairs(weighed.used)):
             # a misfit of the law is no noise: where it is, points count by their force
-            forward.forget_noise()
+            forward.noise = None
         else:
             found = weighed
     # first order is what it says, not what a coarse sum makes of it

@@ -310,9 +310,6 @@ class HarmonicBalance:
         """Count noise of other motions that were measured, as the law at (p,) values does: there are none."""
         return False
 
-    def forget_noise(self) -> None:
-        """Have no noise but that of force and response."""
-
     def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
         """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
         parameters = np.append(values, mass)

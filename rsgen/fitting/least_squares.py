@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.distributions import chi_square_exceeded
-from rsgen.tolerances import GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS
+from rsgen.tolerances import GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS, UNCHANGED
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 
@@ -23,9 +23,6 @@ Mask = NDArray[np.bool_]
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
-
-_UNCHANGED = 1e-3
-"""A step that lowers the sum of squares by a smaller share was the last where the prediction is no better."""
 
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
@@ -281,7 +278,7 @@ def _descend(
                 (parameters, nuisance), line = moved, trial
                 realised = (before - after) * residual[good].size / max(after, 1e-300)
                 break
-        least = max(GAIN, _UNCHANGED * residual[good].size) if reached else GAIN
+        least = max(GAIN, UNCHANGED * residual[good].size) if reached else GAIN
         if realised < least or relative < ROUND_OFF:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0

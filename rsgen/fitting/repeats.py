@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.arrays import Array
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.points import ASYMMETRIC, Points
+from rsgen.fitting.points import ASYMMETRIC
 from rsgen.surface import ResponseSurface
 from rsgen.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 
-__all__ = ["JUMP", "Repeats", "gather_repeats", "with_repeats"]
+__all__ = ["JUMP", "Repeats", "gather_repeats"]
 
 
 JUMP = 1.5
@@ -251,12 +250,3 @@ def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.
         limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS)))
         far[rows] = distance > limit
     return far
-
-
-def with_repeats(regression: Regression, points: Points, repeats: Repeats | None) -> tuple[Regression, Array]:
-    """Give a regression the covariance that repeats show, and degrees of freedom (q,); infinite without."""
-    if repeats is None:
-        return regression, np.full(len(regression.parameters), np.inf)
-    covariance, freedom = repeats.covariance(points.index, regression.influence)
-    covariance[np.isnan(regression.covariance)] = np.nan
-    return replace(regression, covariance=covariance), freedom

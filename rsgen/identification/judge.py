@@ -17,7 +17,7 @@ from rsgen.fitting.observed import Observed, shape_of
 from rsgen.fitting.phase_resonance import loop_error
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
-from rsgen.fitting.repeats import with_repeats
+from rsgen.fitting.repeats import Repeats
 from rsgen.fitting.systematic import is_systematic
 from rsgen.identification.across_findings import left_out_findings, noise_across_findings
 from rsgen.identification.even_forces import explain_hidden, mirror_findings, widen_squares
@@ -49,7 +49,7 @@ Table = TypeVar("Table", Points, ResponseSurface)
 
 def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     """Estimates of all three kinds, what they rest on, and what to know about them."""
-    law, (whole, each) = test.problem.law, with_repeats(refined.regression, test.points, test.repeats)
+    law, (whole, each) = test.problem.law, _with_repeats(refined.regression, test.points, test.repeats)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
     _require_followed(used, model)
@@ -109,6 +109,17 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         background=_background(refined, whole, per_mass=surface.per_mass),
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
+
+
+def _with_repeats(
+    regression: Regression, points: Points, repeats: Repeats | None
+) -> tuple[Regression, Array]:
+    """Give a regression the covariance that repeats show, and degrees of freedom (q,); infinite without."""
+    if repeats is None:
+        return regression, np.full(len(regression.parameters), np.inf)
+    covariance, freedom = repeats.covariance(points.index, regression.influence)
+    covariance[np.isnan(regression.covariance)] = np.nan
+    return replace(regression, covariance=covariance), freedom
 
 
 def _require_followed(used: NDArray[np.bool_], model: Model) -> None:

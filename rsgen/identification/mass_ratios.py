@@ -35,7 +35,7 @@ from rsgen.surface.plausibility import plausibility_findings
 from rsgen.tolerances import DAMPED, LIGHT, samples_for
 from rsgen.units import per_mass_unit
 
-__all__ = ["identify_ratios", "resonance_findings", "without_mass"]
+__all__ = ["identify_ratios", "resonance_findings"]
 
 _SCALES = 1e-6
 """Share of the stiffness of a law that may not scale with its parameters: quadrature leaves less. A law of
@@ -86,13 +86,6 @@ def identify_ratios(
     if powers is None:
         return None
     return _Ratios(surface, points, model, powers, (light, damped)).identification()
-
-
-def without_mass(points: Points, law: ForceLaw | None = None) -> tuple[Finding, ...]:
-    """Foresee that no mass follows from the points of a test with a law, or with any where it is None."""
-    if not at_resonance_alone(points) or (law is not None and law.remembers):
-        return ()
-    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
 def resonance_findings(

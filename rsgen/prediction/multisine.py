@@ -13,8 +13,8 @@ from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity, quantities
 from rsgen.law.numeric import compile_law
 from rsgen.lines import MultisineIdentification
-from rsgen.lines.identify_multisine import held_out_records
 from rsgen.multisine import MultisineSpectra
+from rsgen.multisine.records import held_out_records
 from rsgen.multisine.steady import periodic_response
 from rsgen.prediction.prediction_result import BEYOND, Prediction, severity_of_error
 from rsgen.surface import ResponseSurface

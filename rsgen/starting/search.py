@@ -15,7 +15,7 @@ from rsgen.fitting.least_squares import solve_scaled
 from rsgen.law.natural_sizes import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.starting.equations import Equations, equation_rows, rows_of_trials
-from rsgen.tolerances import SIGNIFICANT, TRIALS
+from rsgen.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
 
 __all__ = ["search_nonlinear"]
 
@@ -39,10 +39,6 @@ sliders every third trial leads to the solution, so that sixteen miss it once in
 _POSITIVE = TRIALS // 2
 """Trials of a law with memory in which all is positive, as forces, stiffnesses and lengths are. With
 all signs one of 2^q trials of q parameters would be, and the solution of LuGre's law is missed."""
-
-_SAME_END = 1e-3
-"""Sums of squares of ends that differ by less, relative, are those of one solution: sliders that change
-places, or a parameter that has no effect."""
 
 _POLISHED = 2
 """Ends of these that are followed on with all points."""
@@ -231,7 +227,7 @@ class _Search:
         ends = sorted((self.polish(start, coarse=True) for start in starts), key=lambda end: end[1])
         apart: list[tuple[Array, float]] = []
         for end in ends:
-            if not apart or end[1] > (1 + _SAME_END) * apart[-1][1]:
+            if not apart or end[1] > (1 + UNCHANGED) * apart[-1][1]:
                 apart.append(end)
         return [trial for trial, _ in apart[:_POLISHED]]
 

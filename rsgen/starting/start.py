@@ -27,7 +27,17 @@ from rsgen.starting.asymmetric import start_asymmetric
 from rsgen.starting.equations import Equations, equation_rows
 from rsgen.starting.search import search_nonlinear
 from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ANY_LAW, FLAT, LIGHT, POOR, QUICK, START_ORDER, TRIAL_STEPS, samples_for
+from rsgen.tolerances import (
+    ANY_LAW,
+    FLAT,
+    LIGHT,
+    POOR,
+    QUICK,
+    START_ORDER,
+    TRIAL_STEPS,
+    UNCHANGED,
+    samples_for,
+)
 
 __all__ = [
     "point_misfit",
@@ -65,9 +75,6 @@ _RESIDUE = 0.3
 
 _NEIGHBOURS = 4
 """Places of a neighbour from which the law itself is tried."""
-
-_WORTH = 0.999
-"""A round in which the law predicts the phases anew and leaves more of the misfit was the last."""
 
 
 def solve_equations(
@@ -330,7 +337,7 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solu
         found = solve_equations(equations, law, mass)
         balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
-        if start is not None and not misfit < _WORTH * best:
+        if start is not None and not misfit < (1 - UNCHANGED) * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)

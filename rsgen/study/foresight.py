@@ -6,13 +6,13 @@ import numpy as np
 
 from rsgen.case import Case
 from rsgen.errors import RsgenError
-from rsgen.finding import Finding
+from rsgen.finding import Finding, quantities
+from rsgen.fitting.phase_resonance import at_resonance_alone
 from rsgen.fitting.points import Points, select_points
 from rsgen.fitting.repeats import gather_repeats
-from rsgen.identification.mass_ratios import without_mass
 from rsgen.law.numeric import compile_law
-from rsgen.lines.identify_multisine import check_records, refuse_across
 from rsgen.multisine import MultisineSpectra
+from rsgen.multisine.records import check_records, refuse_across
 from rsgen.simulation import MultisineTest, SimulatedTest
 from rsgen.surface import ResponseSurface
 
@@ -24,7 +24,10 @@ def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
     if case.model.mass is not None or surface.per_mass or not surface.phase_known:
         return ()
     points = select_points(gather_repeats(surface)[0], case.model)
-    return without_mass(points, None if case.ranked else compile_law(case.model.force))
+    # a law with memory has its stiffness in the area of its loops
+    if not at_resonance_alone(points) or (not case.ranked and compile_law(case.model.force).remembers):
+        return ()
+    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
 def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None = None) -> list[str]:
