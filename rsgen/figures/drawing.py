@@ -143,7 +143,7 @@ class Drawing:
     name
         Short identifier, lower case and hyphens; stable, so that pages can link to it.
     figure
-        The matplotlib figure.
+        The matplotlib figure; panels and labels stay where they are when something in it is changed.
     caption
         One sentence: what to look at.
     alternative

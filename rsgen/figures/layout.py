@@ -83,9 +83,26 @@ def lay_out(figure: Figure) -> None:
     _place(figure, panels, bars, _guessed(panels, points, heading), pad)
     for _ in range(_PASSES):
         ticks = _ticks(panels)
-        _place(figure, panels, bars, _measured(panels, bars, renderer, points, heading), pad)
+        around = _measured(panels, bars, renderer, points, heading)
+        labels = [_label_places(axes) for axes in (*panels, *bars)]
+        _place(figure, panels, bars, around, pad)
         if _ticks(panels) == ticks:
             break
+    for axes, (beside, below) in zip((*panels, *bars), labels, strict=True):
+        # drawing would look for them again each time, by measuring all numbers of the axis
+        axes.yaxis.set_label_coords(_is_right(axes) + beside / axes.bbox.width, 0.5)
+        axes.xaxis.set_label_coords(0.5, below / axes.bbox.height)
+
+
+def _is_right(axes: Axes) -> bool:
+    # its type names the places of an abscissa
+    return str(axes.yaxis.get_label_position()) == "right"
+
+
+def _label_places(axes: Axes) -> tuple[float, float]:
+    """Pixels by which the ordinate's label is right of its edge, and the abscissa's above its own."""
+    beside, below = axes.yaxis.label.get_position()[0], axes.xaxis.label.get_position()[1]
+    return float(beside - (axes.bbox.x1 if _is_right(axes) else axes.bbox.x0)), float(below - axes.bbox.y0)
 
 
 def _ticks(panels: Sequence[Axes]) -> list[list[float]]:
