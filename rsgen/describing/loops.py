@@ -7,7 +7,7 @@ law half a turn with the sign turned does the same, and finds the centred loop w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -232,13 +232,20 @@ def try_loops(loop: Loop) -> float:
     Raises
     ------
     ExpressionError
-        Not one of them closes.
+        Not one of them closes, or to follow them takes too many steps.
     """
+    loop = replace(loop, system=loop.system.within_budget())
     rng = np.random.default_rng(8)
     values = {name: np.exp(rng.uniform(-1, 1, TRIALS)) for name in loop.parameters}
     amplitude, omega = np.exp(rng.uniform(-2, 1, TRIALS)), np.exp(rng.uniform(-1, 1, TRIALS))
     found = loop.harmonics(amplitude, np.zeros(TRIALS), omega, values)
     closed = np.flatnonzero(np.isfinite(found[0]))
+    if loop.system.work is not None and loop.system.work.done:
+        raise ExpressionError(
+            f"memory: to follow {loop.states} around a loop takes too many steps at {TRIALS} amplitudes from "
+            f"{amplitude.min():.3g} to {amplitude.max():.3g} m: it changes much faster than the motion, or "
+            "at too many switches"
+        )
     if not len(closed):
         raise ExpressionError(
             f"memory: the loop of {loop.states} does not close at X = {amplitude[0]:.3g} m or any of "
@@ -251,5 +258,6 @@ def try_loops(loop: Loop) -> float:
         # a state that stays where it is has a mean force alone
         size = abs(stiffness) + omega[row] * abs(damping) + abs(found[2][row]) / amplitude[row]
         differences = (found[0][row] - stiffness, omega[row] * (found[1][row] - damping))
-        worst = max(worst, miss, *(abs(difference) / size for difference in differences))
+        # no force at all is none, however it is reached
+        worst = max(worst, miss, *(abs(difference) / (size or 1.0) for difference in differences))
     return float(worst)

@@ -7,7 +7,7 @@ turning points is integrated by extrapolation of the midpoint rule (Gragg; Bulir
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -47,6 +47,13 @@ CROSSING = 1e-12
 HALVINGS = 60
 """Steps to a crossing; ten are enough where it is simple."""
 
+MOST_WORK = 150_000
+"""Steps of one trial times operations of the law in each, about three seconds: a state that is a thousand
+times faster than the motion takes a hundred thousand."""
+
+LEAST_OPERATIONS = 10
+"""What a step costs beside the operations of the law."""
+
 Rows = NDArray[np.intp]
 
 _STEPS = tuple(2 * (column + 1) for column in range(COLUMNS))
@@ -73,6 +80,18 @@ class Cycles:
         )  # fmt: skip
 
 
+@dataclass(slots=True)
+class Work:
+    """A budget in steps, so that an answer does not depend on the speed of the machine."""
+
+    steps: int
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left."""
+        return self.steps < 0
+
+
 @dataclass(frozen=True, slots=True)
 class System:
     """A force f(x, v, z), the equations of its states, and all switches in them.
@@ -91,6 +110,8 @@ class System:
         Those whose passage depends on more than the sign of v.
     flags
         Symbols of ``switches``, then that of the sign of v.
+    work
+        Steps that are left; None where no budget limits them. What is not finished then is nan.
     """
 
     force: sympy.Expr
@@ -99,6 +120,12 @@ class System:
     modes: tuple[sympy.Expr, ...]
     switches: tuple[sympy.Expr, ...]
     flags: tuple[sympy.Symbol, ...]
+    work: Work | None = None
+
+    def within_budget(self) -> System:
+        """Give the same with a budget for one trial."""
+        operations = LEAST_OPERATIONS + sum(int(mode.count_ops()) for mode in self.modes)
+        return replace(self, work=Work(MOST_WORK // operations))
 
     @classmethod
     def of(cls, force: sympy.Expr, rates: tuple[Rate, ...]) -> System:
@@ -153,6 +180,8 @@ class System:
         self, function: Numeric, phi: Array, step: Array, state: Array, flags: Array, cycles: Cycles
     ) -> tuple[Array, Array]:
         """Extrapolate midpoint rules over a step; the new state and its error."""
+        if self.work is not None:
+            self.work.steps -= 1
         first = self._slope(function, phi, state, flags, cycles)
         table: list[Array] = []
         with np.errstate(all="ignore"):
@@ -183,6 +212,8 @@ class System:
         held = np.zeros(n, dtype=bool)
         beyond, reach = np.zeros(state.shape), np.zeros(n)
         for _ in range(MOST_STEPS):
+            if self.work is not None and self.work.done:
+                break
             rows = np.flatnonzero((stop - phi > 1e-14) & ~held)
             if not len(rows):
                 rows = np.flatnonzero(held)
@@ -257,7 +288,7 @@ class System:
         weight_low, weight_high, side = below.copy(), above.copy(), np.zeros(len(rows))
         for _ in range(HALVINGS):
             open_ = np.flatnonzero(~at_once & (high - low > 1e-13) & (np.abs(above) > small))
-            if not len(open_):
+            if not len(open_) or (self.work is not None and self.work.done):
                 break
             a, b = low[open_], high[open_]
             guess = a + (b - a) * weight_low[open_] / (weight_low[open_] - weight_high[open_])

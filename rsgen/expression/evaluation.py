@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from math import isfinite
 from typing import Any
@@ -71,8 +71,24 @@ def _printer() -> Any:
     printer._print_Or = lambda expr: nested("logical_or", expr.args)
     printer._print_Piecewise = cases
     printer._print_Pow = product
+    # a pole that was found by hand, as of log(0)/0: no number has its sign
+    printer._print_ComplexInfinity = lambda expr: printer._module_format("numpy.nan")
     printer._print_Heaviside = lambda expr: nested("heaviside", (expr.args[0], sympy.Rational(1, 2)))
     return printer
+
+
+def _renamed(
+    expression: sympy.Basic, names: Mapping[sympy.Symbol, sympy.Symbol], done: dict[sympy.Basic, sympy.Basic]
+) -> sympy.Basic:
+    """Give every symbol its new name; the largest of several is not looked for anew, which takes seconds."""
+    if not expression.args:
+        return names.get(expression, expression)
+    if expression not in done:
+        arguments = tuple(_renamed(argument, names, done) for argument in expression.args)
+        plain = {"evaluate": False} if isinstance(expression, sympy.Max | sympy.Min) else {}
+        same = arguments == expression.args
+        done[expression] = expression if same else expression.func(*arguments, **plain)
+    return done[expression]
 
 
 @lru_cache(maxsize=512)
@@ -82,7 +98,7 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     Infinite and undefined values come back as inf and nan, without warnings.
     """
     names = {argument: sympy.Symbol(f"p{place}", real=True) for place, argument in enumerate(arguments)}
-    own = [expression.xreplace(names) for expression in expressions]
+    own = [_renamed(expression, names, {}) for expression in expressions]
     # the printer names the functions it uses; a module here would be imported whole
     constants = {"inf": np.inf, "nan": np.nan}
     function: Any = sympy.lambdify(
@@ -90,8 +106,8 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     )
 
     def evaluate(*values: Any) -> tuple[Array, ...]:
-        # a power of Python numbers beyond the range of a double is an error there, not infinite
-        places = (np.asarray(value, dtype=np.float64) for value in values)
+        # a power of Python's own numbers beyond the range of a double is an error, not infinite
+        places = (value if isinstance(value, np.ndarray) else np.float64(value) for value in values)
         with np.errstate(all="ignore"):
             return tuple(np.asarray(value, dtype=np.float64) for value in function(*places))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import IntEnum
+from functools import lru_cache
 from typing import ClassVar
 
 import sympy
@@ -24,7 +25,9 @@ from rsgen.expression.scanning import DIGITS
 
 __all__ = ["Level", "Printer", "decimal_text"]
 
+_ROUNDED = 15  # digits of such numbers
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
+_MOST_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
 _LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
@@ -71,6 +74,9 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     ('4.697', '21')
     """
     p, q = int(number.p), int(number.q)
+    if max(p.bit_length(), q.bit_length()) > _MOST_BITS:
+        mantissa, _, power = str(sympy.Float(number, _ROUNDED)).partition("e")
+        return mantissa.rstrip("0"), power.lstrip("+")
     if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _LARGEST_DENOMINATOR)):
         return None
     found = _digits(number)
@@ -95,14 +101,15 @@ class Printer(ABC):
 
     def write(self, expr: sympy.Basic, level: Level = Level.ANY) -> str:
         """The written form of any part of a formula, in parentheses where its surroundings need them."""
-        text, own = self._form(expr)
+        text, own = _form(self, expr)
         if expr.is_Add and level <= Level.SUM:
             below = common_denominator(expr)
             if below != 1 and decimal_text(sympy.Rational(1, below)) is None:
                 return self.shared(expr * below, sympy.Integer(below))
         return self.parenthesised(text) if own < level else text
 
-    def _form(self, expr: sympy.Basic) -> tuple[str, Level]:
+    def form(self, expr: sympy.Basic) -> tuple[str, Level]:
+        """Write a part of a formula, and say how tightly it holds together."""
         if isinstance(expr, sympy.Symbol | State):
             return self.name(expr.name), Level.ATOM
         if expr.is_Float:
@@ -169,7 +176,7 @@ class Printer(ABC):
             return Level.PRODUCT
         if not upper or upper[0].is_Rational:
             return self.number_level(upper[0]) if upper else Level.ATOM
-        return self._form(upper[0])[1]
+        return _form(self, upper[0])[1]
 
     def condition(self, condition: sympy.Basic, inner: bool = False) -> str:
         """A condition of cases, the state on the left of each comparison, an interval as a < x < b."""
@@ -253,3 +260,9 @@ class Printer(ABC):
     @abstractmethod
     def cases(self, branches: Sequence[tuple[sympy.Expr, sympy.Basic]]) -> tuple[str, Level]:
         """A formula in pieces; the last condition is true."""
+
+
+@lru_cache(maxsize=4096)
+def _form(printer: Printer, expr: sympy.Basic) -> tuple[str, Level]:
+    """Write each part once: every level of a deep formula asks for its parts several times."""
+    return printer.form(expr)

@@ -26,6 +26,7 @@ from rsgen.law.loop_character import TriedLoops
 from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at
+from rsgen.law.slopes import slope_between_jumps
 from rsgen.law.virgin_curves import positive_in
 
 __all__ = ["Character", "character", "onset"]
@@ -116,7 +117,9 @@ def character(force: sympy.Expr) -> Character:
     pieces = normal_form(force).pieces
     linear = jointly_linear(pieces, parameters)
     onsets = _onsets(force, parameters)
-    even = tuple(i for i in linear if _is_mirrored(force.diff(parameters[i]), states, parameters, 1.0))
+    even = tuple(
+        i for i in linear if _is_mirrored(slope_between_jumps(force, parameters[i]), states, parameters, 1.0)
+    )
     without = force.subs({parameters[i]: 0 for i in even})
     return Character(
         parameters=tuple(str(p) for p in parameters),
@@ -166,7 +169,8 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     even = tuple(
         i
         for i in linear
-        if parameters[i] not in remembered and _is_mirrored(law.diff(parameters[i]), moving, parameters, 1.0)
+        if parameters[i] not in remembered
+        and _is_mirrored(slope_between_jumps(law, parameters[i]), moving, parameters, 1.0)
     )
     without = law.subs({parameters[i]: 0 for i in even})
     odd = all(_is_mirrored(rate, moving, parameters, -1.0) for rate in rates.values())
@@ -216,8 +220,13 @@ def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
 
 
 def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) -> bool | None:
-    value = expanded(term.subs(variable, threshold))
-    if value.is_zero:
+    try:
+        value = expanded(term.subs(variable, threshold))
+        zero = value.is_zero
+    except OverflowError:
+        # a number such as cosh(besseli(0, 1e29)) says nothing
+        return None
+    if zero:
         return False
     if value.has(sympy.nan):
         return None

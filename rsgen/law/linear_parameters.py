@@ -118,7 +118,8 @@ def vanishes(expression: sympy.Expr) -> bool:
     # sizes differ, so that what a large number in a law hides at most places shows at some
     places = 10.0 ** generator.uniform(-4, 4, (len(variables), PLACES)) * generator.uniform(0.5, 2.0, PLACES)
     values = np.array([np.broadcast_to(part, PLACES) for part in compiled(parts, variables)(*places)])
-    size = np.sum(np.abs(values), axis=0)
+    with np.errstate(over="ignore"):
+        size = np.sum(np.abs(values), axis=0)
     shown = np.isfinite(size) & (size > 0)
     return bool(shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= SAME * size[shown]))
 

@@ -112,6 +112,7 @@ def _curves(force: sympy.Expr) -> Iterator[Finding]:
             yield Finding("virgin-curve-negative", "warning", names=names)
 
 
+@np.errstate(all="ignore")
 def _tried(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
     """Places (1, x), forces (t, x) and energies of a cycle (t, x), at values at which it begins positive.
 

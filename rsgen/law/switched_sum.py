@@ -17,6 +17,7 @@ import sympy
 from rsgen.arrays import Array
 from rsgen.expression.evaluation import Numeric, compiled
 from rsgen.law.pieces import normal_form
+from rsgen.law.slopes import slope_between_jumps
 
 __all__ = ["SwitchedSum", "switched_sum"]
 
@@ -155,7 +156,7 @@ def switched_sum(
     def emit_with_slopes(expression: sympy.Expr) -> tuple[int, tuple[int | None, ...]]:
         outputs.append(expression)
         value = len(outputs) - 1
-        return value, tuple(emit(_plain(expression.diff(p))) for p in variables)
+        return value, tuple(emit(slope_between_jumps(expression, p)) for p in variables)
 
     steps = [_Step(*emit_with_slopes(function)) for function in switches]
     terms = [
@@ -170,13 +171,3 @@ def switched_sum(
         for piece in pieces
     ]
     return SwitchedSum(compiled(tuple(outputs), variables), tuple(terms), tuple(steps), len(variables))
-
-
-def _plain(expression: sympy.Expr) -> sympy.Expr:
-    """Drop the impulses that differentiating a jump leaves; the steps carry them."""
-    bare = expression.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
-    # of sign(p**(1/3)) SymPy does not know that it is real, and writes no impulse
-    return bare.replace(
-        lambda part: isinstance(part, sympy.Derivative) and isinstance(part.expr, sympy.sign),
-        lambda _: sympy.Integer(0),
-    )

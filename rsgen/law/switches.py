@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import sympy
 
@@ -139,10 +140,11 @@ def _sign_of_factor(factor: sympy.Expr) -> Form:
     return _other(factor) if known is None else known
 
 
-def _factors(function: sympy.Expr) -> list[tuple[sympy.Expr, int]]:
+@lru_cache(maxsize=4096)
+def _factors(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
     """Split into factors; numerator and denominator alike, since only signs matter."""
     if is_long(function):
-        return [(function, 1)]
+        return ((function, 1),)
     listed: list[tuple[sympy.Expr, int]] = []
     for part in sympy.fraction(sympy.together(function)):
         for base in sympy.Mul.make_args(part):
@@ -157,13 +159,14 @@ def _factors(function: sympy.Expr) -> list[tuple[sympy.Expr, int]]:
                 listed.extend((factor, exponent * order) for factor, order in factors)
             else:
                 listed.append((root, exponent))
-    return listed
+    return tuple(listed)
 
 
 def _has_long_numbers(expression: sympy.Expr) -> bool:
     return any(max(abs(int(n.p)), int(n.q)) > LARGEST_COEFFICIENT for n in expression.atoms(sympy.Rational))
 
 
+@lru_cache(maxsize=4096)
 def sign_of_smooth(function: sympy.Expr) -> Form:
     """Give sign(s) of a function without switches of its own, as a form."""
     sign = constant(1)

@@ -46,7 +46,8 @@ def check_virgin(curve: sympy.Expr) -> None:
     places = np.array([0.0, 1e-9, *(1e-3 * size for size in _TYPICAL)])
     (forces,) = law(places, *np.full((len(names), len(places)), _TYPICAL[0]))
     forces = np.broadcast_to(forces, places.shape)
-    if not abs(forces[0]) <= _AT_ZERO * max(1.0, float(np.nanmax(np.abs(forces)))):
+    largest = float(np.max(np.abs(forces), where=np.isfinite(forces), initial=1.0))
+    if not abs(forces[0]) <= _AT_ZERO * largest:
         raise ExpressionError(f"masing({text}): a virgin curve must be zero at x = 0")
     if np.all(forces[2:] < 0):
         raise ExpressionError(

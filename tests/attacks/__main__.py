@@ -22,6 +22,7 @@ COUNTS = {
     "output": 20,
     "readers": 5000,
     "expressions": 20_000,
+    "loops": 3000,
     "cases": 10_000,
     "surroundings": 60,
     "many": 500,

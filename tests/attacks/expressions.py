@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from rsgen.cli.derive_command import derive_command
+from rsgen.cli.law_notes import read_memory
 from rsgen.errors import RsgenError
 from rsgen.law.element import make_element
 from rsgen.units import parameter_units
@@ -35,14 +36,14 @@ def text_of(number: int, seed: int) -> tuple[str, str]:
     return make.__name__, make(rng)
 
 
-def answer(text: str) -> str:
+def answer(text: str, memory: Sequence[str] = ()) -> str:
     """Derive a text as ``rsgen derive`` does, and find the units of its parameters."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            derive_command(text, (), (), None, (), None, json=False, latex=False)
-            derive_command(text, (), (), None, (), None, json=True, latex=False)
-            parameter_units(make_element("law", text).force)
+            derive_command(text, memory, (), None, (), None, json=False, latex=False)
+            derive_command(text, memory, (), None, (), None, json=True, latex=False)
+            parameter_units(make_element("law", text, read_memory(memory)).force)
         except RsgenError as fault:
             sentence = str(fault)
             plain = len(sentence) < LONGEST and sentence.replace("\n", " ").isprintable()
