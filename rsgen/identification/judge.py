@@ -79,13 +79,11 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
+    outcome = _outcome(surface, points, estimates, refined)
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
-    outcome = _outcome(surface, points, estimates, refined)
     about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
-    errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
-    about = (*about, *left_out_findings(refined, errors))
-    about = (*about, *noise_across_findings(refined, errors, misfits=misfits))
+    about = (*about, *_across(refined, estimates, misfits=misfits))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
@@ -109,6 +107,13 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         background=_background(refined, whole, per_mass=surface.per_mass),
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
+
+
+def _across(refined: Fit, estimates: tuple[Estimate, ...], *, misfits: bool) -> tuple[Finding, ...]:
+    """What sensors on both sides of a joint leave open of the values."""
+    errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
+    noise = noise_across_findings(refined, errors, misfits=misfits)
+    return (*left_out_findings(refined, errors), *noise)
 
 
 def _with_repeats(
