@@ -101,8 +101,9 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     own = [_renamed(expression, names, {}) for expression in expressions]
     # the printer names the functions it uses; a module here would be imported whole
     constants = {"inf": np.inf, "nan": np.nan}
+    # no docstring: the formula would be written there, with numbers of thousands of digits
     function: Any = sympy.lambdify(
-        list(names.values()), own, modules=[constants], printer=_printer(), cse=True
+        list(names.values()), own, modules=[constants], printer=_printer(), cse=True, docstring_limit=0
     )
 
     def evaluate(*values: Any) -> tuple[Array, ...]:

@@ -50,8 +50,8 @@ LARGEST_EXPANSION = 400
 LARGEST_PARTS = 10_000
 """Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
 
-MOST_OPERATIONS = 4000
-"""In all pieces and switch functions together. Ten elements of the library have a few hundred; what has more
+MOST_OPERATIONS = 2500
+"""In all pieces and switch functions together. Ten elements of the library have 600 at most; what has more
 comes from texts of a few operations whose pieces multiply, and takes minutes to differentiate."""
 
 LARGEST_FRACTION = 400

@@ -54,7 +54,7 @@ def test_numbers_that_nobody_writes_are_not_factored() -> None:
 
 
 def test_pieces_of_thousands_of_operations_are_refused() -> None:
-    with pytest.raises(ExpressionError, match="operations, at most 4000 are allowed"):
+    with pytest.raises(ExpressionError, match="operations, at most 2500 are allowed"):
         derive("Max(Min(v, x, w0, 0)**-2, sin(v)**64, x/Piecewise((1e300, k > v), (b, True)))")
 
 
