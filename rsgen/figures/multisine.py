@@ -27,8 +27,13 @@ _FLOOR = 1e-7
 
 
 def _semilog(axes: Axes, frequency: Array, values: Array, **look: Any) -> None:
-    """A line over frequency on a logarithmic scale; what is zero or unknown is left out."""
-    axes.semilogy(frequency, np.where(values > 0, values, np.nan), **look)
+    """A line over frequency on a logarithmic scale; what is zero or unknown is left out.
+
+    The neighbours of what is left out are joined: between lines that are not excited the others would be
+    single points, which have no line.
+    """
+    shown = values > 0
+    axes.semilogy(frequency[shown], values[shown], **look)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
 
 
@@ -107,7 +112,7 @@ def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
     for lines, name, mark in ((one.even, "even lines", "s"), (one.odd, "odd lines, not excited", "^")):
         if lines is not None and len(lines.frequency):
             values = np.where(lines.response > 0, lines.response, np.nan) / scale.factor
-            axes.semilogy(lines.frequency, values, mark, ms=2.2, mfc="none", mew=0.7, label=name)
+            axes.plot(lines.frequency, values, mark, ms=2.2, mfc="none", mew=0.7, label=name)
     axes.set_xlim(one.frequency[0], one.frequency[-1])
     axes.set_ylabel(scale.label(f"Lines at {quantity_text(one.level, 'N', 3)}"))
     _limit(axes, float(one.response.max()) / scale.factor)
@@ -148,7 +153,8 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
         axes.set_ylabel(scale.label(f"Level {quantity_text(float(level[place]), 'N', 3)}"))
         _limit(axes, float(force.max()) / scale.factor)
         share = float(np.linalg.norm(left) / np.linalg.norm(force))
-        times = float(np.sqrt(np.mean((left / noise) ** 2))) if np.isfinite(noise).all() else float("nan")
+        known = bool(np.isfinite(noise).all() and noise.all())
+        times = float(np.sqrt(np.mean((left / noise) ** 2))) if known else float("nan")
         beside = f", {number_text(times, 2)} times its noise" if np.isfinite(times) else ""
         texts.append(
             f"At {quantity_text(float(level[place]), 'N', 3)} the law leaves "

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen import figures
 from rsgen.errors import RsgenError
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
@@ -47,6 +48,18 @@ def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
         assert found[each].value == pytest.approx(true, rel=0.01), each
     codes = {finding.code for finding in found.findings}
     assert ("one-period" if periods == 1 else "law-leaves-distortion") in codes
+
+
+@pytest.mark.slow
+def test_figures_join_the_excited_lines_and_print_plain_numbers() -> None:
+    found = rsgen.identify(simulated("cubic", (1.0, 3.0), periods=2), LAWS["cubic"][0])
+    for draw in (figures.draw_best_linear, figures.draw_line_misfit):
+        drawing = draw(found)
+        assert b"mathdefault" not in drawing.render("svg")
+        for axes in drawing.figure.axes:
+            height = axes.get_lines()[0].get_ydata()
+            assert len(height) > 10
+            assert np.isfinite(height).all(), "a point between two gaps is not drawn"
 
 
 @pytest.mark.slow
