@@ -1,4 +1,4 @@
-"""Laws whose elements follow motions of their own."""
+"""Laws of which some elements follow the motion across two sensors."""
 
 from __future__ import annotations
 
