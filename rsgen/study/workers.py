@@ -106,7 +106,12 @@ def _beginning(share: int) -> Iterator[None]:
     threads = dict.fromkeys(ALGEBRA, "1") | {"RSGEN_THREADS": str(share)}
     added = [name for name in threads if name not in os.environ]
     os.environ.update({name: threads[name] for name in added})
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else None
+    mask = None
+    if os.name == "posix":
+        # Python begins this process at the first lock, and lets Ctrl-C in again when it has
+        tracker: Any = importlib.import_module("multiprocessing.resource_tracker")
+        tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:

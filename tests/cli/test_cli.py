@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -489,6 +490,41 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     left = list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else []
     assert [path for path in left if read_manifest(path) is None] == []
     assert len(left) < 2
+
+
+def importing(parent: int) -> bool:
+    """Whether a worker of a process has begun to import what it needs."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            status, maps = (folder / "stat").read_text(), (folder / "maps").read_text()
+            spawned = b"spawn_main" in (folder / "cmdline").read_bytes()
+            if (
+                spawned
+                and int(status.rpartition(")")[2].split()[1]) == parent
+                and "_multiarray_umath" in maps
+            ):
+                return True
+    return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux shows what a process has loaded")
+@pytest.mark.slow
+def test_an_interrupt_while_workers_begin_has_no_traceback(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
+    process = subprocess.Popen(
+        [*PROGRAM, "run", tmp_path, "--jobs", "2", "--out", tmp_path / "out"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while not importing(process.pid) and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "rsgen: interrupted; nothing half-written was left\n")
 
 
 @pytest.mark.slow
