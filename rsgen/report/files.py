@@ -238,9 +238,8 @@ def _write_files(
     write_atomic(place / "result.json", result_text(result))
     write_atomic(place / THUMBNAIL, picture_svg(draw_thumbnail(surface)))
     drawings = draw_all(subject, surface, identification, prediction, modal)
-    if figures is not None:
-        for drawing in drawings:
-            write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(figures))
+    for drawing in drawings if figures is not None else ():
+        write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(str(figures)))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(given.loaded, surface, spent, command)
     page = render_page(
