@@ -124,7 +124,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
 def _row(name: str, unit: str, found: Mapping[str, Sequence[float]]) -> str:
     middle = [median(each) for each in found.values()]
     cells = [f"{value:.2f} {unit}" if unit != "MB" else f"{value:.0f} MB" for value in middle]
-    ratio = f"{middle[0] / middle[-1]:.2f}" if len(middle) > 1 else ""
+    ratio = f"{middle[0] / middle[-1]:.2f}" if len(middle) > 1 and unit == "s" else ""
     return "| " + " | ".join([name, *cells, ratio]) + " |"
 
 
@@ -197,8 +197,9 @@ def table(commit: str | None = None) -> list[str]:
         return [
             "## What a user waits for",
             "",
-            f"Medians of {RUNS} runs in turns, whole processes, kernels compiled before where nothing else",
-            f"is said. Load of the machine at the end: {os.getloadavg()[0]:.1f}.",
+            f"Medians of {RUNS} runs in turns (1 to 3 of what takes longer), whole processes, kernels",
+            "compiled before where nothing else is said; of identifications the best of three in a process.",
+            f"Load of the machine at the end: {os.getloadavg()[0]:.1f}.",
             "",
             "| " + " | ".join(head) + " |",
             "|" + "---|" * len(head),

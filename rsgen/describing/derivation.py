@@ -134,7 +134,10 @@ def _closed_forms(law: _Law, mean: sympy.Expr, whole: Trial) -> _Closed:
     """Find closed forms for the whole law, or else addend by addend, and prove them."""
     powers = sum(_powers(a) for piece in law.form.pieces for a in sympy.Add.make_args(piece.term))
     if powers > MOST_POWERS:
-        remark = f"Closed forms are looked for up to {MOST_POWERS} powers of x and v; the law has {powers}."
+        remark = (
+            f"Closed forms are looked for where powers of x and v, added up, are {MOST_POWERS} at most; here "
+            f"they are {powers}."
+        )
         return _Closed(None, _NOTHING, law.force, None, (remark,))
     part = close(law.form, mean)
     if part is not None:

@@ -25,9 +25,9 @@ from rsgen.expression.scanning import DIGITS
 
 __all__ = ["Level", "Printer", "decimal_text"]
 
-_ROUNDED = 15  # digits of such numbers
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
 _MOST_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
+_ROUNDED = 15  # to so many digits, and are not read back
 _LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
@@ -76,7 +76,7 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     p, q = int(number.p), int(number.q)
     if max(p.bit_length(), q.bit_length()) > _MOST_BITS:
         mantissa, _, power = str(sympy.Float(number, _ROUNDED)).partition("e")
-        return mantissa.rstrip("0"), power.lstrip("+")
+        return mantissa.rstrip("0").rstrip("."), power.lstrip("+")
     if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _LARGEST_DENOMINATOR)):
         return None
     found = _digits(number)

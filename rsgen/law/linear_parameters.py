@@ -81,9 +81,14 @@ def jointly_linear(
 
 
 def _bent(terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]) -> set[tuple[int, int]]:
-    """Find pairs of parameters in which a term is clearly not linear at once, by second differences."""
+    """Find pairs of parameters in which a term is clearly not linear at once, by second differences.
+
+    What is left of them is compared with all addends, whose round-off (x - b)**7 consists of near x = b.
+    """
+    parts = [sympy.Add.make_args(expanded(term)) for term in terms]
+    starts = np.cumsum([0, *(len(part) for part in parts[:-1])])
     states = tuple(sorted({s for term in terms for s in term.free_symbols} - set(parameters), key=str))
-    law = compiled(tuple(terms), (*states, *parameters))
+    law = compiled(tuple(addend for part in parts for addend in part), (*states, *parameters))
     generator = np.random.default_rng(0)
     places = np.exp(generator.normal(size=(len(states) + len(parameters), PLACES)))
 
@@ -93,13 +98,15 @@ def _bent(terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]) -> se
             trial[len(states) + i] += 0.5 * places[len(states) + i]
         return np.array([np.broadcast_to(value, PLACES) for value in law(*trial)])
 
+    if not parts:
+        return set()
     still, once = moved(), [moved(i) for i in range(len(parameters))]
     found = set()
     with np.errstate(all="ignore"):
         for i, j in combinations_with_replacement(range(len(parameters)), 2):
             corners = np.array([still, -once[i], -once[j], moved(i, j)])
-            size = np.abs(corners).max(axis=0)
-            bend = np.abs(corners.sum(axis=0))
+            size = np.add.reduceat(np.abs(corners).max(axis=0), starts)
+            bend = np.abs(np.add.reduceat(corners.sum(axis=0), starts))
             if np.any((bend > _CLEAR * size) & np.isfinite(size)):
                 found.add((i, j))
     return found

@@ -168,8 +168,8 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     operations += sum(function.count_ops() for key in form for function in key.others)
     if operations > MOST_OPERATIONS:
         raise ExpressionError(
-            f"law: its pieces behind switches take {operations} operations, at most {MOST_OPERATIONS} are "
-            "allowed; write it with fewer abs, sign, Min, Max, Piecewise"
+            f"law: its pieces, multiplied out, take {operations} operations, at most {MOST_OPERATIONS} are "
+            "allowed; write it with fewer abs, sign, Min, Max, Piecewise or powers of sums"
         )
     return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
 

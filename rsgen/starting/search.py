@@ -49,6 +49,9 @@ _HUGE = 1e100
 _SCANNED = 32
 """Points on which trials are compared: what differs there by less than noise is followed on more."""
 
+_EVERY = 2
+"""Of the values of a window, so many lie from one that is tried to the next."""
+
 _SWEEPS = 2
 """Sweeps over all parameters one by one, along every other value: the second sees what the first moved."""
 
@@ -216,7 +219,7 @@ class _Search:
         best = np.array(start)
         for _ in range(_SWEEPS):
             for i in self.free:
-                values = windows[i][::_SWEEPS]
+                values = windows[i][::_EVERY]
                 trials = np.repeat(best[None, :], len(values) + 1, axis=0)
                 trials[1:, i] = values
                 best = trials[int(np.argmin(self.costs(trials)))]

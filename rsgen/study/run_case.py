@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from pathlib import Path
 
 from rsgen.case import Case, load_case
@@ -100,7 +101,8 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     manifest = read_manifest(folder)
     if manifest is None or not inputs_unchanged(manifest, _inputs(case)) or RESULT not in manifest["files"]:
         return None
-    if figures and not any(name.endswith(f".{figures}") for name in manifest["files"]):
+    # the picture for the index is there in any case
+    if figures and not any(fnmatch(name, f"figure-*.{figures}") for name in manifest["files"]):
         return None
     try:
         passed, verdict = _said(folder)

@@ -1,6 +1,6 @@
 """A run of six cases on two processes, one of which is killed: what the others come to.
 
-The processes are those of a pool, and in every fourth attack the workers of a Dask cluster.
+The processes are those of a pool; then, in a fourth as many attacks, the workers of a Dask cluster.
 
 ``python -m tests.attacks.pool --count 20 --seed 1``
 """

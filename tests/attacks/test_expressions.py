@@ -99,10 +99,11 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         ("k*x + z", ("z = v*z**3",)),
         ("masing(k*x*(x/x - 1)/(x - x**1) + K*x/(1 + x/b))", ()),
         ("k*x*z", ("z = (besseli(2, k)/cos(x))**(1/3)*(64**n/c - Min(k3*x, 1e29, tan(x), v*7.5e-3))",)),
+        ("k*z", ("z = 300*(x - z)",)),
         ("k*x + c*v + sign(atan2(atan(x), k3)**-2)", ()),
         ("(c + x)**16 + (x + x + v)**58", ()),
     ],
-    ids=["no force", "no drive", "pole", "too stiff", "sign of a quotient", "degree 58"],
+    ids=["no force", "no drive", "pole", "too stiff", "stiff", "sign of a quotient", "degree 58"],
 )
 def test_a_law_that_once_got_through_has_an_answer(text: str, memory: tuple[str, ...]) -> None:
     begun = time.process_time()
