@@ -127,7 +127,7 @@ _NOTHING = (Reading(sympy.S.Zero, ()),) * 3
 
 MOST_POWERS = 1000
 """Powers of x and v in all addends of a law whose closed form is looked for: integrals take so many steps. A
-polynomial of degree 40 has 861, the law of ten saturations 300."""
+polynomial of degree 40 has 861, the law of ten saturations 200."""
 
 
 def _closed_forms(law: _Law, mean: sympy.Expr, whole: Trial) -> _Closed:

@@ -323,7 +323,10 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
     remainder = rest.xreplace(where)
     remarks = [f"No closed form is known for {readable(remainder)}; its loop is computed and projected."]
     if error is None and isinstance(evaluated, Loop):
-        remarks.append("The loop takes too many steps to be compared here with one stepped through time.")
+        remarks.append(
+            "To follow the loop takes too many steps here: neither was it seen to close, nor was it compared "
+            "with one stepped through time."
+        )
     if error is not None and error > STEPPED_TOLERANCE:
         remarks.append(
             f"The loop differs from one stepped through time by {error:.1e}: trust no more digits."

@@ -27,7 +27,7 @@ __all__ = ["sign_of_smooth", "step_of_smooth"]
 
 LARGEST_COEFFICIENT = 2**128
 """Polynomials with larger numbers, above or below the line, are not factored: 1e300 in a law of three minima
-took half a minute. The number is the square of the largest whole number of 19 digits."""
+took half a minute. Numbers of twice the digits of a double are below."""
 
 HIGHEST_DEGREE = 12
 """Polynomials beyond are not factored: their roots would be numbers without meaning to a reader."""

@@ -10,6 +10,7 @@ import pytest
 from rsgen.describing import derive
 from rsgen.errors import ExpressionError
 from rsgen.expression import parse
+from rsgen.law import Law
 from rsgen.law.normal_form import expanded, is_long
 from tests.attacks.expressions import answer, text_of
 from tests.attacks.texts import TEXTS
@@ -44,6 +45,12 @@ def test_a_text_that_once_got_through_has_an_answer(number: int) -> None:
     begun = time.process_time()
     assert answer(text_of(number, 1)[1]).startswith(("result", "refused"))
     assert time.process_time() - begun < SECONDS
+
+
+def test_a_loop_that_was_not_tried_says_so() -> None:
+    found = derive(Law("k*z", memory={"z": "300*(x - z)"}))
+    assert found.checked_to is None
+    assert any("neither was it seen to close" in remark for remark in found.remarks)
 
 
 def test_numbers_that_nobody_writes_are_not_factored() -> None:
