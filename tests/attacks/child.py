@@ -90,6 +90,8 @@ def serve(attempt: Callable[[int], Outcome]) -> int:
     # what the attempts print is no answer
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
         os.dup2(nowhere.fileno(), 1)
+    # what is loaded now stays: the collection before each attempt need not look at it
+    gc.freeze()
     for line in sys.stdin:
         answers.write(json.dumps(asdict(attempt(int(line)))) + "\n")
         answers.flush()
