@@ -107,7 +107,8 @@ def law_of(number: int, seed: int) -> tuple[str, str, tuple[str, ...]]:
 def attack(number: int, seed: int) -> Outcome:
     """Derive the law of an attack."""
     name, text, memory = law_of(number, seed)
-    return judged(measured(number, name, lambda: answer(text, memory)), SECONDS, MEGABYTES)
+    outcome = measured(number, name, lambda: answer(text, memory, json=bool(number % 2)))
+    return judged(outcome, SECONDS, MEGABYTES)
 
 
 def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
