@@ -30,8 +30,8 @@ from rsgen.measurement.text_columns import (
     Columns,
     column_names,
     read_columns,
-    text_lines,
 )
+from rsgen.measurement.text_lines import TextLines
 from rsgen.measurement.tree import Contents, Entry, facts
 
 __all__ = ["list_contents"]
@@ -143,7 +143,7 @@ def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 def _list_text(path: Path) -> Contents:
     label = file_label(path)
     with open_text(path, hashlib.sha256()) as file:
-        begin = list(_beginning(text_lines(file, label, hashlib.sha256())))
+        begin = list(_beginning(TextLines(file, label, hashlib.sha256()).lines()))
         file.seek(0)
         foreign = _is_foreign(islice(file, LOOKED_AT))
     comments = Layout().comments

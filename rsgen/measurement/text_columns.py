@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError, quote
-from rsgen.measurement.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
+from rsgen.measurement.data_files import check_digest, file_label, open_text
+from rsgen.measurement.plain_rows import PLAIN, plain_rows
 from rsgen.measurement.plan import Layout
 from rsgen.measurement.text_cells import (
     LONGEST_NUMBER,
@@ -33,6 +34,7 @@ from rsgen.measurement.text_cells import (
     number_in,
     split_cells,
 )
+from rsgen.measurement.text_lines import TextLines
 
 __all__ = [
     "MAX_COLUMNS",
@@ -40,15 +42,12 @@ __all__ = [
     "Columns",
     "column_names",
     "read_columns",
-    "text_lines",
 ]
 
-MAX_LINE = 1_000_000
 MAX_ROWS = 3_000_000
 """Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
 MAX_COLUMNS = 10_000
-# without letters but e, and without underscores, float() accepts just what _NUMBER does
-_PLAIN = re.compile(r"[0-9eE+\-.,;|\s]*\Z", re.ASCII)
+_PLAIN = re.compile(rf"[{re.escape(PLAIN)}]*\Z")
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _ANY = ".{1,40}?"
@@ -226,6 +225,20 @@ class _Table:
             return f"{quote(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
         return f"{quote(cell)} is no number; digits, sign, decimal point and exponent are allowed"
 
+    def take_many(self, line: int, block: bytes) -> int:
+        """Read whole lines that hold nothing but plain numbers; how many, 0 where some hold other things."""
+        if self.delimiter is None or any(not sign.strip(PLAIN) for sign in self.layout.comments):
+            return 0
+        values = plain_rows(block, self.delimiter, self.layout.decimal)
+        if values is None or values.shape[1] not in self.widths or len(self.lines) + len(values) > MAX_ROWS:
+            return 0
+        self.values.frombytes(np.ascontiguousarray(values[:, self.places]).tobytes())
+        self.block += self.separated and bool(self.lines)
+        self.separated = False
+        self.lines.extend(range(line, line + len(values)))
+        self.blocks.extend([self.block] * len(values))
+        return len(values)
+
     def take(self, line: int, text: str) -> None:
         stripped = text.strip()
         if self.width and stripped and not stripped.startswith(self.layout.comments):
@@ -238,50 +251,6 @@ class _Table:
                 self.remark = names
         else:
             self.settle(line, text)
-
-
-def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
-    """Decode a line by the first encoding that fits."""
-    for encoding in encodings:
-        try:
-            return raw.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    return None
-
-
-def text_lines(
-    file: IO[bytes], name: str, digest: hashlib._Hash, encoding: str = "auto"
-) -> Iterator[tuple[int, str]]:
-    """Give number and text of each line, the bytes checked and hashed."""
-    rewritten = isinstance(file, Rewritten)
-    encoding = "utf-8" if rewritten else encoding
-    encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
-    number = 0
-    total = 0
-    while raw := file.readline(MAX_LINE + 1):
-        number += 1
-        total += len(raw)
-        if len(raw) > MAX_LINE or total > MAX_TEXT_BYTES:
-            raise MeasurementError(f"{name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?")
-        if not rewritten:
-            digest.update(raw)
-        if number == 1:
-            raw = raw.removeprefix(b"\xef\xbb\xbf")
-        if b"\x00" in raw:
-            raise MeasurementError(f"{name}: line {number}: contains a zero byte; a text file is needed")
-        text = _decoded(raw, encodings)
-        if text is None:
-            raise MeasurementError(
-                f"{name}: line {number}: not {' or '.join(encodings)}; save the file as UTF-8, or name its "
-                "encoding in test.layout.encoding"
-            )
-        text = text.rstrip("\r\n")
-        if "\r" in text:
-            raise MeasurementError(
-                f"{name}: line {number}: a carriage return inside the line; end lines with \\n"
-            )
-        yield number, text
 
 
 def _ends_with_line(file: IO[bytes]) -> bool:
@@ -322,12 +291,18 @@ def read_columns(
     name = file_label(path)
     digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
-    last = 0
     with open_text(path, digest) as file:
+        source = TextLines(file, name, digest, layout.encoding)
         try:
-            for line, text in text_lines(file, name, digest, layout.encoding):
-                last = line
+            for line, text in source.lines():
                 if line > layout.skip:
+                    table.take(line, text)
+                if table.lines:
+                    break
+            while block := source.block():
+                many = table.take_many(source.number + 1, block)
+                source.number += many
+                for line, text in () if many else source.texts(block):
                     table.take(line, text)
             ended = _ends_with_line(file)
         except OSError as fault:
@@ -345,5 +320,5 @@ def read_columns(
         names=table.names,
         words=tuple(table.words),
         spans=table.spans,
-        ended=ended or table.lines[-1] < last,
+        ended=ended or table.lines[-1] < source.number,
     )

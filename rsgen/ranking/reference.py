@@ -243,6 +243,7 @@ def _hold(
         with np.errstate(divide="ignore", invalid="ignore"):
             growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(MOVE)
             step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > FLAT, growth, np.inf)
+        # a longer step may end on another branch
         drive = drive * np.exp(np.clip(np.nan_to_num(step), -BRANCH, BRANCH)).astype(np.complex128)
         states = solve(drive, state)
     except RsgenError:

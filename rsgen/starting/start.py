@@ -64,8 +64,8 @@ _SCANNED = 80
 """Points on which all phase errors are tried: the six parameters of any law and the mass need no more."""
 
 _TURNS = 12
-"""Phase errors around the circle, or places of a neighbour around the band, that are tried: none is farther
-than fifteen degrees, or an eighth of the band, from one of them."""
+"""Phase errors around the circle, or places of a neighbour in three bands, that are tried: none is farther
+than fifteen degrees, or a seventh of the band, from one of them."""
 
 _WEIGHINGS = 4
 """Of an equation by its own denominator: what comes out is a start."""

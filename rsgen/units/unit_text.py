@@ -127,15 +127,14 @@ def _named(name: str) -> Unit:
     if name in _KNOWN:
         return _KNOWN[name]
     registry = _registry()
-    spelled = "percent" if name == "%" else name
-    meanings = registry.parse_unit_name(spelled)
+    meanings = registry.parse_unit_name(name)
     joined = _JOINED.fullmatch(name)  # a product to everybody but pint, to which Nm is a measure of yarn
     if joined or not meanings:
         close = difflib.get_close_matches(name, _COMMON, n=1, cutoff=0.6)
         meant = f"{joined[1]}*{joined[2]}" if joined else close[0] if close else None
         hint = f", did you mean '{meant}'?" if meant else ""
         raise RsgenError(f"the unit {name!a} is not known{hint}; {_EXAMPLES}")
-    one, two = (registry.Quantity(value, spelled).to_base_units() for value in (1.0, 2.0))
+    one, two = (registry.Quantity(value, name).to_base_units() for value in (1.0, 2.0))
     if two.magnitude != 2 * one.magnitude:
         raise RsgenError(f"the unit {name!a} has an offset or is logarithmic; write a proportional one")
     factor = _factor(one.magnitude)

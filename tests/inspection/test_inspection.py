@@ -19,7 +19,8 @@ from rsgen.cli.inspect_command import proposal_text
 from rsgen.errors import MeasurementError
 from rsgen.inspection import Proposal, list_contents, propose
 from rsgen.measurement import Layout, MeasuredTest, read_measurement
-from rsgen.measurement.text_columns import read_columns, text_lines
+from rsgen.measurement.text_columns import read_columns
+from rsgen.measurement.text_lines import TextLines
 from rsgen.surface import ResponseSurface
 
 ROOT = Path(__file__).parents[2]
@@ -266,7 +267,7 @@ def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path: Path) -> None:
 
 def proposed_column(path: Path, encoding: str) -> str:
     with path.open("rb") as file:
-        _, text = next(text_lines(file, "a", hashlib.sha256(), encoding))
+        _, text = next(TextLines(file, "a", hashlib.sha256(), encoding).lines())
     return text.split(";")[2]
 
 
