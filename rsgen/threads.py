@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 
-__all__ = ["ALGEBRA", "collect_seldom", "single_thread"]
+__all__ = ["ALGEBRA", "collect_seldom", "leave_at_once", "single_thread"]
 
 ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What the libraries of linear algebra read when they are loaded. With two threads an identification takes
@@ -31,3 +32,12 @@ def collect_seldom() -> None:
     """Look for cycles of old objects less often in this process; young ones are found as ever."""
     young, middle, _ = gc.get_threshold()
     gc.set_threshold(young, middle, _YOUNG_SEARCHES)
+
+
+def leave_at_once() -> None:
+    """Give the memory back as a whole at the exit of this process.
+
+    Python searches all that was imported for cycles once more as it ends, a tenth of a second with sympy.
+    What must be cleared up asks for it by ``atexit`` or a context; nothing waits for that search.
+    """
+    atexit.register(gc.freeze)

@@ -17,7 +17,7 @@ from rsgen.cli.streams import open_streams, output_fault
 from rsgen.cli.terminal import FAULTY, INTERRUPTED, print_faults
 from rsgen.diagnostics import keep_from_terminal, program_fault
 from rsgen.errors import CaseError, RsgenError
-from rsgen.threads import collect_seldom, single_thread
+from rsgen.threads import collect_seldom, leave_at_once, single_thread
 
 __all__ = ["run_program"]
 
@@ -83,6 +83,7 @@ def run_program(arguments: Sequence[str] | None) -> None:
         keep_from_terminal()
         single_thread()
         collect_seldom()
+        leave_at_once()
         _check_memory()
         # figures go to files alone, and the user's choice of windows need not be there
         os.environ["MPLBACKEND"] = "agg"
