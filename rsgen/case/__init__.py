@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
-from rsgen.case.case import Case
-from rsgen.case.case_list import find_cases, name_clashes
-from rsgen.case.document import case_schema
-from rsgen.case.load_case import DATA_VARIABLE, load_case, read
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsgen.case.case import Case
+    from rsgen.case.case_list import find_cases, name_clashes
+    from rsgen.case.document import case_schema
+    from rsgen.case.loading import DATA_VARIABLE, load_case, read
 
 __all__ = ["DATA_VARIABLE", "Case", "case_schema", "find_cases", "load_case", "name_clashes", "read"]
+
+_PLACES = {
+    "Case": "case",
+    "DATA_VARIABLE": "loading",
+    "case_schema": "document",
+    "find_cases": "case_list",
+    "load_case": "loading",
+    "name_clashes": "case_list",
+    "read": "loading",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # on first use: a table [test] alone has no law, and is read without the library of algebra
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    globals()[name] = value
+    return value

@@ -10,8 +10,9 @@ from pathlib import Path
 import sympy
 
 from rsgen.case.case import Case
-from rsgen.case.declared_test import make_measured, make_observation, make_simulated
+from rsgen.case.declared_test import make_observation, make_simulated
 from rsgen.case.document import Document, ElementTable
+from rsgen.case.measured_test import make_measured
 from rsgen.case.naming import name_fault, suggest, text_fault
 from rsgen.case.tables import Maker, reason
 from rsgen.errors import CaseError, ExpressionError, RsgenError, quote

@@ -6,15 +6,14 @@ values are checked here; whatever concerns several keys at once is checked in ``
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
+from rsgen.case.measured_test import MEASURED
 from rsgen.case.tables import MAX_TEXT, Obeys, Quantity, Table, Text, table_of
 from rsgen.declaration import Rule
-from rsgen.measurement import MeasuredTest
-from rsgen.measurement.plan import Excitation
 from rsgen.observation import Observation
 from rsgen.simulation import MultisineTest, SimulatedTest
 
@@ -106,25 +105,8 @@ _MULTISINE = table_of(
     "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
     {"kind": (Literal["simulated-multisine"], Field())},
 )
-_MEASURED = table_of(
-    MeasuredTest,
-    "MeasuredTest",
-    "A real test: files beside the case, or in the folder that RSGEN_DATA names.",
-    {
-        "kind": (Literal["measured"], Field()),
-        "excitation": (
-            Literal[("steady", *get_args(Excitation))],
-            Field("steady", description="steady: a table of amplitudes. The others: time histories."),
-        ),
-        "force.nominal": (
-            bool,
-            Field(False, description="True: the force was not recorded, and the level stands for it."),
-        ),
-    },
-)
-
 _DERIVED: dict[str, Any] = {
-    "test": (_SIMULATED | _MULTISINE | _MEASURED, Field(discriminator="kind")),
+    "test": (_SIMULATED | _MULTISINE | MEASURED, Field(discriminator="kind")),
     "identify": (table_of(Observation, "Observation") | None, None),
 }
 CaseDocument = create_model("CaseDocument", __base__=Document, __doc__=Document.__doc__, **_DERIVED)

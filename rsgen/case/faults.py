@@ -7,7 +7,6 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from rsgen.case.document import CaseDocument
 from rsgen.case.naming import suggest
 from rsgen.errors import quote
 
@@ -32,9 +31,9 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models(inner)
 
 
-def _keys(location: Iterable[int | str]) -> list[str]:
+def _keys(location: Iterable[int | str], document: type[BaseModel]) -> list[str]:
     """List the keys that the table at a location may have, in the order of their declaration."""
-    models: list[type[BaseModel]] = [CaseDocument]
+    models: list[type[BaseModel]] = [document]
     for part in location:
         if part in KINDS and len(models) > 1:
             models = [m for m in models if get_args(m.model_fields["kind"].annotation) == (part,)]
@@ -69,7 +68,7 @@ def _allowed(kind: str, context: dict[str, Any]) -> str | None:
     return _WANTED.get(kind)
 
 
-def _sentence(fault: Any) -> str:
+def _sentence(fault: Any, document: type[BaseModel]) -> str:
     location = list(fault["loc"])
     kind = str(fault["type"])
     context = fault.get("ctx", {})
@@ -82,7 +81,7 @@ def _sentence(fault: Any) -> str:
     if kind == "missing":
         return f"{path}: is missing; every case needs it here"
     if kind == "extra_forbidden":
-        known = _keys(location[:-1])
+        known = _keys(location[:-1], document)
         return f"{path}: is not a key here; {suggest(str(location[-1]), known)}known: {', '.join(known)}"
     if kind == "union_tag_not_found":
         return f"{path}.kind: is missing; {_QUOTED} is needed"
@@ -104,6 +103,14 @@ def _shown(value: object) -> str:
     return f"of type {type(value).__name__}"
 
 
-def sentences(error: ValidationError) -> list[str]:
-    """Turn every fault into ``path.to.key: what is wrong; what is allowed``, list numbers from 1."""
-    return [_sentence(fault) for fault in error.errors(include_url=False)]
+def sentences(error: ValidationError, document: type[BaseModel]) -> list[str]:
+    """Turn every fault into ``path.to.key: what is wrong; what is allowed``, list numbers from 1.
+
+    Parameters
+    ----------
+    error
+        What pydantic found.
+    document
+        The model that it checked.
+    """
+    return [_sentence(fault, document) for fault in error.errors(include_url=False)]

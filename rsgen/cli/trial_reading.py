@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import cast
 
-from rsgen.case import load_case
+from rsgen.case.measured_test import load_measured
 from rsgen.errors import CaseError, RsgenError
 from rsgen.finding import Finding
 from rsgen.inspection import Contents, Proposal
@@ -28,7 +26,6 @@ _PLACEHOLDERS = ("test.level.value", "test.level.values")
 """Values that a proposal asks for: until they are there no size means anything."""
 _MANY = 8
 """Lines from which on a periodic force is no sine with harmonics."""
-_CASE = "trial.toml"
 _Correction = Callable[[ResponseSurface, Proposal], Proposal | None]
 _CONTRADICTIONS = {"base-misread", "base-scaled", "not-passive", "another-quantity", "phase-not-resonant"}
 """Findings that a correction must not bring in."""
@@ -84,8 +81,7 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
 
 def _said(fault: RsgenError) -> str:
     faults = fault.faults if isinstance(fault, CaseError) else (str(fault),)
-    # the case is nobody's file: its name says nothing
-    return " ".join(faults[0].removeprefix(f"{_CASE}: ").split())
+    return " ".join(faults[0].split())
 
 
 def _judged(proposal: Proposal, surface: ResponseSurface | MultisineSpectra) -> Trial:
@@ -178,18 +174,11 @@ def _read(file: Path, proposal: Proposal) -> ResponseSurface | MultisineSpectra:
 
 
 def _test(file: Path, proposal: Proposal) -> MeasuredTest:
-    # both write a proposal as text
-    from rsgen.cli.init_command import case_text
-    from rsgen.cli.inspect_command import proposal_text
+    from rsgen.cli.inspect_command import proposal_text  # it shows what is tried here
 
     tables = proposal.tables | {"test": proposal.tables["test"] | {"file": file.name}}
     # any force shows whether the file can be read
     text = proposal_text(Proposal(tables)).replace(f'"{UNKNOWN} N"', '"1 N"')
-    with TemporaryDirectory(prefix="rsgen-") as folder:
-        case = Path(folder, _CASE)
-        text = case_text("trial", "k*x + c*v", "data", text)
-        if proposal.tables["test"].get("excitation") == "ring-down":
-            # a decay is one of any mass
-            text = text.replace("[system]\n", '[system]\nmass = "1 kg"\n', 1)
-        case.write_text(text, encoding="utf-8")
-        return cast("MeasuredTest", load_case(case, file.parent).test)
+    # a decay is one of any mass
+    mass = 1.0 if proposal.tables["test"].get("excitation") == "ring-down" else None
+    return load_measured(text, file.parent, mass)

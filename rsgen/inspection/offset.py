@@ -57,36 +57,40 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
     weak = response[np.abs(force) <= np.quantile(np.abs(force), _WEAKEST)]
     # a large offset is not found from zero
     begin = np.array([np.median(weak.real), np.median(weak.imag)])
-    shares = {
-        "none": [],
-        "background": [force, force / rate**2],
-        "offset": [np.ones_like(force)],
-    }
-    left = {name: _misfit(force, response, rate, parts) for name, parts in shares.items()}
-    left["offset"] = min(left["offset"], _misfit(force, response, rate, shares["offset"], begin))
-    if left["none"] < NOTICEABLE or left["offset"] > _LEFT * min(left["none"], left["background"]):
+    misfit = _misfit(force, response, rate)
+    # most tests end here
+    if misfit < NOTICEABLE:
         return []
-    numbers = quantities(misfit=left["none"], left=left["offset"])
+    constant = [np.ones_like(force)]
+    left = min(_best_misfit(force, response, rate, constant, start) for start in (np.zeros(2), begin))
+    background = _best_misfit(force, response, rate, [force, force / rate**2], np.zeros(4))
+    if left > _LEFT * min(misfit, background):
+        return []
+    numbers = quantities(misfit=misfit, left=left)
     return [Finding("offset-possible", "info", numbers=numbers, names={"kind": "phase+offset"})]
 
 
-def _misfit(
-    force: ComplexArray,
-    response: ComplexArray,
-    rate: Array,
-    parts: list[ComplexArray],
-    begin: Array | None = None,
+def _misfit(force: ComplexArray, response: ComplexArray, rate: Array) -> float:
+    """Relative misfit of the best law."""
+    residual, _ = fit_any_law(force, response, rate, _POWERS, 1 / np.abs(force), mass=True)
+    return float(np.linalg.norm(residual) / np.sqrt(len(force)))
+
+
+def _best_misfit(
+    force: ComplexArray, response: ComplexArray, rate: Array, parts: list[ComplexArray], begin: Array
 ) -> float:
     """Relative misfit of the best law, the best multiples of ``parts``, sought from ``begin``, taken off."""
-    from scipy.optimize import least_squares  # a third of a second, and needed where there are levels
+    from scipy.optimize import least_squares  # a third of a second, and needed where any law misfits
 
     typical, weight = float(np.median(np.abs(response))), 1 / np.abs(force)
-    columns = np.array([part / np.median(np.abs(part)) for part in parts]).reshape(len(parts), len(force))
+    columns = np.array([part / np.median(np.abs(part)) for part in parts])
+
+    def rest(values: Array) -> ComplexArray:
+        taken: ComplexArray = typical * (values[::2] + 1j * values[1::2]) @ columns
+        return response - taken
 
     def residual(values: Array) -> Array:
-        taken = typical * (values[::2] + 1j * values[1::2]) @ columns
-        return fit_any_law(force, response - taken, rate, _POWERS, weight, mass=True)[0]
+        return fit_any_law(force, rest(values), rate, _POWERS, weight, mass=True)[0]
 
-    start = np.zeros(2 * len(parts)) if begin is None else begin
-    values = least_squares(residual, start, x_scale=0.1, max_nfev=60).x if parts else start
-    return float(np.linalg.norm(residual(values)) / np.sqrt(len(force)))
+    values = least_squares(residual, begin, x_scale=0.1, max_nfev=60).x
+    return _misfit(force, rest(values), rate)

@@ -83,7 +83,8 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         try:
             document = CaseDocument.model_validate(tree)
         except ValidationError as error:
-            raise CaseError([*sentences(error), *_further_faults(tree, error, folders)]) from None
+            found = sentences(error, CaseDocument)
+            raise CaseError([*found, *_further_faults(tree, error, folders)]) from None
         return build(document, file, text, folders)
     except CaseError as error:
         label = file.name if file.name.isprintable() else quote(file.name)
