@@ -112,7 +112,7 @@ _SEEN = {
 
 def _try_history(file: Path, proposal: Proposal) -> Trial:
     """Recognise the excitation of records by their values, and read them so."""
-    # what takes histories apart loads scipy.optimize, which a look at a table does not need
+    # a look at a table needs nothing of what takes histories apart
     from rsgen.inspection.excitation import dies_away, excitation_of
     from rsgen.measurement.histories import read_histories
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
@@ -26,6 +26,9 @@ from rsgen.history.release import Stretch, find_decays, force_ends
 from rsgen.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.surface import ResponseSurface
 from rsgen.surface.columns import DERIVATIVE
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
@@ -279,6 +282,8 @@ def _tracked(
     samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
 ) -> tuple[Array, ComplexArray, PchipInterpolator]:
     """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
+    from scipy.interpolate import PchipInterpolator  # half a second, and needed for decays only
+
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.optimize import least_squares
 
 from rsgen.arrays import Array
 from rsgen.errors import MeasurementError
@@ -125,6 +123,8 @@ def _typical(history: TimeHistory) -> float:
 
 def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
     """Split where the frequency turns or the force is faint; the spectra resolve a ``line`` [Hz]."""
+    from scipy.ndimage import median_filter  # a tenth of a second, and needed for sweeps only
+
     # a single spectrum taken in by a disturbance is no turn
     smooth = median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
@@ -168,6 +168,8 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
     """Fit a law through the spectra, outliers aside."""
+    from scipy.optimize import least_squares  # a third of a second, and needed for sweeps only
+
     best: tuple[float, SweepLaw] | None = None
     spread = float(np.ptp(frequency))
     for name in LAWS if kind is None else (kind,):
@@ -212,6 +214,8 @@ def _shifted(
     law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
 ) -> tuple[SweepLaw, float]:
     """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
+    from scipy.optimize import least_squares  # as above
+
     envelope = demodulate(force, rate, law.phase_at, windows, (1,))[:, 0, 0]
     instant = windows.middle / rate
     lead = np.unwrap(np.angle(envelope))

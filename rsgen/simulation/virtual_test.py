@@ -33,7 +33,7 @@ def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
         raise RsgenError(f"test.{name}: must be one or more values in {unit}")
     if not np.all(np.isfinite(array) & (array > 0)):
         raise RsgenError(f"test.{name}: must be positive and finite everywhere [{unit}]")
-    if len(np.unique(array)) != len(array):
+    if len(set(array.tolist())) != len(array):
         raise RsgenError(f"test.{name}: a value occurs more than once; every value must be unique")
     array.flags.writeable = False
     return array

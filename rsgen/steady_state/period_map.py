@@ -85,9 +85,9 @@ class PeriodMap:
             np.empty((k, columns), np.complex128),
             np.empty((k if peaks else 0, 2)),
         )
-        for kind in np.unique(steps):
+        for kind in sorted(set(steps.tolist())):
             mine = np.flatnonzero(steps == kind)
-            part = self._integrate(points[mine], y[:, mine], int(kind), periods, harmonics, peaks, transient)
+            part = self._integrate(points[mine], y[:, mine], kind, periods, harmonics, peaks, transient)
             whole.state[:, mine], whole.history[:, :, mine] = part.state, part.history
             whole.harmonics[mine] = part.harmonics
             if peaks:

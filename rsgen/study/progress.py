@@ -56,9 +56,11 @@ _PROGRAM_MEGABYTES = 250
 _BYTES_A_HARMONIC = 500
 """Copies that identification makes of a point, for each of its harmonics."""
 
-_PROBE_STEPS = 200_000
-"""Of a loop by which the speed of a machine is measured: long against the clock, short for the user."""
-_PROBE_SECONDS = 0.0115
+_PROBE_STEPS = 20_000
+"""Of a loop by which the speed of a machine is measured: short against a program's turn on a processor."""
+_PROBES = 10
+"""Loops, of which the shortest counts: no other program had a turn in it."""
+_PROBE_SECONDS = 0.00115
 """What the loop took where the seconds above were measured."""
 
 _PAUSE_SECONDS = 0.2
@@ -94,12 +96,12 @@ def _slowness() -> float:
     """Time that this machine takes over that of the machine where the constants were measured."""
 
     def probe() -> float:
-        started, total = time.process_time(), 0
+        started, total = time.perf_counter(), 0
         for step in range(_PROBE_STEPS):
             total += step * step % 7
-        return time.process_time() - started
+        return time.perf_counter() - started
 
-    return min(probe() for _ in range(3)) / _PROBE_SECONDS
+    return min(probe() for _ in range(_PROBES)) / _PROBE_SECONDS
 
 
 def _crowding() -> float:

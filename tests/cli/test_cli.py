@@ -579,16 +579,17 @@ _HEAVY = ("matplotlib", "numba", "scipy", "h5py", "pint", "concurrent.futures.pr
     [
         (["derive", "k*x"], _HEAVY),
         (["laws"], _HEAVY),
-        (["check", "cubic.toml"], _HEAVY),
+        (["check", "cubic.toml"], (*_HEAVY, "numpy.ma")),
         (["inspect", "a.csv"], (*_HEAVY, "sympy", "jinja2")),
         (["inspect", "table.csv"], (*_HEAVY, "sympy", "jinja2")),
+        (["inspect", "steps.h5"], (*_HEAVY, "sympy", "jinja2")),
     ],
 )
 def test_short_commands_load_neither_figures_nor_compiler(
     words: list[str], unneeded: tuple[str, ...], tmp_path: Path
 ) -> None:
     tmp_path.joinpath("a.csv").write_text(_SOUND)
-    for file in ("cubic.toml", "formats/table.csv"):
+    for file in ("cubic.toml", "formats/table.csv", "formats/steps.h5"):
         shutil.copy(ROOT / "cases" / file, tmp_path)
     code = (
         "import sys\nfrom rsgen.cli import main\n"
