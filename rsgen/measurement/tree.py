@@ -6,13 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.errors import MeasurementError
-from rsgen.measurement.plan import Layout
+
+if TYPE_CHECKING:
+    from rsgen.measurement.plan import Layout
 
 __all__ = [
     "LARGEST_BYTES", "MAX_NODES", "TEXT", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe",

@@ -290,7 +290,7 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    # imported here, for the process that opens binary files imports this module and must start quickly
+    # imported here, for a table needs none of it
     from rsgen.history import record_findings
     from rsgen.measurement.histories import read_both
 
