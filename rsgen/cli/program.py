@@ -87,6 +87,8 @@ def run_program(arguments: Sequence[str] | None) -> None:
         _check_memory()
         # figures go to files alone, and the user's choice of windows need not be there
         os.environ["MPLBACKEND"] = "agg"
+        # they would be looked for among all packages installed, and add nothing to case files
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
         from rsgen.cli.application import application
 
         words = list(sys.argv[1:] if arguments is None else arguments)

@@ -58,7 +58,7 @@ _BYTES_A_HARMONIC = 500
 
 _PROBE_STEPS = 20_000
 """Of a loop by which the speed of a machine is measured: short against a program's turn on a processor."""
-_PROBES = 10
+_PROBES = 5
 """Loops, of which the shortest counts: no other program had a turn in it."""
 _PROBE_SECONDS = 0.00115
 """What the loop took where the seconds above were measured."""

@@ -565,6 +565,21 @@ def test_an_interrupt_that_a_finalizer_throws_away_ends_the_run() -> None:
     assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
 
 
+def test_packages_that_add_to_pydantic_are_not_looked_for(tmp_path: Path) -> None:
+    tmp_path.joinpath("noisy.py").write_text("import sys\nsys.__stderr__.write('loaded')\nplugin = None\n")
+    installed = tmp_path / "noisy-1.0.dist-info"
+    installed.mkdir()
+    installed.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: noisy\nVersion: 1.0\n")
+    installed.joinpath("entry_points.txt").write_text("[pydantic]\nnoisy = noisy:plugin\n")
+    surroundings = {key: value for key, value in os.environ.items() if key != "PYDANTIC_DISABLE_PLUGINS"}
+    done = subprocess.run(
+        [sys.executable, "-m", "rsgen", "check", str(ROOT / "cases" / "cubic.toml")],
+        capture_output=True, text=True, timeout=120, cwd=ROOT,
+        env=surroundings | {"PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 _SOUND = """frequency [Hz],F [N],x [m],phase [deg]
 9,1,2e-3,10
 10,1,4e-3,90
