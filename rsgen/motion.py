@@ -71,7 +71,7 @@ class Motion:
 
     def peaks(self) -> Array:
         """(n, 2) largest and smallest displacement [m] among the samples of a period."""
-        x = self.waveforms(_PEAKS)[0]
+        x = waveform(np.array(self.harmonics), _PEAKS)
         return np.stack([x.max(axis=1), x.min(axis=1)], axis=1)
 
     def states(self) -> Array:

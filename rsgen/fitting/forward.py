@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
 from rsgen.tolerances import BLOCK, SAMPLES, TO_REST, TRIAL_STEPS
@@ -74,6 +74,15 @@ class Response:
     load_orders: NDArray[np.intp] | None = None
     force_phase: ComplexArray | None = None
     force_noise: Array | None = None
+
+    def select(self, chosen: Chosen) -> Response:
+        """Take some of the points."""
+        part: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else column[chosen]
+            for name in Response.__dataclass_fields__
+            if name != "load_orders"
+        }
+        return replace(self, **part)
 
 
 class Forward(Protocol):
@@ -140,13 +149,17 @@ def hold_amplitude(
     half = law.odd and not law.remembers and all(h % 2 for h in follow)
     series = fourier_series((1, *follow), samples, half)
     others = np.zeros((len(omega), 0)) if load is None else series.real(load[:, list(series.orders)])[:, 2:]
-    parts = [
-        _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part])
-        for part in (slice(i, i + BLOCK) for i in range(0, len(omega), BLOCK))
-    ]
-    names = [name for name in Response.__dataclass_fields__ if getattr(parts[0], name) is not None]
-    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return Response(**joined | {"load_orders": parts[0].load_orders})
+    joined: dict[str, Any] = {}
+    for part in blocks(len(omega), BLOCK):
+        of_block = _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part])
+        for name in Response.__dataclass_fields__:
+            column = getattr(of_block, name)
+            if column is not None and name != "load_orders":
+                # each block goes to its place at once: harmonics of many points fill the memory
+                if name not in joined:
+                    joined[name] = np.empty((len(omega), *column.shape[1:]), column.dtype)
+                joined[name][part] = column
+    return Response(**joined | {"load_orders": of_block.load_orders})
 
 
 def _block(

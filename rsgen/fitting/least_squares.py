@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.arrays import Array, blocks
 from rsgen.distributions import chi_square_exceeded
-from rsgen.tolerances import GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS, UNCHANGED
+from rsgen.fitting.scaled_columns import determined, solve_scaled
+from rsgen.tolerances import BLOCK, GAIN, HALVINGS, OUTLIERS, ROUND_OFF, STEPS, UNCHANGED
 
-__all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
+__all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias"]
 
 Mask = NDArray[np.bool_]
-
-_NULL = 1e-9
-"""Singular values below this, relative to the largest after column scaling, count as zero."""
 
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
@@ -177,62 +175,31 @@ def fit(
 
 def eliminate(line: Linearisation) -> tuple[Array, Array]:
     """Remove from residual and derivatives what the nuisances of each point can take up."""
-    residual, matrix = line.residual, line.by_parameter
+    residual, matrix = np.array(line.residual), np.array(line.by_parameter)
+    for part in blocks(len(residual), BLOCK):
+        _eliminate(residual[part], matrix[part], line.by_nuisance[part])
+    return residual, matrix
+
+
+def _eliminate(residual: Array, matrix: Array, by_nuisance: Array) -> None:
+    """Remove it in place."""
     basis: list[Array] = []
-    for column in np.moveaxis(line.by_nuisance, 2, 0):
+    for column in np.moveaxis(by_nuisance, 2, 0):
         for unit in basis:
             column = column - unit * np.sum(unit * column, axis=1, keepdims=True)
         norm = np.sqrt(np.sum(column**2, axis=1, keepdims=True))
         unit = column / np.where(norm > 0, norm, 1.0)
         basis.append(unit)
-        residual = residual - unit * np.sum(unit * residual, axis=1, keepdims=True)
-        matrix = matrix - unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
-    return residual, matrix
+        residual -= unit * np.sum(unit * residual, axis=1, keepdims=True)
+        matrix -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
 
 
 def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array]:
     """Equations (r, q) of the chosen points, and their right sides (r,)."""
-    right = residual[chosen].reshape(-1)
-    return matrix[chosen].reshape(len(right), matrix.shape[2]), right
-
-
-def solve_scaled(matrix: Array, right: Array, *sizes: Array) -> tuple[Array, Array, Array]:
-    """Least squares with scaled columns.
-
-    Parameters
-    ----------
-    matrix, right
-        (r, q) and (r,).
-    *sizes
-        (q,) each, such as the present sizes of the unknowns: one whose whole effect at any of them is
-        round-off is not identifiable.
-
-    Returns
-    -------
-    solution
-        (q,), of smallest scaled norm where the matrix does not tell.
-    inverse
-        (q, r) with inverse @ inverse.T the inverse of matrix.T @ matrix outside its null space.
-    null
-        (q, d) directions, in scaled parameters: its null vectors.
-    """
-    count = matrix.shape[1]
-    if not np.isfinite(matrix).all():
-        # as where the mass is not known: nothing is known then, and the decomposition would not end
-        return np.full(count, np.nan), np.full((count, count), np.nan), np.zeros((count, 0))
-    norm = np.sqrt(np.sum(matrix**2, axis=0))
-    for size in sizes if count else ():
-        effect = norm * np.abs(size)
-        matrix = np.where((effect > 0) & (effect < ROUND_OFF * effect.max()), 0.0, matrix)
-        norm = np.sqrt(np.sum(matrix**2, axis=0))
-    scale = np.where(norm > 0, norm, 1.0)
-    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, right]), mode="r"))
-    parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
-    left, singular, across = (np.asarray(part) for part in parts)
-    regular = singular > _NULL * np.max(singular, initial=1e-300)
-    solution = across[regular].T @ ((left[:, regular].T @ triangle[:, count]) / singular[regular]) / scale
-    inverse = (across[regular].T / singular[regular]) / scale[:, None]
-    return solution, inverse, across[~regular].T
+    if not chosen.all():
+        matrix, residual = matrix[chosen], residual[chosen]
+    right = residual.reshape(-1)
+    return matrix.reshape(len(right), matrix.shape[2]), right
 
 
 def _descend(
@@ -252,7 +219,9 @@ def _descend(
             return parameters, nuisance, line, False
         residual, matrix = eliminate(line)
         flat, right = _stacked(matrix, residual, good)
-        flat[:, list(held)] = 0.0
+        if held:
+            flat = np.array(flat)
+            flat[:, list(held)] = 0.0
         change, _, _ = solve_scaled(flat, right, parameters, natural)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
@@ -328,23 +297,24 @@ def _summary(
     count = len(parameters)
     stacked, right = _stacked(matrix, residual, used)
     _, inverse, null = solve_scaled(stacked, right, parameters, natural)
-    norm = np.sqrt(np.sum(stacked**2, axis=0))
+    norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
     freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
-    variance = float(np.sum(residual[used] ** 2)) / freedom
+    variance = float(right @ right) / freedom
     fisher = inverse @ inverse.T * variance
+    distance = np.sum(residual**2, axis=1)
+    matrix[~used] = 0.0
+    residual[~used] = 0.0
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
-    rows = np.zeros((*residual.shape, inverse.shape[1]))
-    rows[used] = matrix[used] @ inverse
-    scores = np.einsum("nmq,nm->nq", matrix[used], residual[used]) @ inverse
+    scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
+    flat = matrix.reshape(-1, count)
     points = int(np.count_nonzero(used))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
     widen = np.maximum(ratio, 1.0)
     covariance = determined(fisher * np.outer(widen, widen), null)
-    strength = np.sqrt(np.sum(line.by_parameter[used] ** 2, axis=(0, 1)) / max(np.count_nonzero(used), 1))
-    influence = np.zeros_like(matrix)
-    influence[used] = matrix[used] @ (inverse @ inverse.T)
+    slopes, _ = _stacked(line.by_parameter, line.residual, used)
+    strength = np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1))
     return Regression(
         parameters,
         nuisance,
@@ -352,22 +322,16 @@ def _summary(
         null,
         np.where(norm > 0, norm, 1.0),
         float(np.sqrt(variance)),
-        np.sqrt(np.sum(residual**2, axis=1) / each),
+        np.sqrt(distance / each),
         used,
         freedom,
         converged,
         strength,
-        influence,
+        (flat @ (inverse @ inverse.T)).reshape(matrix.shape),
         inverse,
-        rows,
-        np.where(used[:, None], residual, 0.0),
+        (flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
+        residual,
     )
-
-
-def determined(covariance: Array, null: Array) -> Array:
-    """Covariance (q, q) without that of parameters with a part in null vectors (q, d): theirs is NaN."""
-    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
-    return np.where(lost | lost[:, None], np.nan, covariance)
 
 
 def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], Array]) -> Regression:

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.fitting.forward import Response
 from rsgen.fitting.least_squares import Linearisation
 from rsgen.fitting.points import Points
@@ -34,6 +34,9 @@ __all__ = ["Observed", "Shape", "shape_of"]
 
 Table = TypeVar("Table", Points, ResponseSurface)
 
+
+_POINTS = 4096
+"""Compared at once: what is between a response and its slopes takes more memory than both."""
 
 _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
 """Values that amplitudes alone say nothing of, or little that damping does not."""
@@ -190,7 +193,7 @@ class Observed:
         shape = shape_of(kind, self.points.omega, self.points.force, self.band)
         return replace(self, kind=kind, background=shape, fitted=self.fitted[: len(shape.names)])
 
-    def select(self, chosen: NDArray[np.intp]) -> Observed:
+    def select(self, chosen: Chosen) -> Observed:
         """Take some of the points; the band of the background stays."""
         shape = self.background
         part = replace(shape, functions=shape.functions[chosen], omega=shape.omega[chosen])
@@ -236,6 +239,25 @@ class Observed:
         compared
             Other harmonics that are measured and predicted.
         """
+        count, found = len(self.points), dict[str, Array]()
+        for part in blocks(count, _POINTS):
+            unit = None if scale is None else scale[part]
+            line = self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
+            for name in Linearisation.__dataclass_fields__:
+                column = getattr(line, name)
+                if name not in found:
+                    found[name] = np.empty((count, *column.shape[1:]))
+                found[name][part] = column
+        return Linearisation(**found)
+
+    def _linearise(
+        self,
+        response: Response,
+        values: Array,
+        nuisance: Array,
+        scale: Array | None,
+        compared: Sequence[int],
+    ) -> Linearisation:
         points = self.points
         back = np.exp(-1j * nuisance[:, 1]) if self.phase_known else np.ones(len(points), complex)
         measured = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsgen.arrays import Chosen
 from rsgen.errors import RsgenError
 from rsgen.motion import Motion
 from rsgen.oscillator import Model
@@ -140,7 +141,7 @@ class Points:
         pairs = self.neighbours
         return pairs[counted[pairs].all(axis=1)]
 
-    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Points:
+    def select(self, chosen: Chosen) -> Points:
         """Keep some points."""
         return Points(
             self.index[chosen],

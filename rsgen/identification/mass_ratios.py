@@ -17,7 +17,6 @@ import numpy as np
 from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, quantities
 from rsgen.fitting.across import law_of
-from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.phase_resonance import (
     assumed_mass,
     at_resonance_alone,
@@ -26,6 +25,7 @@ from rsgen.fitting.phase_resonance import (
 )
 from rsgen.fitting.points import Points, select_points
 from rsgen.fitting.repeats import gather_repeats
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import project, sine_motion
 from rsgen.oscillator import Model

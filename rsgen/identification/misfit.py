@@ -11,10 +11,11 @@ from rsgen.arrays import Array
 from rsgen.finding import Finding, Quantity, quantities, severity_of
 from rsgen.fitting.across import law_of
 from rsgen.fitting.fit import Fit, fit_balance
-from rsgen.fitting.least_squares import Regression, solve_scaled
+from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.observed import Observed
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.fitting.systematic import is_systematic
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw

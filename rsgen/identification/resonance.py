@@ -98,12 +98,12 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
         (r, 2) largest and smallest displacement [m] there.
     """
     stiffness = points.force / points.harmonics[:, 1]
-    peaks = np.where(np.isfinite(points.peak), points.peak, points.motion.peaks())
+    amplitude = points.amplitude
     found: list[Resonance] = []
-    turning: list[Array] = []
+    places: list[tuple[int, int, float]] = []
     for run in points.runs:
         held = np.abs(stiffness[run].real) < _NEAR * np.abs(stiffness[run].imag)
-        place = _crossing(stiffness[run].real, points.amplitude[run], _neighbours(points, run), held)
+        place = _crossing(stiffness[run].real, amplitude[run], _neighbours(points, run), held)
         if place is None:
             continue
         near, other, share = place
@@ -127,7 +127,7 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 sweep=str(points.sweep[i]),
                 frequency=omega / (2 * np.pi),
                 damping_ratio=damping / (2 * mass * omega),
-                amplitude=blend(points.amplitude),
+                amplitude=blend(amplitude),
                 stiffness=mass * omega**2,
                 damping=damping,
                 jump=near == other
@@ -135,8 +135,19 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 and not _reached(stiffness[run].real, points.omega[run], near, mass),
             )
         )
-        turning.append(np.array([blend(peaks[:, 0]), blend(peaks[:, 1])]))
-    return tuple(found), np.array(turning).reshape(-1, 2)
+        places.append((int(i), int(j), share))
+    return tuple(found), _turning(points, places)
+
+
+def _turning(points: Points, places: list[tuple[int, int, float]]) -> Array:
+    """(r, 2) largest and smallest displacement [m] between two points each, at a share of the way."""
+    first, second = (np.array([place[side] for place in places], dtype=np.intp) for side in (0, 1))
+    share = np.array([place[2] for place in places])[:, None]
+    low, high = (
+        np.where(np.isfinite(points.peak[rows]), points.peak[rows], points.motion.select(rows).peaks())
+        for rows in (first, second)
+    )
+    return np.asarray(low + share * (high - low))
 
 
 def _crossing(

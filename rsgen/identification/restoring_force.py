@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.distributions import normal_quantile, t_quantile
 from rsgen.fitting.fit import Fit
-from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.points import Points
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.motion import Motion, project, sine_motion
 from rsgen.results import EquivalentCurve, Resonance, RestoringForce
 from rsgen.splines import b_splines

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.distributions import f_quantile, normal_share
-from rsgen.fitting.least_squares import determined, solve_scaled
+from rsgen.fitting.scaled_columns import determined, solve_scaled
 from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.multisine.spectra import SMOOTHED, smooth

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsgen.arrays import Array, ComplexArray
-from rsgen.fitting.least_squares import solve_scaled
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.law.natural_sizes import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Lines

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.fitting.descent import Descent
-from rsgen.fitting.least_squares import Regression, fit, solve_scaled
+from rsgen.fitting.least_squares import Regression, fit
 from rsgen.fitting.observed import Observed
 from rsgen.fitting.points import Points
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.fitting.systematic import is_systematic
 from rsgen.modal.modal_splines import SplineBasis, SplineMode
 from rsgen.results.agreement import Agreement

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.fitting.fit import Fit, fit_balance
-from rsgen.fitting.least_squares import solve_scaled
 from rsgen.fitting.problem import Problem
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.motion import Motion, sine_motion
 from rsgen.starting.equations import Equations, equation_rows
 from rsgen.tolerances import FOLLOWED, NOISY, NULL_PART, SAMPLES, START_ORDER, TRIAL_STEPS

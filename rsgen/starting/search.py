@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from rsgen.arrays import Array
-from rsgen.fitting.least_squares import solve_scaled
+from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.law.natural_sizes import DECADES, natural_sizes
 from rsgen.law.numeric import ForceLaw
 from rsgen.starting.equations import Equations, equation_rows, rows_of_trials

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.fitting.fit import Fit, Solution, fit_balance
 from rsgen.fitting.forward import Response, following_harmonics, hold_amplitude
-from rsgen.fitting.least_squares import determined, solve_scaled
 from rsgen.fitting.points import Points
 from rsgen.fitting.problem import Problem
+from rsgen.fitting.scaled_columns import determined, solve_scaled
 from rsgen.law.element import make_element
 from rsgen.law.interchangeable import put_in_order
 from rsgen.law.numeric import ForceLaw, compile_law
