@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from rsgen.splines import b_splines
+from rsgen.splines import b_splines, spline_values
 
 
 @pytest.mark.parametrize("degree", range(5))
@@ -20,6 +20,12 @@ def test_splines_and_slopes_are_those_of_scipy(degree: int) -> None:
     np.testing.assert_allclose(slopes, every(at, nu=1), atol=1e-12)
     np.testing.assert_allclose(values.sum(axis=1), 1, rtol=1e-14)
     assert np.abs(slopes.sum(axis=1)).max() < 1e-12
+
+
+def test_values_at_many_places_are_those_of_a_few() -> None:
+    knots = np.array([0.0, 0, 0, 0, 0.3, 1, 2, 2, 2, 2])
+    at = np.linspace(0, 2, 10_001)
+    np.testing.assert_array_equal(spline_values(at, knots, 3), b_splines(at, knots, 3)[0])
 
 
 def test_repeated_inner_knots_divide_by_nothing() -> None:

@@ -26,14 +26,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, ComplexArray, blocks
 from rsgen.distributions import normal_quantile, t_quantile
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.points import Points
 from rsgen.fitting.scaled_columns import solve_scaled
 from rsgen.motion import Motion, project, sine_motion
 from rsgen.results import EquivalentCurve, Resonance, RestoringForce
-from rsgen.splines import b_splines
+from rsgen.splines import b_splines, spline_values
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import (
     CHANCE,
@@ -68,6 +68,9 @@ _TRIED = (1, 2, 3, 4, 6, 8)
 
 _HIGHEST = (5, 2)
 """Degrees in amplitude and in frequency up to which a mean or a harmonic is tried as a smooth surface."""
+
+_MOTIONS = 32
+"""Along which splines are evaluated at once: their samples stay in the processor's cache."""
 
 _LEAST = 0.01
 """Of mean, real and imaginary part none counts as more exact than this share of what the worst leaves."""
@@ -148,15 +151,12 @@ class _Plan:
 
     Parameters
     ----------
-    surfaces
-        Degrees in amplitude and frequency of the surface of each harmonic; None where there is none.
     ends
         Smallest and largest displacement [m] and largest velocity [m/s].
     intervals
         Of the splines.
     """
 
-    surfaces: tuple[tuple[int, int] | None, ...]
     ends: tuple[float, float, float]
     intervals: int
 
@@ -179,6 +179,16 @@ class _Plan:
         """(..., f) splines of the damping force, odd."""
         values = _splines(np.abs(at), np.linspace(0, self.ends[2], self.intervals + 1))
         return np.asarray(np.where(at < 0, -1.0, 1.0)[..., None] * values)
+
+    def along(self, x: Array, v: Array) -> tuple[Array, ComplexArray]:
+        """(n, f) mean and fundamental of the splines of spring, then damper, along motions (n, samples)."""
+        parts = []
+        for part in blocks(len(x), _MOTIONS):
+            functions = np.concatenate([self.spring(x[part]), self.damper(v[part])], axis=2)
+            # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
+            parts.append((functions.mean(axis=1), project(np.swapaxes(functions, 1, 2), 1)))
+        mean, fundamental = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return mean, fundamental
 
 
 def invert_motion(
@@ -208,16 +218,15 @@ def invert_motion(
         return None
     points = points.select(points.spread(_POINTS))
     surfaces = _choose_surfaces(points, noise)
-    x, v = _signals(points, _denoised(points, noise, surfaces))
+    x, v = signals = _signals(points, noise, surfaces)
     ends = float(x.min()), float(x.max()), float(np.abs(v).max())
-    plans = [_Plan(surfaces, ends, intervals) for intervals in _TRIED]
-    drawn = [_draw(points, mass, noise, plan) for plan in plans]
+    plans = [_Plan(ends, intervals) for intervals in _TRIED]
+    drawn = [_draw(points, signals, mass, noise, plan) for plan in plans]
     best = int(np.argmin([criterion for *_, criterion in drawn]))
     spring, damper, _ = drawn[best]
     group = np.arange(len(points)) % GROUPS
-    parts = [
-        _draw(points.select(np.flatnonzero(group != g)), mass, noise, plans[best])[:2] for g in range(GROUPS)
-    ]
+    others = [points.select(np.flatnonzero(group != g)) for g in range(GROUPS)]
+    parts = [_draw(part, _signals(part, noise, surfaces), mass, noise, plans[best])[:2] for part in others]
     bands = [
         float(t_quantile(GROUPS - 1, CONFIDENCE))
         * np.sqrt((GROUPS - 1) / GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
@@ -227,9 +236,11 @@ def invert_motion(
     return RestoringForce(at_x, spring, bands[0], at_v, damper, bands[1])
 
 
-def _signals(points: Points, motion: ComplexArray) -> tuple[Array, Array]:
-    """Displacement and velocity (n, samples)."""
-    return Motion(points.omega, motion).waveforms(2 * SAMPLES)[:2]
+def _signals(
+    points: Points, noise: float, surfaces: tuple[tuple[int, int] | None, ...]
+) -> tuple[Array, Array]:
+    """Displacement and velocity (n, samples) of the measured motion without its noise."""
+    return Motion(points.omega, _denoised(points, noise, surfaces)).waveforms(2 * SAMPLES)[:2]
 
 
 def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
@@ -240,15 +251,18 @@ def _relative(points: Points) -> tuple[ComplexArray, ComplexArray]:
 
 
 def _choose_surfaces(points: Points, noise: float) -> tuple[tuple[int, int] | None, ...]:
-    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise."""
+    """Mean and harmonics vary smoothly with amplitude and frequency: how smoothly, where up to the noise.
+
+    Degrees in amplitude and frequency of the surface of each harmonic; None where there is none.
+    """
     tried = list(product(range(_HIGHEST[0] + 1), range(_HIGHEST[1] + 1)))
     relative, _ = _relative(points)
     chosen: list[tuple[int, int] | None] = []
+    fits = [_surfaces_of(points, relative, *degrees) for degrees in tried]
     for h, values in enumerate(relative.T):
-        fits = {degrees: _surface_of(points, values, *degrees) for degrees in tried}
-        best = min(fits, key=lambda degrees: fits[degrees][1])
-        scatter = np.sqrt(np.mean(np.abs(values - fits[best][0]) ** 2))
-        chosen.append(best if h != 1 and scatter < EXCESS * noise else None)
+        best = min(range(len(tried)), key=lambda place: fits[place][1][h])
+        scatter = np.sqrt(np.mean(np.abs(values - fits[best][0][:, h]) ** 2))
+        chosen.append(tried[best] if h != 1 and scatter < EXCESS * noise else None)
     return tuple(chosen)
 
 
@@ -258,45 +272,48 @@ def _denoised(points: Points, noise: float, surfaces: tuple[tuple[int, int] | No
     for h, degrees in enumerate(surfaces):
         values = relative[:, h]
         if degrees is not None:
-            relative[:, h] = _surface_of(points, values, *degrees)[0]
+            relative[:, h] = _surfaces_of(points, values[:, None], *degrees)[0][:, 0]
         elif h > 1:
             relative[:, h] = np.where(np.abs(values) > CHANCE * noise, values, 0)
     return np.asarray(relative * back)
 
 
-def _surface_of(points: Points, values: ComplexArray, degree: int, bend: int) -> tuple[ComplexArray, float]:
-    """Least squares with a polynomial of amplitude and frequency, and its BIC."""
+def _surfaces_of(points: Points, values: ComplexArray, degree: int, bend: int) -> tuple[ComplexArray, Array]:
+    """Least squares of harmonics (n, k) with a polynomial of amplitude and frequency, and the BIC (k,)."""
     height = points.amplitude / points.amplitude.max()
     place = points.omega / np.median(points.omega) - 1
     matrix = np.stack([height**i * place**j for i in range(degree + 1) for j in range(bend + 1)], axis=1)
-    solution = np.linalg.lstsq(matrix.astype(complex), values, rcond=None)[0]
-    found = matrix @ solution
-    rest = max(float(np.sum(np.abs(values - found) ** 2)), 1e-300)
-    return found, 2 * len(values) * np.log(rest) + 2 * matrix.shape[1] * np.log(2 * len(values))
+    # one decomposition of a real matrix serves all harmonics
+    solution = np.linalg.lstsq(matrix, np.hstack([values.real, values.imag]), rcond=None)[0]
+    real, imaginary = np.split(matrix @ solution, 2, axis=1)
+    found = real + 1j * imaginary
+    rest = np.maximum(np.sum(np.abs(values - found) ** 2, axis=0), 1e-300)
+    count = 2 * len(values)
+    return found, count * np.log(rest) + 2 * matrix.shape[1] * np.log(count)
 
 
-def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array, Array, float]:
+def _draw(
+    points: Points, signals: tuple[Array, Array], mass: float, noise: float, plan: _Plan
+) -> tuple[Array, Array, float]:
     """Stiffness and damping force at the places of a plan, and the BIC.
 
     Mean, real and imaginary part are weighed by what they leave, down to a least share of the largest.
     """
-    x, v = _signals(points, _denoised(points, noise, plan.surfaces))
-    spring, damper = plan.spring(x), plan.damper(v)
-    functions = np.concatenate([spring, damper], axis=2)
-    # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
-    fundamental = project(np.swapaxes(functions, 1, 2), 1)
+    mean, fundamental = plan.along(*signals)
     force = np.abs(points.force)
     # noise of the mean reaches the balance through the stiffness, that of the fundamental through F/X
     firm = mass * points.omega**2 * points.amplitude
     known = (points.force + mass * points.omega**2 * points.harmonics[:, 1]) / force
     blocks = [
-        functions.mean(axis=1) / firm[:, None],
+        mean / firm[:, None],
         fundamental.real / force[:, None],
         fundamental.imag / force[:, None],
     ]
     matrix = np.concatenate(blocks)
     balance = np.concatenate([np.zeros(len(points)), known.real, known.imag])
-    counts = (spring.shape[2], damper.shape[2])
+    at_x, at_v = plan.places
+    spring, damper = plan.spring(at_x), plan.damper(at_v)
+    counts = (spring.shape[1], damper.shape[1])
     stiff = np.zeros((sum(counts) - 4, sum(counts)))
     stiff[: counts[0] - 2, : counts[0]] = np.diff(np.eye(counts[0]), 2, axis=0)
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
@@ -314,10 +331,9 @@ def _draw(points: Points, mass: float, noise: float, plan: _Plan) -> tuple[Array
         spread[0] = max(spread[0], noise)
         weight = np.repeat(1 / np.maximum(spread, _LEAST * spread.max()), len(points))
     likelihood = len(points) * float(np.sum(np.log(np.maximum(spread**2, 1e-300))))
-    at_x, at_v = plan.places
     return (
-        plan.spring(at_x) @ solution[: counts[0]],
-        plan.damper(at_v) @ solution[counts[0] :],
+        spring @ solution[: counts[0]],
+        damper @ solution[counts[0] :],
         likelihood + sum(counts) * float(np.log(len(balance))),
     )
 
@@ -326,7 +342,7 @@ def _splines(at: Array, knots: Array) -> Array:
     """(..., f) cubic B-splines over knots."""
     whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
     inside = np.clip(at, knots[0], knots[-1]).ravel()
-    return b_splines(inside, whole, _DEGREE)[0].reshape(*at.shape, -1)
+    return spline_values(inside, whole, _DEGREE).reshape(*at.shape, -1)
 
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
