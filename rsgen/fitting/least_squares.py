@@ -306,7 +306,7 @@ def _summary(
     residual[~used] = 0.0
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
     scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
-    flat = matrix.reshape(-1, count)
+    flat = matrix.reshape(residual.size, count)
     points = int(np.count_nonzero(used))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
