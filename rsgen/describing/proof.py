@@ -24,6 +24,9 @@ LEAST_SETS = 20
 
 SETS_A_REGIME = 12
 
+_SHRUNK = (1.0, 0.3, 0.09, 0.0025)
+"""Factors of the amplitudes that are tried in turn: a law may be defined for small motions only."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -65,8 +68,7 @@ def draw_trial(
     rng = np.random.default_rng(seed)
     slots = 1 + sum(s.threshold is not None and not s.threshold.is_zero for s in form.switches)
     n = max(2 * LEAST_SETS, SETS_A_REGIME * slots)
-    shrink = 1.0
-    for _ in range(6):
+    for shrink in _SHRUNK:
         sizes = tuple(
             np.exp(rng.uniform(-1, 1, n)) * (1 if p.is_positive else rng.choice((-1.0, 1.0), n))
             for p in parameters
@@ -80,15 +82,15 @@ def draw_trial(
             edges = np.concatenate((0.2 * edges[:, :1], edges, 3 * edges[:, -1:]), axis=1)
             slot = np.arange(n) % (edges.shape[1] - 1)
             low, high = edges[np.arange(n), slot], edges[np.arange(n), slot + 1]
-            spread = (low + (high - low) * rng.uniform(0.05, 0.95, n)) * min(1.0, shrink**0.5)
-            # coinciding thresholds leave nothing between them
-            amplitude = np.where(high - low > 1e-6 * high, spread, amplitude)
+            # thresholds that coincide, or are beyond all numbers, leave nothing between them
+            with np.errstate(invalid="ignore"):
+                spread = (low + (high - low) * rng.uniform(0.05, 0.95, n)) * shrink**0.5
+                amplitude = np.where(high - low > 1e-6 * high, spread, amplitude)
             cycle = cycle._replace(X=amplitude)
         found = project(force, form, parameters, cycle)
         valid = np.isfinite(found.size) & (found.error <= 1e-11 * found.size)
         if np.count_nonzero(valid) >= LEAST_SETS:
             break
-        shrink *= 0.3
     rows = np.flatnonzero(valid)
     kept = Cycle(amplitude[rows], mean[rows], omega[rows], tuple(p[rows] for p in sizes))
     return _trial(kept, Projections(*(column[rows] for column in found)))

@@ -180,8 +180,8 @@ def _crossings_of_plane(
     """Find where a x + b v + c changes its sign: a sine of known size and phase against a constant."""
     rest = function.subs({symbol("x"): 0, symbol("v"): 0})
     a, b, c = compiled((*slopes, rest), parameters)(*cycle.parameters)
-    in_phase, ahead = a * cycle.X, b * cycle.omega * cycle.X
     with np.errstate(all="ignore"):
+        in_phase, ahead = a * cycle.X, b * cycle.omega * cycle.X
         angle = np.arcsin(np.clip(-(c + a * cycle.mean) / np.hypot(in_phase, ahead), -1, 1))
     phase = np.arctan2(ahead, in_phase)
     return [

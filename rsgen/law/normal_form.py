@@ -51,7 +51,8 @@ LARGEST_PARTS = 10_000
 """Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
 
 MOST_OPERATIONS = 2500
-"""In all pieces and switch functions together. Ten elements of the library have 600 at most; what has more
+"""In all pieces and switch functions together. Ten elements of the library have 600 at most, and the loop of
+ramberg-osgood nearly this; what has more
 comes from texts of a few operations whose pieces multiply, and takes minutes to differentiate."""
 
 LARGEST_FRACTION = 400
@@ -160,7 +161,9 @@ def _growth(expression: sympy.Basic) -> tuple[int, int]:
         (count, parts), power = inner[0], min(abs(int(expression.exp)), 500)
         raised = min(comb(count + power - 1, power), _MANY)
         parts = min(parts * min(power, count), _MANY)
-        return (raised, parts) if expression.exp > 0 else (1, min(raised * parts, _MANY))
+        if expression.exp > 0:
+            return raised, parts
+        return 1, _MANY if raised > LARGEST_EXPANSION else min(raised * parts, _MANY)
     return 1, min(1 + sum(count * parts for count, parts in inner), _MANY)
 
 

@@ -225,7 +225,8 @@ def _taken(choice: sympy.Expr, numbers: list[float]) -> int:
     """Say which argument Max and Min take, and which sign Abs and sign see; 0: none."""
     if isinstance(choice, sympy.Max | sympy.Min):
         return numbers.index(max(numbers) if isinstance(choice, sympy.Max) else min(numbers))
-    return int(np.sign(numbers[0]))
+    # without a sign, as at values where the law is not defined, it stays as it is written
+    return 0 if np.isnan(numbers[0]) else int(np.sign(numbers[0]))
 
 
 @lru_cache(maxsize=512)

@@ -153,13 +153,18 @@ def _factors(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
             root = root if power.is_Integer else base
             degrees = [sympy.degree(root, s) for s in (STATE_X, STATE_V) if root.is_polynomial(s)]
             small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE and not _has_long_numbers(root)
-            if small and root.is_Add and len(root.args) <= 12:
-                number, factors = sympy.factor_list(root)
-                listed.append((number, exponent))
-                listed.extend((factor, exponent * order) for factor, order in factors)
-            else:
-                listed.append((root, exponent))
+            found = _factored(root) if small and root.is_Add and len(root.args) <= 12 else ((root, 1),)
+            listed.extend((factor, exponent * order) for factor, order in found)
     return tuple(listed)
+
+
+def _factored(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
+    """Factor a polynomial in x and v; one whose coefficients SymPy takes for no numbers, as 2**n, stays."""
+    try:
+        number, factors = sympy.factor_list(function)
+    except sympy.PolynomialError:
+        return ((function, 1),)
+    return ((number, 1), *factors)
 
 
 def _has_long_numbers(expression: sympy.Expr) -> bool:
