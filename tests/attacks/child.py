@@ -17,12 +17,16 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-__all__ = ["Outcome", "Tally", "attempts", "command", "judged", "kind_of", "measured", "tally"]
+__all__ = ["Outcome", "Tally", "allowed", "attempts", "command", "judged", "kind_of", "measured", "tally"]
 
 WALL_SECONDS = 180.0
 """An attempt without an answer for so long hangs, whatever it does meanwhile."""
 RENEWED = 400
 """Attempts after which a child is replaced: caches grow, and what one attempt takes must stay visible."""
+_LOOP = 2_000_000
+"""Steps of a loop that shows the speed of a machine at the moment."""
+_LOOP_SECONDS = 0.115
+"""What it took on the machine on which the seconds of the promises were measured."""
 _STATUS = Path("/proc/self/status")
 _CLEAR = Path("/proc/self/clear_refs")
 
@@ -157,9 +161,20 @@ def attempts(
             child.end()
 
 
+def allowed(seconds: float) -> float:
+    """Give the seconds here and now that are so many on the machine of the promise; no fewer on a faster one.
+
+    On a machine shared with others the seconds of a processor grow as well; a loop shows by how much.
+    """
+    begun, total = time.process_time(), 0
+    for step in range(_LOOP):
+        total += step * step % 7
+    return seconds * max(1.0, (time.process_time() - begun) / _LOOP_SECONDS)
+
+
 def judged(outcome: Outcome, seconds: float, megabytes: float) -> Outcome:
-    """Call what took longer a hang, and what took more memory by its name."""
-    if outcome.seconds > seconds:
+    """Call what took longer a hang, on the machine of the promise, and too much memory by its name."""
+    if outcome.seconds > seconds and outcome.seconds > allowed(seconds):
         return replace(outcome, said=f"hang: {outcome.seconds} s")
     if outcome.megabytes > megabytes:
         return replace(outcome, said="memory: over the bound")

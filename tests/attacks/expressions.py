@@ -23,7 +23,7 @@ from tests.attacks.texts import TEXTS, grown
 __all__ = ["attack", "main", "run", "text_of"]
 
 SECONDS = 5.0
-"""Work allowed until a text has its answer."""
+"""Work allowed until a text has its answer, on the machine of ``allowed``."""
 MEGABYTES = 1024.0
 LONGEST = 10_000
 """Characters of a refusal, which may quote a formula of 2000 several times."""

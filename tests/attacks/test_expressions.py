@@ -12,6 +12,7 @@ from rsgen.errors import ExpressionError
 from rsgen.expression import parse
 from rsgen.law import Law
 from rsgen.law.normal_form import expanded, is_long
+from tests.attacks.child import allowed
 from tests.attacks.expressions import answer, text_of
 from tests.attacks.texts import TEXTS
 
@@ -35,7 +36,7 @@ def fraction(depth: int, inner: str = "x + b") -> str:
 def test_a_hard_text_has_an_answer(text: str) -> None:
     begun = time.process_time()
     assert answer(text).startswith(("result", "refused"))
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)
 
 
 @pytest.mark.slow
@@ -44,7 +45,7 @@ def test_a_text_that_once_got_through_has_an_answer(number: int) -> None:
     """Overflows and a product of inf, a sign of a cube root, a fraction, 30 pieces."""
     begun = time.process_time()
     assert answer(text_of(number, 1)[1]).startswith(("result", "refused"))
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)
 
 
 def test_a_loop_that_was_not_tried_says_so() -> None:
@@ -57,7 +58,7 @@ def test_numbers_that_nobody_writes_are_not_factored() -> None:
     begun = time.process_time()
     with pytest.raises(ExpressionError, match="more than 96 pieces"):
         derive("abs(Min(Min(abs(x - v), Ff*x), 1e300*x) - b)")
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)
 
 
 def test_pieces_of_thousands_of_operations_are_refused() -> None:
@@ -129,4 +130,4 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
 def test_a_law_that_once_got_through_has_an_answer(text: str, memory: tuple[str, ...]) -> None:
     begun = time.process_time()
     assert answer(text, memory).startswith(("result", "refused"))
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)

@@ -19,6 +19,7 @@ from rsgen.measurement.text_cells import LONGEST_NUMBER
 from rsgen.measurement.text_columns import read_columns
 from rsgen.surface import load_surface
 from tests.attacks import readers
+from tests.attacks.child import allowed
 from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable
 from tests.attacks.good_files import ENDINGS, good, table_plan
 from tests.attacks.traps import npy_padded
@@ -32,7 +33,7 @@ def refusal(act: Callable[[], object]) -> str:
     begun = time.process_time()
     with pytest.raises(MeasurementError) as caught:
         act()
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)
     return str(caught.value)
 
 
@@ -117,7 +118,7 @@ def test_thousands_of_columns_are_listed_soon(tmp_path: Path) -> None:
     path.write_text("\n".join([row] * 40 + [row[:-1] + "x"]) + "\n")
     begun = time.process_time()
     assert len(list_contents(path).entries) == 4000
-    assert time.process_time() - begun < SECONDS
+    assert time.process_time() - begun < allowed(SECONDS)
 
 
 def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path: Path) -> None:
