@@ -73,6 +73,8 @@ def _printer() -> Any:
     printer._print_Pow = product
     # a pole that was found by hand, as of log(0)/0: no number has its sign
     printer._print_ComplexInfinity = lambda expr: printer._module_format("numpy.nan")
+    # laws are real; of a Bessel function of what may be negative SymPy does not know it
+    printer._print_conjugate = lambda expr: printer._print(expr.args[0])
     printer._print_Heaviside = lambda expr: nested("heaviside", (expr.args[0], sympy.Rational(1, 2)))
     return printer
 

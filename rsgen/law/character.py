@@ -251,6 +251,8 @@ def _is_mirrored(
             one, other = np.broadcast_to(one, PLACES), np.broadcast_to(other, PLACES)
             finite = np.isfinite(one) & np.isfinite(other)
             largest = np.max(np.abs(one[finite]), initial=0.0)
-            if not np.all(np.abs(one[finite] - sign * other[finite]) <= SAME * largest):
+            with np.errstate(over="ignore"):
+                left = np.abs(one[finite] - sign * other[finite])
+            if not np.all(left <= SAME * largest):
                 return False
     return True

@@ -113,6 +113,8 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         ("x**9/(v + 7.5e-3 + k)**55/k**21", ()),
         ("k*x*sign(log(-k))*abs(x - b)", ()),
         ("abs(x - exp(1000*k)) + abs(x - exp(2000*b))", ()),
+        ("k*x + c*v + 1e300/(v*atan(v))", ()),
+        ("k*x + abs(besseli(5, Ff))", ()),
     ],
     ids=[
         "no force",
@@ -125,6 +127,8 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         "below the line",
         "no sign",
         "beyond all numbers",
+        "sum beyond all numbers",
+        "conjugate",
     ],
 )
 def test_a_law_that_once_got_through_has_an_answer(text: str, memory: tuple[str, ...]) -> None:
