@@ -304,12 +304,12 @@ def _draw(
     # noise of the mean reaches the balance through the stiffness, that of the fundamental through F/X
     firm = mass * points.omega**2 * points.amplitude
     known = (points.force + mass * points.omega**2 * points.harmonics[:, 1]) / force
-    blocks = [
+    equations = [
         mean / firm[:, None],
         fundamental.real / force[:, None],
         fundamental.imag / force[:, None],
     ]
-    matrix = np.concatenate(blocks)
+    matrix = np.concatenate(equations)
     balance = np.concatenate([np.zeros(len(points)), known.real, known.imag])
     at_x, at_v = plan.places
     spring, damper = plan.spring(at_x), plan.damper(at_v)
@@ -325,7 +325,7 @@ def _draw(
             np.concatenate([matrix, stiff]) * scale[:, None],
             np.concatenate([balance, np.zeros(len(stiff))]) * scale,
         )
-        rest = (balance - matrix @ solution).reshape(len(blocks), -1)
+        rest = (balance - matrix @ solution).reshape(len(equations), -1)
         spread = np.sqrt(np.mean(rest**2, axis=1))
         # a smooth mean says no more than the noisy one did
         spread[0] = max(spread[0], noise)

@@ -51,9 +51,9 @@ LARGEST_PARTS = 10_000
 """Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
 
 MOST_OPERATIONS = 2500
-"""In all pieces and switch functions together. Ten elements of the library have 600 at most, and the loop of
-ramberg-osgood nearly this; what has more
-comes from texts of a few operations whose pieces multiply, and takes minutes to differentiate."""
+"""In all pieces and switch functions together. Ten elements of the library have 600 at most, the loop of
+ramberg-osgood 2483; what has more comes from texts of a few operations whose pieces multiply, and takes
+minutes to differentiate."""
 
 LARGEST_FRACTION = 400
 """Addends above or below the line beyond which quotients are not brought on one: a fraction in a fraction ten

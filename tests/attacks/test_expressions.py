@@ -115,6 +115,7 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         ("abs(x - exp(1000*k)) + abs(x - exp(2000*b))", ()),
         ("k*x + c*v + 1e300/(v*atan(v))", ()),
         ("k*x + abs(besseli(5, Ff))", ()),
+        ("k*x + Piecewise((c*v, 7.5e-3**n <= v), (0, True))", ()),
     ],
     ids=[
         "no force",
@@ -129,6 +130,7 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         "beyond all numbers",
         "sum beyond all numbers",
         "conjugate",
+        "number to a parameter",
     ],
 )
 def test_a_law_that_once_got_through_has_an_answer(text: str, memory: tuple[str, ...]) -> None:
