@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Array", "Chosen", "ComplexArray", "blocks", "frozen_array"]
+__all__ = ["Array", "Chosen", "ComplexArray", "blocks", "blocks_joined", "frozen_array"]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -25,3 +26,29 @@ def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
 def blocks(count: int, size: int) -> list[slice]:
     """Divide so many rows into blocks of at most ``size``; no rows are one empty block."""
     return [slice(first, first + size) for first in range(0, max(count, 1), size)]
+
+
+def blocks_joined(
+    count: int, found: Iterable[tuple[slice, Any]], names: Sequence[str]
+) -> dict[str, NDArray[Any]]:
+    """Join what was found of each block of rows, and forget it at once: all blocks together fill the memory.
+
+    Parameters
+    ----------
+    count
+        Of all rows.
+    found
+        The rows of a block, and an object with their columns; a column that is None is left out.
+    names
+        Of the columns.
+    """
+    joined: dict[str, NDArray[Any]] = {}
+    for rows, of_block in found:
+        for name in names:
+            column = getattr(of_block, name)
+            if column is None:
+                continue
+            if name not in joined:
+                joined[name] = np.empty((count, *column.shape[1:]), column.dtype)
+            joined[name][rows] = column
+    return joined

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rsgen.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.case.case import Case
@@ -13,21 +14,16 @@ if TYPE_CHECKING:
 
 __all__ = ["DATA_VARIABLE", "Case", "case_schema", "find_cases", "load_case", "name_clashes", "read"]
 
-_PLACES = {
-    "Case": "case",
-    "DATA_VARIABLE": "loading",
-    "case_schema": "document",
-    "find_cases": "case_list",
-    "load_case": "loading",
-    "name_clashes": "case_list",
-    "read": "loading",
-}
-
-
-def __getattr__(name: str) -> Any:
-    # on first use: a table [test] alone has no law, and is read without the library of algebra
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
-    globals()[name] = value
-    return value
+# a table [test] alone has no law, and is read without the library of algebra
+__getattr__ = on_first_use(
+    __name__,
+    {
+        "Case": "case",
+        "DATA_VARIABLE": "loading",
+        "case_schema": "document",
+        "find_cases": "case_list",
+        "load_case": "loading",
+        "name_clashes": "case_list",
+        "read": "loading",
+    },
+)

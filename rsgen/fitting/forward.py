@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, Chosen, ComplexArray, blocks
+from rsgen.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
 from rsgen.law.numeric import ForceLaw
 from rsgen.motion import FourierSeries, Motion, fourier_series
 from rsgen.tolerances import BLOCK, SAMPLES, TO_REST, TRIAL_STEPS
@@ -79,10 +79,14 @@ class Response:
         """Take some of the points."""
         part: dict[str, Any] = {
             name: None if (column := getattr(self, name)) is None else column[chosen]
-            for name in Response.__dataclass_fields__
-            if name != "load_orders"
+            for name in self.columns()
         }
         return replace(self, **part)
+
+    @classmethod
+    def columns(cls) -> list[str]:
+        """Names of what has a row a point."""
+        return [name for name in cls.__dataclass_fields__ if name != "load_orders"]
 
 
 class Forward(Protocol):
@@ -149,17 +153,13 @@ def hold_amplitude(
     half = law.odd and not law.remembers and all(h % 2 for h in follow)
     series = fourier_series((1, *follow), samples, half)
     others = np.zeros((len(omega), 0)) if load is None else series.real(load[:, list(series.orders)])[:, 2:]
-    joined: dict[str, Any] = {}
-    for part in blocks(len(omega), BLOCK):
-        of_block = _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part])
-        for name in Response.__dataclass_fields__:
-            column = getattr(of_block, name)
-            if column is not None and name != "load_orders":
-                # each block goes to its place at once: harmonics of many points fill the memory
-                if name not in joined:
-                    joined[name] = np.empty((len(omega), *column.shape[1:]), column.dtype)
-                joined[name][part] = column
-    return Response(**joined | {"load_orders": of_block.load_orders})
+    load_orders = np.round(series.order_of[2:]).astype(np.intp) if others.shape[1] else None
+    found = (
+        (part, _block(law, values, mass, omega[part], amplitude[part], start[part], series, others[part]))
+        for part in blocks(len(omega), BLOCK)
+    )
+    columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
+    return Response(**columns, load_orders=load_orders)
 
 
 def _block(
@@ -232,11 +232,9 @@ def _by_load(tangent: Array, series: FourierSeries, shape: tuple[int, ...]) -> d
     whole = np.concatenate([np.zeros((len(tangent), 2, columns)), higher], axis=1)
     moved = np.zeros((*shape, columns), dtype=complex)
     moved[:, list(series.orders)] = series.complex(whole)
-    orders = np.round(series.order_of[2:]).astype(np.intp)
     return {
         "force_load": force[:, 0] + 1j * force[:, 1],
         "harmonics_load": moved,
-        "load_orders": orders,
     }
 
 

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, Chosen, ComplexArray, blocks
+from rsgen.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
 from rsgen.fitting.forward import Response
 from rsgen.fitting.least_squares import Linearisation
 from rsgen.fitting.points import Points
@@ -239,16 +239,14 @@ class Observed:
         compared
             Other harmonics that are measured and predicted.
         """
-        count, found = len(self.points), dict[str, Array]()
-        for part in blocks(count, _POINTS):
+
+        def line(part: slice) -> Linearisation:
             unit = None if scale is None else scale[part]
-            line = self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
-            for name in Linearisation.__dataclass_fields__:
-                column = getattr(line, name)
-                if name not in found:
-                    found[name] = np.empty((count, *column.shape[1:]))
-                found[name][part] = column
-        return Linearisation(**found)
+            return self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
+
+        count, names = len(self.points), list(Linearisation.__dataclass_fields__)
+        found = ((part, line(part)) for part in blocks(count, _POINTS))
+        return Linearisation(**blocks_joined(count, found, names))
 
     def _linearise(
         self,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rsgen.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.measurement.files_to_surface import read_measurement
@@ -11,12 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["HistoryRule", "Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]
 
-
-def __getattr__(name: str) -> Any:
-    # on first use: a process that opens a file of strangers loads what it needs for that alone
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    place = "files_to_surface" if name == "read_measurement" else "plan"
-    value = getattr(import_module(f"{__name__}.{place}"), name)
-    globals()[name] = value
-    return value
+# a process that opens a file of strangers loads what it needs for that alone
+__getattr__ = on_first_use(
+    __name__, dict.fromkeys(__all__, "plan") | {"read_measurement": "files_to_surface"}
+)

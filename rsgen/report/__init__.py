@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rsgen.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.report.files import draw_all, write_report
@@ -11,13 +12,5 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_all", "write_index", "write_report"]
 
-_PLACES = {"draw_all": "files", "write_index": "index", "write_report": "files"}
-
-
-def __getattr__(name: str) -> Any:
-    # on first use: the sentences of this package need no figures, whose library takes half a second
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
-    globals()[name] = value
-    return value
+# the sentences of this package need no figures, whose library takes half a second
+__getattr__ = on_first_use(__name__, {"draw_all": "files", "write_index": "index", "write_report": "files"})

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from rsgen.first_use import on_first_use
 from rsgen.study.manifest import MANIFEST, read_manifest
 from rsgen.study.progress import STAGES, Expectation, Step, expect
 from rsgen.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
@@ -25,11 +26,5 @@ __all__ = [
     "run_cases",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    # on first use: most commands have one case and need no processes
-    if name != "run_cases":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from rsgen.study.many_cases import run_cases
-
-    return run_cases
+# most commands have one case and need no processes
+__getattr__ = on_first_use(__name__, {"run_cases": "many_cases"})

@@ -6,8 +6,9 @@ a force law from the condition that each term is a force, ``unit_faults`` checks
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from rsgen.first_use import on_first_use
 from rsgen.units.dimension import Dimension
 from rsgen.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
 from rsgen.units.unit_text import read_unit
@@ -20,11 +21,7 @@ __all__ = [
     "unit_faults", "unit_of",
 ]  # fmt: skip
 
-
-def __getattr__(name: str) -> Any:
-    # on first use, for it imports sympy, which the process that opens binary files can do without
-    if name in ("parameter_units", "per_mass_unit", "unit_faults"):
-        from rsgen.units import deduction
-
-        return getattr(deduction, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# they import sympy, which the process that opens binary files can do without
+__getattr__ = on_first_use(
+    __name__, dict.fromkeys(("parameter_units", "per_mass_unit", "unit_faults"), "deduction")
+)
