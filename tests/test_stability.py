@@ -18,8 +18,9 @@ import rsgen
 from rsgen.case.document import CaseDocument
 from rsgen.errors import CaseError, MeasurementError
 from rsgen.report.difference import compare_results
-from rsgen.report.index import read_results, write_index
+from rsgen.report.index import write_index
 from rsgen.report.result_json import SCHEMA
+from rsgen.report.result_reading import read_results
 from rsgen.surface import surface_file
 
 HERE = Path(__file__).parent / "stability"

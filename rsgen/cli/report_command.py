@@ -10,7 +10,7 @@ from rsgen.cli.run_command import check_figures, exit_code
 from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.report import write_index
-from rsgen.report.index import read_results
+from rsgen.report.result_reading import read_results
 from rsgen.study import run_cases
 from rsgen.study.folder import check_index
 

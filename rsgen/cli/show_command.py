@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
 from rsgen.output import write_atomic
-from rsgen.report.index import read_result
 from rsgen.report.interactive import render_interactive
+from rsgen.report.result_reading import read_result
 from rsgen.verdict import verdict_lines
 
 __all__ = ["show_command"]

@@ -11,8 +11,8 @@ from typing import Any
 import rsgen
 from rsgen.errors import RsgenError
 from rsgen.report.environment import page_environment
-from rsgen.report.index import read_result, read_results
 from rsgen.report.page_tables import Cell, Table, TableRow
+from rsgen.report.result_reading import read_result, read_results
 from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.units.scale import number_text, quantity_text

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -17,60 +15,20 @@ from rsgen.force_keys import FORCE_KEYS
 from rsgen.output import write_atomic
 from rsgen.report.environment import page_environment, plain_text
 from rsgen.report.inline import THUMBNAIL
-from rsgen.report.result_json import SCHEMA
-from rsgen.report.stated_verdict import read_verdict
+from rsgen.report.result_reading import Entry, read_results
 from rsgen.report.wording.page_sentences import error_text
 from rsgen.report.wording.verdict_sentences import MARKED
 from rsgen.units.scale import quantity_text
-from rsgen.verdict import STATES, StatedVerdict
+from rsgen.verdict import STATES
 
-__all__ = ["read_result", "read_results", "table_of_results", "write_index"]
+__all__ = ["table_of_results", "write_index"]
 
-_MOST_BYTES = 50_000_000
 _MOST_PICTURE = 500_000
 """Bytes of a picture in the index; those that runs write have a tenth of it."""
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
-    """A finished case: its folder and its result.json; forces count where the case judges them."""
-
-    folder: Path
-    result: dict[str, Any]
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        judged = [row for row in self.result.get("forces", []) if row.get("tolerance") is not None]
-        return [*self.result["parameters"], *judged]
-
-    @property
-    def verdict(self) -> StatedVerdict:
-        """What the result is worth; of an older result what its findings and rows say."""
-        return read_verdict(self.result)
-
-
-def read_result(path: Path) -> _Entry | None:
-    """Read one result.json of this schema; None where there is none."""
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            return None
-        result = json.loads(path.read_text(encoding="utf-8"))
-        entry = _Entry(path.parent, result)
-        if result["schema"] == SCHEMA and isinstance(result["title"], str) and entry.verdict and entry.rows:
-            return entry
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        pass
-    return None
-
-
-def read_results(folder: Path) -> list[_Entry]:
-    """Read every ``<folder>/<case>/result.json`` of this schema, sorted by case; others are left out."""
-    paths = [path for path in sorted(folder.glob("*/result.json")) if not path.parent.name.startswith(".")]
-    return [entry for path in paths if (entry := read_result(path)) is not None]
-
-
-def _picture(entry: _Entry) -> Markup | None:
+def _picture(entry: Entry) -> Markup | None:
     """Give the picture of a result as an address; None where a result without a surface has none.
 
     It is shown as an image, in which nothing acts or loads anything, whatever is in the file.
@@ -89,7 +47,7 @@ def _quantity(value: Any, unit: Any) -> str:
     return "–" if value is None else quantity_text(float(value), str(unit), 6)
 
 
-def _context(entry: _Entry) -> dict[str, Any]:
+def _context(entry: Entry) -> dict[str, Any]:
     points, verdict = entry.result["surface"], entry.verdict
     return {
         "name": entry.folder.name,
@@ -125,7 +83,7 @@ def _rounded(error: float | None, least: float) -> str:
     return f"< {least:.0e}".replace("e-0", "e-") if error < least else f"{error:.0e}".replace("e-0", "e-")
 
 
-def table_of_results(entries: list[_Entry]) -> str:
+def table_of_results(entries: list[Entry]) -> str:
     """Give Table 1 as markdown; errors relative, to one digit, so that a change in git is a change indeed."""
     lines = [
         "# Table 1: true against identified",

@@ -14,7 +14,7 @@ import rsgen
 from rsgen.errors import RsgenError
 from rsgen.figures.overview import largest_answer
 from rsgen.report.environment import page_environment
-from rsgen.report.index import read_result
+from rsgen.report.result_reading import read_result
 from rsgen.surface import ResponseSurface, load_surface
 from rsgen.units.scale import SWEEPS, choose_scale
 

@@ -12,8 +12,9 @@ import pytest
 import rsgen
 from rsgen.comparison import Comparison
 from rsgen.prediction import Prediction
-from rsgen.report.index import read_results, table_of_results
+from rsgen.report.index import table_of_results
 from rsgen.report.result_json import build_result, result_text
+from rsgen.report.result_reading import read_results
 from rsgen.report.subject import Subject
 
 ROOT = Path(__file__).parents[2]

@@ -1,0 +1,96 @@
+"""A result.json of somebody else: read as a run writes it, or left out; never waited for."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsgen.errors import RsgenError
+from rsgen.report.difference import compare_results
+from rsgen.report.index import write_index
+from rsgen.report.result_json import build_result, result_text
+from rsgen.report.result_reading import read_result, read_results
+from rsgen.report.subject import Subject
+from tests.samples import (
+    cubic_case,
+    cubic_comparison,
+    cubic_identification,
+    cubic_prediction,
+    cubic_surface,
+)
+
+
+@cache
+def good() -> str:
+    surface = cubic_surface()
+    found = cubic_identification(surface)
+    subject = Subject.of_case(cubic_case(), found)
+    parts = (subject, surface, found, cubic_comparison(found, 1.0), cubic_prediction(surface), ())
+    return result_text(build_result(*parts, {}))
+
+
+def written(folder: Path, change: Callable[[dict[str, Any]], object]) -> Path:
+    result = json.loads(good())
+    change(result)
+    place = folder / "other"
+    place.mkdir()
+    path = place / "result.json"
+    path.write_text(json.dumps(result), encoding="utf-8")
+    return path
+
+
+def first(**changes: object) -> Callable[[dict[str, Any]], object]:
+    """Change the first row of the parameters."""
+    return lambda result: result["parameters"][0].update(changes)
+
+
+CHANGES = {
+    "row without anything": lambda result: result.update(parameters=[{}]),
+    "row that is no row": lambda result: result.update(parameters=[3]),
+    "name that is no text": first(name={"a": 1}),
+    "name without end": first(name="k" * 10**6),
+    "unit that is no text": first(unit=["N"]),
+    "estimate that is none": first(refined=5),
+    "estimate without value": first(refined={}),
+    "value that is a text": first(true="8"),
+    "value that is no number": first(refined={"value": float("nan")}),
+    "value beyond a double": first(relative_error=10**400),
+    "verdict on a row that is a text": first(passed="<b>yes</b>"),
+    "surface that is a list": lambda result: result.update(surface=[]),
+    "no surface": lambda result: result.pop("surface"),
+    "number of points that is a text": lambda result: result["surface"].update(points="63"),
+    "title that is no text": lambda result: result.update(title=3),
+    "warnings without a number": lambda result: result.update(warnings=7),
+    "printed formula that is none": lambda result: result.update(printed=[3]),
+}
+
+
+def test_a_result_as_a_run_writes_it_is_read(tmp_path: Path) -> None:
+    entry = read_result(written(tmp_path, lambda result: None))
+    assert entry is not None
+    assert entry.verdict["state"] == "accepted"
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_result_that_no_run_wrote_is_left_out(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, CHANGES[name])
+    assert read_result(path) is None
+    with pytest.raises(RsgenError, match="holds no result of rsgen"):
+        compare_results(path.parent, path.parent)
+    write_index(tmp_path)
+    assert "0 cases" in (tmp_path / "index.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and devices are files there")
+def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
+    for name in ("pipe", "device"):
+        (tmp_path / name).mkdir()
+    os.mkfifo(tmp_path / "pipe" / "result.json")
+    (tmp_path / "device" / "result.json").symlink_to("/dev/zero")
+    assert read_results(tmp_path) == []
