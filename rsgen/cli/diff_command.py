@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.cli.terminal import ACCEPTED, MISSED, check_target, number, print_json, print_line, print_table
+from rsgen.cli.targets import check_target
+from rsgen.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
 from rsgen.output import write_atomic
 from rsgen.report.difference import (
     CaseDifference,

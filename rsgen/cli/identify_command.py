@@ -7,8 +7,8 @@ from typing import Any
 
 from rsgen.case import Case, load_case
 from rsgen.cli.progress_bar import stage_progress
+from rsgen.cli.targets import FRF, check_target, inputs_of, is_foreign, refuse_foreign
 from rsgen.cli.terminal import (
-    check_target,
     number,
     print_cache_fault,
     print_json,
@@ -61,6 +61,8 @@ def identify_command(
     print_cache_fault()
     case = load_case(path, data)
     target = check_target(frf, ".uff", "--frf") if frf else None
+    if target:
+        refuse_foreign(target, is_foreign(target, FRF), inputs_of(case, surface), "--frf")
     with stage_progress(case, "surface", "identification") as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(case)

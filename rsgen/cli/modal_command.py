@@ -6,7 +6,8 @@ from pathlib import Path
 
 from rsgen.case import load_case
 from rsgen.cli.progress_bar import stage_progress
-from rsgen.cli.terminal import ACCEPTED, check_target, number, print_cache_fault, print_json, print_line
+from rsgen.cli.targets import MODAL, check_target, inputs_of, is_foreign, refuse_foreign
+from rsgen.cli.terminal import ACCEPTED, number, print_cache_fault, print_json, print_line
 from rsgen.errors import RsgenError
 from rsgen.modal import modal_table
 from rsgen.output import write_atomic
@@ -24,6 +25,8 @@ def modal_command(path: Path, surface: Path | None, data: Path | None, csv: Path
     print_cache_fault()
     case = load_case(path, data)
     target = check_target(csv, ".csv", "--csv") if csv else None
+    if target:
+        refuse_foreign(target, is_foreign(target, MODAL), inputs_of(case, surface), "--csv")
     with stage_progress(case, "surface") as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_surface(case)

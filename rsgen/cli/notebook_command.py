@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from rsgen.case import Case, load_case
-from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
+from rsgen.cli.targets import SURFACE, check_target, inputs_of, is_foreign, refuse_foreign
+from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.figures.cycles import shows_loops
+from rsgen.measurement import MeasuredTest
 from rsgen.multisine import MultisineSpectra
 from rsgen.report.interpretation import mean_finding
+from rsgen.report.lesson_mark import is_lesson_as_written
 from rsgen.report.multisine_notebook import write_multisine_notebook
 from rsgen.report.notebook import write_notebook
 from rsgen.report.notebook_cells import KnownResults
@@ -24,6 +27,10 @@ def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool
     """Write the executed notebook of a case; a measured surface is saved beside it."""
     case = load_case(path, data)
     target = check_target(out or Path(f"{case.name}.ipynb"), ".ipynb")
+    refuse_foreign(target, not is_lesson_as_written(target), inputs_of(case))
+    if isinstance(case.test, MeasuredTest):
+        saved = target.with_suffix(".h5")
+        refuse_foreign(saved, is_foreign(saved, SURFACE), inputs_of(case))
     surface = obtain_table(case)
     results = KnownResults(case)
     beside = None

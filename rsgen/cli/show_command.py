@@ -5,7 +5,8 @@ from __future__ import annotations
 import webbrowser
 from pathlib import Path
 
-from rsgen.cli.terminal import ACCEPTED, check_target, print_json, print_line
+from rsgen.cli.targets import check_target
+from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.output import write_atomic
 from rsgen.report.interactive import render_interactive
 from rsgen.report.result_reading import read_result

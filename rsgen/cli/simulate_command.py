@@ -7,6 +7,7 @@ from pathlib import Path
 from rsgen.case import load_case
 from rsgen.case.trial import law_faults
 from rsgen.cli.progress_bar import stage_progress
+from rsgen.cli.targets import SURFACE, inputs_of, is_foreign, refuse_foreign
 from rsgen.cli.terminal import ACCEPTED, MISSED, print_cache_fault, print_json, print_line
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest
@@ -31,6 +32,7 @@ def simulate_command(path: Path, out: Path | None, json: bool) -> int:
     if refused:
         raise CaseError(refused)
     target = out or Path(f"{case.name}.h5")
+    refuse_foreign(target, is_foreign(target, SURFACE), inputs_of(case))
     with stage_progress(case, "surface") as note:
         surface = obtain_surface(case, lambda share: note("surface", share))
     save_surface(target, surface)

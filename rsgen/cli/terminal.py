@@ -6,11 +6,9 @@ import json
 import math
 import unicodedata
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from rsgen.cli.streams import write_error, write_output
-from rsgen.errors import RsgenError
 from rsgen.verdict import USABLE, Verdict, verdict_lines
 
 __all__ = [
@@ -18,7 +16,6 @@ __all__ = [
     "FAULTY",
     "INTERRUPTED",
     "MISSED",
-    "check_target",
     "number",
     "plain",
     "print_block",
@@ -153,12 +150,3 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for line in lines:
         first, *rest = (cell.rjust(width) for cell, width in zip(line, widths, strict=True))
         write_output("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
-
-
-def check_target(path: Path, ending: str, option: str = "--out") -> Path:
-    """Refuse a name for a new file that has another ending or no folder."""
-    if path.suffix.lower() != ending:
-        raise RsgenError(f"{option} {path}: the name must end in {ending}")
-    if not path.parent.is_dir():
-        raise RsgenError(f"{option} {path}: there is no folder {path.parent}")
-    return path

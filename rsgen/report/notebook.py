@@ -19,6 +19,7 @@ from rsgen.figures import Drawing
 from rsgen.output import write_atomic
 from rsgen.prediction import Prediction
 from rsgen.report.environment import TEMPLATES, plain_text
+from rsgen.report.lesson_mark import lesson_mark
 from rsgen.report.modal_section import NO_MODAL, Modal
 from rsgen.report.notebook_cells import KnownResults, execute_cells
 from rsgen.results import Identification
@@ -39,8 +40,6 @@ _SURFACE_FILE = "surface.h5"
 _METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
     "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
-    # a notebook with this mark may be replaced
-    "rsgen": {"lesson": True},
 }
 _CELL = re.compile(r"^--- (?P<kind>markdown|code) (?P<id>[a-z0-9-]+)\n", flags=re.MULTILINE)
 # what markdown, mathematics in markdown, or HTML gives a meaning to inside a line
@@ -165,7 +164,8 @@ def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
         make[kind](body.strip("\n"), id=name)
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
+    metadata = {**_METADATA, "rsgen": lesson_mark(cell.source for cell in cells)}
+    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=metadata)
     return notebook
 
 

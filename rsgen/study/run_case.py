@@ -18,6 +18,7 @@ from rsgen.diagnostics import program_fault
 from rsgen.errors import CaseError, RsgenError
 from rsgen.measurement import MeasuredTest, read_measurement
 from rsgen.multisine import MultisineSpectra
+from rsgen.report.lesson_mark import is_lesson_as_written
 from rsgen.simulation import MultisineTest, simulate
 from rsgen.study.folder import recover, replaced_folder
 from rsgen.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
@@ -29,9 +30,6 @@ __all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "obtain
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
-
-_MOST_BYTES = 50_000_000
-"""A notebook of a run is smaller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,21 +231,11 @@ def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
         yield
     except RsgenError:
         with contextlib.suppress(OSError):
-            if not place.exists() or _is_lesson(place):
+            if not place.exists() or is_lesson_as_written(place):
                 (folder / "notebook.ipynb").replace(place)
         raise
-    if _is_lesson(place):
+    if is_lesson_as_written(place):
         place.unlink()
-
-
-def _is_lesson(place: Path) -> bool:
-    """Whether a file is a notebook that a run wrote."""
-    try:
-        if place.is_symlink() or not place.is_file() or place.stat().st_size > _MOST_BYTES:
-            return False
-        return "rsgen" in json.loads(place.read_text(encoding="utf-8"))["metadata"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return False
 
 
 def run_case(

@@ -411,13 +411,17 @@ def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> N
 def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
     tmp_path: Path, finished: tuple[Path, Path, CaseRun]
 ) -> None:
-    mine, theirs = tmp_path / "small-failed.ipynb", tmp_path / "other-failed.ipynb"
+    mine, changed, theirs = (tmp_path / f"{name}-failed.ipynb" for name in ("small", "changed", "other"))
+    lesson = (finished[1] / "small" / "notebook.ipynb").read_text(encoding="utf-8")
     mine.write_text('{"metadata": {}, "cells": []}')
-    theirs.write_bytes((finished[1] / "small" / "notebook.ipynb").read_bytes())
-    for place in (mine, theirs):
+    # somebody looks for what went wrong in the notebook that was left
+    changed.write_text(lesson.replace("import rsgen", "import rsgen, pdb", 1), encoding="utf-8")
+    theirs.write_text(lesson, encoding="utf-8")
+    for place in (mine, changed, theirs):
         with _failed_notebook(tmp_path, place):
             pass
     assert mine.exists()
+    assert changed.exists()
     assert not theirs.exists()
 
 
