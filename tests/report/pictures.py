@@ -1,4 +1,4 @@
-"""Make the README's pictures from the reports of this machine: ``.venv/bin/python tests/pictures.py``."""
+"""Make the README's pictures of the reports here: ``.venv/bin/python -m tests.report.pictures``."""
 
 from __future__ import annotations
 
