@@ -67,7 +67,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     Parameters
     ----------
     identification
-        Its resonances are the points, its refined estimates the line.
+        Its resonances are the points, its refined estimates the line. A law that acts across two sensors has
+        no line: what the motion across is at an amplitude of the response is not known.
     ax
         Axes for frequency and damping ratio; None makes a figure.
     """
@@ -78,6 +79,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     figure, panels = take_axes(ax, 2, (4.4, 3.9), sharex=True)
     scale = choose_scale(amplitude, "m")
     grid = amplitudes_tested(identification)
+    if any(element.across for element in identification.model.elements):
+        grid = grid[:0]
     model = backbone(identification, solution_of(identification), grid)
     parts = (
         ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
@@ -85,7 +88,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     )
     for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
         axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)
-        axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
+        if np.isfinite(line).any():
+            axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
         calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
         _say_empty(axes, [read, line])

@@ -54,8 +54,10 @@ def largest_answer(surface: ResponseSurface) -> float:
 
 
 def level_word(surface: ResponseSurface) -> str:
-    """Name the levels of a test: forces, or amplitudes that were held."""
-    return "Level X" if surface.response_held else "Level F"
+    """Name the levels of a test: forces, amplitudes that were held, or those of a driven base, no force."""
+    if surface.response_held:
+        return "Level X"
+    return "Level" if surface.base else "Level F"
 
 
 def _answer_word(surface: ResponseSurface) -> str:

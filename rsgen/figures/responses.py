@@ -131,7 +131,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        axes.legend(handles[::-1], labels[::-1], title="Force F", title_fontsize=7.5, loc="best")
+        title = "Level" if surface.base else "Force F"
+        axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (

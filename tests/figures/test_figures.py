@@ -26,7 +26,7 @@ from rsgen.finding import Finding
 from rsgen.law.element import make_element
 from rsgen.modal import modal_table
 from rsgen.oscillator import Model
-from rsgen.results import Estimate
+from rsgen.results import Estimate, Identification
 from rsgen.surface import ResponseSurface
 from tests.samples import (
     C1,
@@ -114,6 +114,28 @@ def test_few_or_no_resonances_are_said_as_they_are(count: int) -> None:
     assert not re.search(r"\binf\b|\bnan\b|1 levels|1 resonances", " ".join(words))
     assert ("No level could be read" if count == 0 else "The one level") in words[0]
     assert ("No level has" if count == 0 else "One resonance") in words[1]
+
+
+def test_a_law_across_two_sensors_has_no_resonance_over_the_response() -> None:
+    """Its stiffness acts on another motion: a line over the response lies at no resonance of the test."""
+
+    def lines(identification: Identification) -> list[str]:
+        drawing = figures.draw_resonance(identification)
+        return [str(line.get_label()) for line in drawing.figure.axes[0].get_lines()]
+
+    joint = make_element("joint", "kn1*x**3", across="far - near")
+    across = Model((make_element("near", "k1*x + c1*v"), joint), mass=MASS)
+    assert lines(IDENTIFICATION) == ["one level each", "refined model"]
+    assert lines(replace(IDENTIFICATION, model=across)) == ["one level each"]
+
+
+def test_levels_of_a_driven_base_are_not_called_forces() -> None:
+    shaken = replace(SURFACE, base="acceleration", per_mass=True)
+    (axes, _) = figures.draw_map(shaken).figure.axes
+    assert axes.get_ylabel() == "Level [m/s²]"
+    legend = figures.draw_responses(shaken, PREDICTION).figure.axes[0].get_legend()
+    assert legend is not None
+    assert legend.get_title().get_text() == "Level"
 
 
 @pytest.mark.slow
