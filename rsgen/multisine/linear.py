@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import MeasurementError
 from rsgen.multisine.spectra import MultisineSpectra, scatter, smooth
+from rsgen.text_table import short
 from rsgen.tolerances import CHANCE
 
 __all__ = ["BestLinear", "Distortion", "best_linear"]
@@ -32,7 +33,7 @@ _ROUNDS = 12
 """Reweightings of the resonance, each of which divides its error by ten or more."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Distortion:
     """The response at lines that the force does not excite, the linear answer to leakage subtracted.
 
@@ -53,6 +54,10 @@ class Distortion:
     noise: Array
     records: int
 
+    def __repr__(self) -> str:
+        """Say in one line where it was looked for."""
+        return f"Distortion({len(self.frequency)} lines{_between(self.frequency)})"
+
     def share(self, whole: Array) -> tuple[float, float]:
         """Root mean square, without the noise, over that of ``whole`` (e,) [1], and its upper bound.
 
@@ -70,7 +75,7 @@ class Distortion:
         return share, bound if np.isfinite(self.noise).all() else float("nan")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class BestLinear:
     """Best linear approximation of one level.
 
@@ -113,6 +118,20 @@ class BestLinear:
     stiffness: float
     mass: float
 
+    def __repr__(self) -> str:
+        """Say the mode and the shares in one line; arrays of hundreds of lines say nothing in print."""
+        said = {
+            "natural frequency": (self.natural_frequency, " Hz"),
+            "damping ratio": (self.damping_ratio, ""),
+            "noise": (self.noise_share, ""),
+            "distortion": (self.distortion_share, ""),
+        }
+        known = "".join(
+            f", {name} {short(value)}{unit}" for name, (value, unit) in said.items() if value >= 0
+        )
+        lines = f"{len(self.frequency)} lines{_between(self.frequency)}"
+        return f"BestLinear({short(self.level)} N rms, {lines}{known})"
+
     @property
     def rms(self) -> float:
         """Root mean square of the displacement at the excited lines [m]."""
@@ -150,6 +169,10 @@ class BestLinear:
     def noise_share(self) -> float:
         """Noise of the mean over the response at the excited lines [1]; NaN of one period."""
         return _share(self.noise, self.response)
+
+
+def _between(frequency: Array) -> str:
+    return f" of {short(float(frequency[0]))} to {short(float(frequency[-1]))} Hz" if len(frequency) else ""
 
 
 def _share(part: Array, whole: Array) -> float:

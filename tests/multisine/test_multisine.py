@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -181,6 +182,17 @@ def test_best_linear_approximation_of_a_linear_structure_is_its_receptance() -> 
     assert found.natural_frequency == pytest.approx(natural / 2 / np.pi, rel=1e-9)
     assert found.damping_ratio == pytest.approx(TRUE["c"] / (2 * MASS * natural), rel=1e-9)
     assert found.distortion_share < 1e-8
+
+
+def test_a_best_linear_approximation_prints_in_one_line() -> None:
+    (found,) = rsgen.best_linear(spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES[:1]))
+    assert re.fullmatch(
+        r"BestLinear\([\d.]+ N rms, \d+ lines of [\d.]+ to [\d.]+ Hz, natural frequency [\d.]+ Hz, "
+        r"damping ratio [\d.]+(, \w+ [-+.e\d]+)*\)",
+        repr(found),
+    )
+    for lines in filter(None, (found.even, found.odd)):
+        assert re.fullmatch(r"Distortion\(\d+ lines( of [\d.]+ to [\d.]+ Hz)?\)", repr(lines))
 
 
 def histories(
