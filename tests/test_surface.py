@@ -329,14 +329,22 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
     [
         ((1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
         ((1, [8, 9], 1), "response once"),
-        ((1, [8, 9], [1, 1, 1], [1j, 1j]), r"surface.force: shape \(3,\); must be \(2\)"),
+        ((1, [8, 9], [1, 1, 1], [1j, 1j]), r"surface.force: shape \(3,\); must be \(2,\)"),
         ((1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
-        ((1, [8, 9], 1, [1j, "wide"]), "surface.harmonics"),
+        ((1, [8, 9], 1, [1j, "wide"]), "surface.response"),
+        (
+            (1, [8, 9], 1, [1j, 1j, 1j]),
+            r"surface.response: shape \(3,\); must be \(2,\), one row a test point",
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_with_a_reason(arguments, said):
     with pytest.raises(RsgenError, match=said):
         ResponseSurface(*arguments)
+
+
+def test_one_point_is_not_some_points():
+    assert repr(ResponseSurface(1.0, [9.0], 1.0, [1j])).startswith("ResponseSurface: 1 point, ")
 
 
 def frames(columns: dict[str, np.ndarray]) -> list[object]:

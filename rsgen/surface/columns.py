@@ -58,6 +58,7 @@ _DTYPES: dict[str, type | str] = {
     "force": np.complex128,
     "force_harmonics": np.complex128,
     "harmonics": np.complex128,
+    "response": np.complex128,
     "across": np.complex128,
     "sweep": "U4",
     "outcome": np.int8,
@@ -77,6 +78,7 @@ def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
         want not in (-1, got) for want, got in zip(shape, array.shape, strict=True)
     ):
         expected = ", ".join("any" if size == -1 else str(size) for size in shape)
+        expected += "," if len(shape) == 1 else ""
         known = "" if name == "frequency" else ", as the frequency has them"
         raise RsgenError(
             f"surface.{name}: shape {array.shape}; must be ({expected}), one row a test point{known}"
@@ -85,22 +87,22 @@ def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     return array
 
 
-def response_columns(response: Any, harmonics: Any, phase_known: bool) -> NDArray[Any]:
-    """Give the harmonics, mean first, from whichever of the two was given."""
+def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int) -> NDArray[Any]:
+    """Give the harmonics, mean first, from whichever of the two was given; faults bear the name given."""
     if (response is None) == (harmonics is None):
         raise RsgenError("surface: give the response once, as response= or as harmonics=")
     if harmonics is not None:
-        return np.asarray(harmonics)
+        return column(harmonics, "harmonics", (rows, -1))
     array = np.asarray(response)
     if array.ndim > 1:
-        return array
+        return column(array, "response", (rows, -1))
     if phase_known and array.size and array.dtype.kind in "biuf":
         raise RsgenError(
             "surface.response: real numbers have no phase; give the complex fundamental "
             "X = amplitude * exp(-1j * lag), or phase_known=False where only amplitudes were measured"
         )
-    fundamental = np.atleast_1d(array)
-    return np.stack([np.zeros_like(fundamental), fundamental], axis=1)
+    fundamental = column(np.atleast_1d(array), "response", (rows,))
+    return column(np.stack([np.zeros_like(fundamental), fundamental], axis=1), "harmonics", (rows, -1))
 
 
 def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[Any]]:

@@ -176,7 +176,7 @@ class ResponseSurface:
             "frequency": column(frequency, "frequency", (n,)),
             "level": column(level, "level", (n,)),
             **force_columns(force, force_harmonics, n),
-            "harmonics": column(response_columns(response, harmonics, phase_known), "harmonics", (n, -1)),
+            "harmonics": response_columns(response, harmonics, phase_known, n),
             "across": None if across is None else column(across, "across", (n, -1)),
             "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
             "residual": column(np.nan if residual is None else residual, "residual", (n,)),
@@ -353,7 +353,7 @@ class ResponseSurface:
         unsettled = len(self) - int(np.count_nonzero(self.settled))
         count = self.harmonics.shape[1] - 1
         parts = [
-            f"{len(self)} points",
+            f"{len(self)} point{'s' if len(self) > 1 else ''}",
             f"{unsettled} not settled" if unsettled else "",
             f"{len(levels)} level{'s' if len(levels) > 1 else ''} {span}",
             f"{short(self.frequency.min())} to {short(self.frequency.max())} Hz",
