@@ -16,7 +16,7 @@ from rsgen.fitting.points import Points
 from rsgen.law.numeric import Part
 from rsgen.motion import Motion, cycle_work, project, sine_motion
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
-from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, SAMPLES_SWITCHED, samples_for
+from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, ROUND_OFF, SAMPLES_SWITCHED, samples_for
 
 __all__ = [
     "aside_findings",
@@ -190,8 +190,12 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors:
     size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
     by_stiffness = _stacked([(project(by, 1) / size).real for by in sample.by_parameter], size)
     by_damping = _stacked([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
-    stiffness = _negative(np.abs(size), (project(sample.force, 1) / size).real, by_stiffness @ basis, "N/m")
-    damping = _negative(np.abs(size), np.mean(sample.force * rate, axis=1), by_damping @ basis, "N*s/m")
+    amplitude, speed = np.abs(size), np.sqrt(np.mean(velocity**2, axis=1))
+    # of a law without springs, or without dampers, k(X) or c(X) is the round-off of its force
+    least = ROUND_OFF * np.max(np.abs(sample.force), axis=1)
+    k, c = (project(sample.force, 1) / size).real, np.mean(sample.force * rate, axis=1)
+    stiffness = _negative(amplitude, k, by_stiffness @ basis, "N/m", least / amplitude)
+    damping = _negative(amplitude, c, by_damping @ basis, "N*s/m", least / speed)
     found, names = list[Finding](), {"sensors": sensors}
     if stiffness and place.across:
         found.append(Finding("stiffness-negative-across", _sign_severity(stiffness), "", stiffness, names))
@@ -223,9 +227,11 @@ def runs_away(fit: Fit) -> bool:
     return not bool(project(force, 1)[0].real > 0)
 
 
-def _negative(size: Array, value: Array, spread: Array, unit: str) -> dict[str, Quantity]:
-    """Where k(X) or c(X) is negative beyond its error; empty where it is at hardly any point."""
-    wrong = value < -CHANCE * np.linalg.norm(spread, axis=1)
+def _negative(
+    size: Array, value: Array, spread: Array, unit: str, least: Array | float = 0.0
+) -> dict[str, Quantity]:
+    """Where k(X) or c(X) is negative beyond error and ``least``; empty where it is at hardly any point."""
+    wrong = value < -CHANCE * np.linalg.norm(spread, axis=1) - least
     share = float(np.mean(wrong))
     if not share > FEW:
         return {}

@@ -18,7 +18,7 @@ from rsgen.modal.modal_splines import ModalSplines
 from rsgen.observation import Observation
 from rsgen.results import Background
 from rsgen.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
-from rsgen.tolerances import CONFIDENCE, NORMAL
+from rsgen.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER
 
 __all__ = ["MODAL_COLUMNS", "ModalTable", "ModalTest"]
 
@@ -188,7 +188,15 @@ class ModalTable(Printed):
             error = f" ± {short(NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
-        return TextTable(heads, tuple(rows), caption, tuple(map(repr, self.findings)))
+        notes = list(map(repr, self.findings))
+        low, high = self.tested
+        # the least and the largest amplitude of a table itself are the ends
+        beyond = (self.amplitude < low * (1 - SAME_NUMBER)) | (self.amplitude > high * (1 + SAME_NUMBER))
+        if beyond.any():
+            notes.append(
+                f"extrapolated as constants outside {short(low)} to {short(high)} m: nothing is known there"
+            )
+        return TextTable(heads, tuple(rows), caption, tuple(notes))
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

@@ -33,6 +33,14 @@ def table() -> ResponseSurface:
     return noisy(surface("cubic"), 0.01, 2)
 
 
+@pytest.mark.parametrize(("law", "code"), [("k*x", "damping-negative"), ("c*v", "stiffness-negative")])
+def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(
+    table: ResponseSurface, law: str, code: str
+) -> None:
+    found = identify(table, law, mass=MASS).findings
+    assert code not in {finding.code for finding in found}
+
+
 def test_a_sound_test_has_nothing_to_doubt(table: ResponseSurface) -> None:
     assert {finding.severity for finding in findings(table).values()} <= {"info", "warning"}
     assert "law-does-not-fit" not in findings(table)

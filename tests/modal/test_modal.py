@@ -317,3 +317,12 @@ def test_intervals_hold_between_the_amplitudes_that_were_tested(law, values):
     for name, each in inside.items():
         assert np.mean(each) > 0.9, name
         assert np.mean(each, axis=0).min() > 0.5, name
+
+
+def test_a_table_beyond_its_test_says_so_in_print() -> None:
+    table = rsgen.modal_table(noisy(cubic_surface(), 0.01, 2))
+    low, high = table.tested
+    assert "extrapolated" not in repr(table)
+    assert "extrapolated" not in repr(table.at([low, (low + high) / 2, high]))
+    for beyond in (low / 2, 2 * high):
+        assert f"extrapolated as constants outside {low:.5g} to {high:.5g} m" in repr(table.at([beyond]))
