@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,14 @@ from rsgen.finding import Finding
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step
 from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import LIMITS, MISTAKES, Sizes, quantity_findings, size_findings
+from rsgen.surface.plausibility import (
+    LIMITS,
+    MISTAKES,
+    Sizes,
+    level_findings,
+    quantity_findings,
+    size_findings,
+)
 from tests.samples import cubic_surface
 
 ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)
@@ -39,6 +47,28 @@ def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
 def test_an_ordinary_test_has_nothing_to_remark() -> None:
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3, 1e6])
+def test_forces_in_another_unit_than_their_levels_are_doubted(factor: float) -> None:
+    surface = cubic_surface()
+    wrong = changed(surface, surface.harmonics[:, 1], factor * surface.force)
+    (found,) = level_findings(wrong)
+    assert found.severity == "doubt"
+    assert found["force"] == pytest.approx(factor * found["level"])
+    assert "another unit" in sentence(found)
+    assert next_step(found)
+    if factor == 1e-3:  # the other sizes are possible
+        identified = rsgen.identify(wrong, "k1*x + kn1*x**3 + c1*v")
+        assert identified.verdict.state == "doubtful"
+
+
+def test_levels_that_are_numbers_of_runs_are_no_other_unit() -> None:
+    surface = cubic_surface()
+    runs = np.searchsorted(surface.levels, surface.level) + 1.0
+    one = surface.select(surface.level == surface.levels[0])
+    for numbered in (surface, replace(surface, level=runs), replace(one, force=1e3 * one.force)):
+        assert list(level_findings(numbered)) == []
 
 
 @pytest.mark.parametrize("quantity", [None, "displacement", "acceleration"])

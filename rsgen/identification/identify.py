@@ -20,7 +20,7 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
 from rsgen.results import Identification
 from rsgen.starting.start import start_fit
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, without_copies
 
 __all__ = ["identify"]
 
@@ -61,7 +61,7 @@ def identify(
     if isinstance(surface, MultisineSpectra):
         return identify_multisine(surface, model)
     require(surface, ResponseSurface, "surface")
-    surface, model = per_unit_mass(surface, model)
+    surface, model = per_unit_mass(without_copies(surface), model)
     return identify_ratios(surface, model, _identify) or _identify(surface, model)
 
 

@@ -41,7 +41,7 @@ from rsgen.observation import Observation
 from rsgen.oscillator import Model
 from rsgen.results.estimates import state_background
 from rsgen.starting.start import start_fit
-from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.surface.amounts import HALF_POWER
 from rsgen.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NORMAL, POOR
 
@@ -87,7 +87,7 @@ def modal_table(
     """
     require(surface, ResponseSurface, "surface")
     model = _about(about, mass)
-    surface = surface.on_mass(model.mass)
+    surface = without_copies(surface).on_mass(model.mass)
     if surface.per_mass:
         # there is nothing to identify
         model = replace(model, mass=1.0)

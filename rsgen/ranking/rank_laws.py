@@ -43,7 +43,7 @@ from rsgen.ranking.sums import Term, base_law
 from rsgen.ranking.verdict import implausible, is_same, judge
 from rsgen.results import Identification
 from rsgen.starting.start import start_fit
-from rsgen.surface import ResponseSurface
+from rsgen.surface import ResponseSurface, without_copies
 from rsgen.tolerances import ANY_LAW, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
 
 __all__ = ["identify_best", "rank"]
@@ -138,7 +138,7 @@ def rank(
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
     given_mass, given_surface = base.mass, surface
-    surface, base = per_unit_mass(surface, base)
+    surface, base = per_unit_mass(without_copies(surface), base)
     observed = _observed(surface, base)
     points = observed.points
     one = np.ptp(points.omega) == 0

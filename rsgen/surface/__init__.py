@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rsgen.surface.amounts import match_level, typical_amounts
+from rsgen.surface.copies import without_copies
 from rsgen.surface.directions import recognise_directions
 from rsgen.surface.response_surface import OUTCOMES, ResponseSurface
 from rsgen.surface.surface_file import load_surface, save_surface
@@ -15,4 +16,5 @@ __all__ = [
     "recognise_directions",
     "save_surface",
     "typical_amounts",
+    "without_copies",
 ]

@@ -26,6 +26,7 @@ __all__ = [
     "Limit",
     "Mistake",
     "Sizes",
+    "level_findings",
     "plausibility_findings",
     "quantity_findings",
     "size_findings",
@@ -242,8 +243,39 @@ def plausibility_findings(
     if not (other or surface.base):
         yield from (other := list(quantity_findings(surface)))
     # the sizes of another quantity say nothing of units
+    if calibrated:
+        yield from level_findings(surface)
     if calibrated and not other:
         yield from size_findings(Sizes.of(surface, mass, damping), phase_known=surface.phase_known)
+
+
+_SETS = (1e-6, 1e-3, 1e3, 1e6)
+"""Factors between units of one set: kN and N, N and mN."""
+
+_PROPORTION = 1.5
+"""Forces near a resonance are this close to their levels, up to one factor; names of runs are not."""
+
+
+def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
+    """Find forces that are the levels in another unit; one finding or none.
+
+    Levels are names, and often numbers of runs. But where the forces of two levels or more are all the same
+    step between units away from them, both are one force, and one of them was read in another unit.
+    """
+    if surface.response_held or surface.base or surface.per_mass:
+        return
+    rows = _usable(surface)
+    level, force = surface.level[rows], np.abs(surface.force[rows])
+    levels = np.unique(level[level > 0])
+    typical = np.array([np.median(force[level == one]) for one in levels])
+    for factor in _SETS:
+        off = np.abs(np.log(typical / levels / factor))
+        if len(levels) > 1 and np.max(off) < np.log(_PROPORTION):
+            numbers = {
+                "level": Quantity(float(levels[-1]), surface.level_unit),
+                "force": Quantity(float(typical[-1]), surface.level_unit),
+            }
+            yield Finding("levels-in-other-unit", "doubt", "", numbers)
 
 
 def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Finding]:

@@ -61,6 +61,21 @@ def _size(found: Finding, name: str) -> str:
     return quantity_text(value, unit, 3) if unit else f"{number_text(100 * value, 3)} %"
 
 
+@says("levels-in-other-unit")
+def _(found: Finding) -> str:
+    level, force = _size(found, "level"), _size(found, "force")
+    return (
+        f"at the level of {level} the force is {force}, and in this proportion at all levels: one of them "
+        "was read in another unit"
+    )
+
+
+NEXT_STEPS["levels-in-other-unit"] = (
+    "Look up the unit of the force: one in kN that is read as N makes mass, stiffness and damping 1000 times "
+    "too small. If the force is right, give the levels in its unit."
+)
+
+
 def _head(found: Finding) -> str:
     quantity, side = found.names["quantity"], found.names["side"]
     *others, last = found.names["others"].split(", ")

@@ -10,6 +10,10 @@ say_plainly(
         "points-not-measured": (
             "{points:g} of {all:g} points have no measured force or response and are left out"
         ),
+        "rows-copied": (
+            "{copies:g} of {all:g} rows repeat another of the same level and frequency to the last digit: "
+            "written twice, not measured twice, and left out"
+        ),
         "note": "{text}",
         "direction-from-branch": (
             "runs of one level lie on two branches in one order of frequency: {points:.0f} points are taken "

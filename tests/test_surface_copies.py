@@ -1,0 +1,52 @@
+"""Rows written twice count once; readings of a coarse display, and sweeps that agree, are left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.report.wording import sentence
+from rsgen.surface import ResponseSurface, without_copies
+from tests.samples import cubic_surface
+
+LAW = "k1*x + kn1*x**3 + c1*v"
+
+
+def noisy_surface() -> ResponseSurface:
+    surface, random = cubic_surface(), np.random.default_rng(3)
+    noise = 1 + 0.01 * (random.standard_normal((2, len(surface))) * [[1], [1j]]).sum(axis=0)
+    return ResponseSurface(surface.level, surface.frequency, surface.force, noise * surface.harmonics[:, 1])
+
+
+@pytest.mark.parametrize("copied", [np.arange(200), np.full(60, 17)], ids=["many rows", "one row often"])
+def test_copies_change_neither_values_nor_intervals(copied: np.ndarray) -> None:
+    surface = noisy_surface()
+    rows = np.concatenate([np.arange(len(surface)), copied])
+    assert without_copies(surface) is surface
+    found, again = rs.identify(surface, LAW), rs.identify(surface.select(rows), LAW)
+    assert again.verdict.state == found.verdict.state
+    for name in ("k1", "kn1", "c1", "m"):
+        assert again[name].value == pytest.approx(found[name].value, rel=1e-9)
+        assert again[name].interval == pytest.approx(found[name].interval, rel=1e-6)
+    (finding,) = [finding for finding in again.findings if finding.code == "rows-copied"]
+    assert (finding["copies"], finding["all"]) == (len(copied), len(rows))
+    assert "written twice" in sentence(finding)
+
+
+def test_readings_of_few_digits_and_sweeps_that_agree_are_kept() -> None:
+    surface = noisy_surface()
+    coarse = surface.select(np.array([0, 0, 0, 1, 2]))
+    response = np.array(coarse.harmonics)
+    response[2] *= 1.01
+    coarse = replace(coarse, harmonics=response)
+    assert without_copies(coarse) is coarse
+    turned = replace(coarse, harmonics=np.asfortranarray(response))
+    assert without_copies(turned) is turned
+    both = surface.select(np.array([0, 1, 0, 1]))
+    both = replace(both, sweep=["up", "up", "down", "down"])
+    assert without_copies(both) is both
+    unmeasured = replace(both, sweep="rest", force=np.nan, outcome=None)
+    assert without_copies(unmeasured) is unmeasured
