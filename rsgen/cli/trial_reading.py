@@ -62,13 +62,16 @@ def try_proposal(contents: Contents, proposal: Proposal) -> Trial:
     Parameters
     ----------
     contents, proposal
-        What the file holds, and the guess. Long histories and those of unknown sampling rate are not tried.
+        What the file holds, and the guess. Long histories are not tried; of those of unknown sampling rate
+        only the excitation is recognised.
     """
     history = "excitation" in proposal.tables["test"]
     longest = max((entry.size for entry in contents.entries), default=0)
     unknown = UNKNOWN in str(proposal.tables.get("test.time", {}).get("rate", ""))
-    if history and (longest > _MOST_SAMPLES or unknown):
+    if history and longest > _MOST_SAMPLES:
         return Trial(proposal)
+    if history and unknown:
+        return Trial(_excitation_in_samples(contents.file, proposal))
     try:
         if history:
             return _try_history(contents.file, proposal)
@@ -121,12 +124,7 @@ def _try_history(file: Path, proposal: Proposal) -> Trial:
     if not driven and not all(dies_away(history.response) for history in histories):
         doubt = "no force was found, and the response does not die away: name the force, or the base"
         return Trial(replace(proposal, doubts=proposal.doubts | {"test.excitation": doubt}))
-    kinds = {excitation_of(history) for history in histories} if driven else {"ring-down"}
-    kind = kinds.pop() if len(kinds) == 1 else ""
-    guessed = proposal
-    if driven and kind:
-        others = ", ".join(other for other in _CHOICES.replace(" or", ",").split(", ") if other != kind)
-        guessed = _excited(proposal, kind, f"{_SEEN[kind]} {others}")
+    guessed = _excited(proposal, {excitation_of(history) for history in histories} if driven else set())
     try:
         surface = _read(file, guessed)
         few = isinstance(surface, MultisineSpectra) and surface.excited().sum(axis=1).min() < _MANY
@@ -136,11 +134,33 @@ def _try_history(file: Path, proposal: Proposal) -> Trial:
     return _judged(guessed, surface) if not few else _judged(proposal, _read(file, proposal))
 
 
-def _excited(proposal: Proposal, kind: str, doubt: str) -> Proposal:
+def _excitation_in_samples(file: Path, proposal: Proposal) -> Proposal:
+    """Recognise the excitation of records whose sampling rate nobody knows: in samples it shows as well."""
+    from rsgen.inspection.excitation import excitation_of
+    from rsgen.measurement.histories import read_histories
+
+    if "test.force" not in proposal.tables:
+        return proposal
+    time = proposal.tables["test.time"] | {"rate": "1 Hz"}
+    try:
+        histories = read_histories(
+            _test(file, replace(proposal, tables=proposal.tables | {"test.time": time}))
+        )
+    except RsgenError:
+        # what else is wrong is said when the rate is known
+        return proposal
+    return _excited(proposal, {excitation_of(history) for history in histories})
+
+
+def _excited(proposal: Proposal, kinds: set[str]) -> Proposal:
+    """Propose the excitation that all records show, if they show one."""
+    kind = next(iter(kinds)) if len(kinds) == 1 else ""
+    if not kind:
+        return proposal
+    others = ", ".join(other for other in _CHOICES.replace(" or", ",").split(", ") if other != kind)
     test = proposal.tables["test"] | {"excitation": kind}
-    return replace(
-        proposal, tables=proposal.tables | {"test": test}, doubts=proposal.doubts | {"test.excitation": doubt}
-    )
+    doubts = proposal.doubts | {"test.excitation": f"{_SEEN[kind]} {others}"}
+    return replace(proposal, tables=proposal.tables | {"test": test}, doubts=doubts)
 
 
 def _improved(

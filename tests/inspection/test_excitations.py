@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 import scipy.signal
 
 from rsgen.cli.inspect_command import proposal_text
@@ -229,6 +230,22 @@ def test_a_record_is_read_by_what_it_is(
         ratio, exact = surface.force / surface.harmonics[:, 1], dynamic_stiffness(surface.frequency)
     # straight lines between the samples of the force, and the rate of a sweep, leave a per cent
     assert np.median(np.abs(SHARE * ratio / exact - 1)) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"), [(sweep, "swept-sine"), (steps, "stepped-sine"), (multisine, "multisine")]
+)
+def test_a_record_without_its_sampling_rate_shows_its_excitation(
+    tmp_path: Path, make: Callable[[], np.ndarray], kind: str
+) -> None:
+    force = make()
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(path, {"force": force, "acceleration": response(force)[1]})
+    contents = list_contents(path)
+    trial = try_proposal(contents, propose(contents))
+    assert trial.surface is None
+    assert trial.proposal.tables["test"]["excitation"] == kind
+    assert "?" in trial.proposal.tables["test.time"]["rate"]
 
 
 @pytest.mark.slow
