@@ -19,6 +19,7 @@ from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
 from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.expression.renaming import renamed
 from rsgen.law.element import Element, Law, make_element
 from rsgen.law.linear_parameters import vanishes
 from rsgen.law.normal_form import expanded, moves
@@ -221,18 +222,18 @@ def _derive_memoryless(
     return DescribingFunction(
         force=force,
         parameters=names,
-        stiffness=stiffness.xreplace(plain),
-        damping=damping.xreplace(plain),
-        mean_balance=sympy.S.Zero if centred else balance.xreplace(plain),
-        mean=None if solved is None else solved.xreplace(plain),
+        stiffness=renamed(stiffness, plain),
+        damping=renamed(damping, plain),
+        mean_balance=sympy.S.Zero if centred else renamed(balance, plain),
+        mean=None if solved is None else renamed(solved, plain),
         closed_form=not any(f.has(sympy.Integral) for f in (stiffness, damping, balance)),
         checked_to=checked_to,
-        regimes=tuple(dict.fromkeys(c.xreplace(plain) for r in found.readings[:2] for c in r.conditions)),
+        regimes=tuple(dict.fromkeys(renamed(c, plain) for r in found.readings[:2] for c in r.conditions)),
         limits=tuple(_limits(law, found, solved, plain)),
         remarks=(*_about_formulas(law, positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
         positive=tuple(sorted(positive)),
         closed=found.part,
-        remainder=found.remainder.xreplace(plain),
+        remainder=renamed(found.remainder, plain),
     )
 
 
@@ -290,7 +291,7 @@ def _limits(
                 value = limit_at_infinity(formula) if grows_slowly(found.remainder, state) else None
             # beyond its static limit a mean is not real
             if value is not None and not value.has(sympy.I):
-                yield Limit(name, place, value.xreplace(plain))
+                yield Limit(name, place, renamed(value, plain))
 
 
 def _about_formulas(

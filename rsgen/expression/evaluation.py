@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import isfinite
 from typing import Any
 
 import numpy as np
 import sympy
+from sympy.core.relational import Relational
 from sympy.printing.numpy import SciPyPrinter
 
 from rsgen.arrays import Array
 from rsgen.expression.bounds import as_float
+from rsgen.expression.renaming import rebuilt, renamed
 
 __all__ = ["Numeric", "compiled"]
 
@@ -23,6 +26,9 @@ _LARGEST_WHOLE = 2**53
 
 _WHOLE_POWERS = 8
 """Powers of a name up to this are printed as products, which arrays take ten times quicker."""
+
+_AS_WRITTEN = (sympy.Expr, Relational)
+"""What is printed needs no evaluation, which may take seconds."""
 
 
 def _printer() -> Any:
@@ -79,18 +85,38 @@ def _printer() -> Any:
     return printer
 
 
-def _renamed(
-    expression: sympy.Basic, names: Mapping[sympy.Symbol, sympy.Symbol], done: dict[sympy.Basic, sympy.Basic]
-) -> sympy.Basic:
-    """Give every symbol its new name; the largest of several is not looked for anew, which takes seconds."""
-    if not expression.args:
-        return names.get(expression, expression)
-    if expression not in done:
-        arguments = tuple(_renamed(argument, names, done) for argument in expression.args)
-        plain = {"evaluate": False} if isinstance(expression, sympy.Max | sympy.Min) else {}
-        same = arguments == expression.args
-        done[expression] = expression if same else expression.func(*arguments, **plain)
-    return done[expression]
+def _shared(
+    expressions: Sequence[sympy.Basic],
+) -> tuple[list[tuple[sympy.Symbol, sympy.Basic]], list[sympy.Basic]]:
+    """Name what occurs several times, each before it is used."""
+    counts: Counter[sympy.Basic] = Counter()
+
+    def count(expression: sympy.Basic) -> None:
+        counts[expression] += 1
+        if counts[expression] == 1:
+            for argument in expression.args:
+                count(argument)
+
+    for expression in expressions:
+        count(expression)
+    named: list[tuple[sympy.Symbol, sympy.Basic]] = []
+    done: dict[sympy.Basic, sympy.Basic] = {}
+
+    def written(expression: sympy.Basic) -> sympy.Basic:
+        if not expression.args:
+            return expression
+        if expression not in done:
+            arguments = tuple(map(written, expression.args))
+            same = arguments == expression.args
+            whole = expression if same else rebuilt(expression, arguments, _AS_WRITTEN)
+            if counts[expression] > 1 and isinstance(expression, sympy.Expr):
+                name = sympy.Symbol(f"s{len(named)}", real=True)
+                named.append((name, whole))
+                whole = name
+            done[expression] = whole
+        return done[expression]
+
+    return named, [written(expression) for expression in expressions]
 
 
 @lru_cache(maxsize=512)
@@ -100,12 +126,12 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
     Infinite and undefined values come back as inf and nan, without warnings.
     """
     names = {argument: sympy.Symbol(f"p{place}", real=True) for place, argument in enumerate(arguments)}
-    own = [_renamed(expression, names, {}) for expression in expressions]
+    own = [renamed(expression, names, _AS_WRITTEN) for expression in expressions]
     # the printer names the functions it uses; a module here would be imported whole
     constants = {"inf": np.inf, "nan": np.nan}
     # no docstring: the formula would be written there, with numbers of thousands of digits
     function: Any = sympy.lambdify(
-        list(names.values()), own, modules=[constants], printer=_printer(), cse=True, docstring_limit=0
+        list(names.values()), own, modules=[constants], printer=_printer(), cse=_shared, docstring_limit=0
     )
 
     def evaluate(*values: Any) -> tuple[Array, ...]:

@@ -34,6 +34,10 @@ _ROUND_OFF = 1e-12
 _CLEAR = 1e-6
 """Relative second difference that is no round-off, so that no derivative needs to be looked at."""
 
+_LONGEST_TERM = 150
+"""Operations of a term whose slopes are looked at, five times those of the longest law of the library. Its
+second derivatives may take seconds; parameters of a longer one count as nonlinear, which is always right."""
+
 _MOST_LINEAR_SETS = 12
 """Above this number of parameters the linear ones are chosen greedily instead of by trying every set."""
 
@@ -55,8 +59,11 @@ def jointly_linear(
     """
     switches = {switch.function for piece in pieces for switch in piece.switches}
     thresholds = {free for function in switches for free in function.free_symbols}
-    terms = [piece.term for piece in pieces]
-    clash = set(clashing) | _bent(terms, parameters)
+    every = [piece.term for piece in pieces]
+    terms = [term for term in every if term.count_ops() <= _LONGEST_TERM]
+    beyond = {free for term in every if term.count_ops() > _LONGEST_TERM for free in term.free_symbols}
+    clash = set(clashing) | {(i, i) for i, p in enumerate(parameters) if p in beyond}
+    clash |= _bent(terms, parameters)
     # slopes of long fractions are longer: they are asked for only where trials found nothing
     slopes = [[] if (i, i) in clash else [term.diff(p) for term in terms] for i, p in enumerate(parameters)]
     clash |= {

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+import sympy
 
 from rsgen.expression import parse
 from rsgen.law.character import character
+from rsgen.law.linear_parameters import jointly_linear
+from rsgen.law.pieces import Piece
 
 
 @pytest.mark.parametrize(
@@ -25,3 +28,12 @@ def test_linear_parameters(text: str, linear: str, scaled: tuple[tuple[str, ...]
     kind = character(parse(text.replace("x**n", "abs(x)**n*sign(x)")))
     assert " ".join(kind.parameters[i] for i in kind.linear) == linear
     assert tuple(tuple(kind.parameters[i] for i in group) for group in kind.scaled) == scaled
+
+
+def test_parameters_of_a_long_term_count_as_nonlinear() -> None:
+    # second derivatives of such a term may take seconds
+    waves = [parse(f"{n}*x**{n}*tanh(w*v)") for n in range(2, 60)]
+    parameters = [parse(name) for name in ("Ff", "c", "w")]
+    for count, linear in ((3, (0, 1)), (58, (1,))):
+        long = parse("Ff") * sympy.sin(sympy.Add(*waves[:count]))
+        assert jointly_linear([Piece(long, ()), Piece(parse("c*v"), ())], parameters) == linear
