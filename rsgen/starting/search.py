@@ -119,6 +119,14 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
             if search.cost(found) <= equal and search.missing(found) >= missing:
                 best = found
                 break
+    if (best < 0).any():
+        # a gap and a saturation with signs turned and thresholds exchanged are the same law again
+        upright = trials[order][np.all(trials[order] > 0, axis=1)]
+        for start in _distinct(upright, _ENDS):
+            found = search.polish(start)[0]
+            if search.cost(found) <= equal and search.missing(found) >= missing:
+                best = found
+                break
     return search.scaled(best)
 
 
