@@ -5,14 +5,19 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from rsgen.errors import RsgenError
 from rsgen.output import left_behind, sync_folder
 from rsgen.study.manifest import MANIFEST, UNFINISHED, file_hash, listed_files, read_manifest
 
 __all__ = ["check_index", "check_replaceable", "recover", "replaced_folder"]
+
+# Windows has no such locks
+_locks: Any = import_module("fcntl") if os.name == "posix" else None
 
 _OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
 """Files over all results, and what is near their beginning; a file without it belongs to somebody else."""
@@ -33,13 +38,50 @@ def recover(out: Path) -> None:
         return
     for path in sorted(out.iterdir()):
         name = left_behind(path)
-        if name is None or path.is_symlink() or not path.is_dir():
+        if name is None or path.is_symlink() or not path.is_dir() or _is_filled(path):
             continue
         place = out / name
         if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
             path.rename(place)
         elif _of_a_run(path):
             shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def _filling(part: Path) -> Iterator[None]:
+    """Mark a folder as one that a run fills; a lock on the mark ends with the run, however that ends.
+
+    The number of a process, in the folder's name, means another one in another container or machine that
+    writes into the same folder of results, and the same one to another thread.
+    """
+    with (part / UNFINISHED).open("w") as mark:
+        if _locks is not None:
+            # some systems of files have no locks; then the number alone decides
+            with suppress(OSError):
+                _locks.flock(mark, _locks.LOCK_EX | _locks.LOCK_NB)
+            yield
+            return
+    yield
+
+
+def _is_filled(hidden: Path) -> bool:
+    """Whether a run somewhere holds the lock on the mark of a hidden folder."""
+    if _locks is None:
+        return False
+    try:
+        # over a network only what is open for writing can be locked; a pipe would wait
+        handle = os.open(hidden / UNFINISHED, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        _locks.flock(handle, _locks.LOCK_EX | _locks.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    finally:
+        os.close(handle)
+    return False
 
 
 def _of_a_run(hidden: Path) -> bool:
@@ -139,22 +181,24 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
     """
     place = out / name
     part, old = (out / f".{name}.{os.getpid()}.{kind}" for kind in ("part", "old"))
+    filling = ExitStack()
     try:
         out.mkdir(parents=True, exist_ok=True)
         recover(out)
         check_replaceable(place)
         part.mkdir()
-        (part / UNFINISHED).touch()
+        filling.enter_context(_filling(part))
     except OSError as fault:
         raise RsgenError(
             f"{place}: cannot be made: {fault.strerror or fault}; choose another --out"
         ) from fault
     try:
         yield part
-        (part / UNFINISHED).unlink(missing_ok=True)
-        sync_folder(part)
         # somebody may have put a file there meanwhile
         check_replaceable(place)
+        # without its mark the folder could be anybody's, so that it is moved at once
+        (part / UNFINISHED).unlink(missing_ok=True)
+        sync_folder(part)
         if place.exists():
             place.rename(old)
         part.rename(place)
@@ -164,6 +208,7 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
             old.rename(place)
         raise RsgenError(f"{place}: cannot be written: {fault.strerror or fault}") from fault
     finally:
+        filling.close()
         shutil.rmtree(part, ignore_errors=True)
         if place.exists() and _of_a_run(old):
             shutil.rmtree(old, ignore_errors=True)

@@ -22,11 +22,13 @@ from rsgen.errors import RsgenError
 from rsgen.measurement import read_measurement
 from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
 from rsgen.study.folder import recover, replaced_folder
-from rsgen.study.manifest import write_manifest
+from rsgen.study.manifest import UNFINISHED, write_manifest
 from rsgen.study.run_case import _failed_notebook, _temporary_in, current_result
 from rsgen.study.workers import local_workers
 
 ROOT = Path(__file__).parents[2]
+NO_PROCESS = 4_194_303
+"""A number that no process has."""
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
 
 CASE = """\
@@ -406,6 +408,24 @@ def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> N
         run_cases([path], out)
     assert [file.name for file in out.iterdir()] == [name]
     assert (out / name).read_text() == "<html>my homepage</html>"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
+@pytest.mark.parametrize("process", [os.getpid(), NO_PROCESS])
+def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path: Path, process: int) -> None:
+    """That run may be another thread, or in another container or machine, with any number."""
+    with replaced_folder(tmp_path, "other") as part:
+        (part / "report.html").write_text("nearly done")
+        there = part.rename(tmp_path / f".other.{process}.part")
+        recover(tmp_path)
+        assert (there / "report.html").is_file()
+        there.rename(part)
+    assert (tmp_path / "other" / "report.html").is_file()
+    killed = tmp_path / f".killed.{process}.part"
+    killed.mkdir()
+    (killed / UNFINISHED).touch()
+    recover(tmp_path)
+    assert not killed.exists()
 
 
 def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
