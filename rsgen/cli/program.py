@@ -106,8 +106,10 @@ def run_program(arguments: Sequence[str] | None) -> None:
         print_faults([" ".join(str(fault).split())])
         code = FAULTY
     except KeyboardInterrupt:
-        # what is left to clear up at the exit must not be torn apart by an impatient second one
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # what is left to clear up at the exit must not be torn apart by an impatient second one; at its end
+        # Python gives signals with a handler back to the system, and those that are ignored stay so
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
         print_faults(["rsgen: interrupted; nothing half-written was left"])
         code = INTERRUPTED
     except Exception as fault:

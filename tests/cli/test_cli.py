@@ -616,3 +616,29 @@ def test_short_commands_load_neither_figures_nor_compiler(
         capture_output=True, text=True, timeout=120, check=True, cwd=tmp_path,
     )  # fmt: skip
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+_LATE = """
+import os, signal
+import rsgen.cli
+from rsgen.cli import application
+
+class Ends:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):
+        kill(process, number)
+
+# goes when Python takes its modules apart
+ends = Ends()
+
+def run(**arguments):
+    os.kill(os.getpid(), signal.SIGINT)
+
+application.application = run
+rsgen.cli.main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
+def test_a_polite_end_after_an_interrupt_does_not_tear_the_exit_apart() -> None:
+    run = subprocess.run([sys.executable, "-c", _LATE], capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
