@@ -18,6 +18,7 @@ from rsgen.describing.regimes import Reading, read
 from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.errors import ExpressionError, require
 from rsgen.expression import symbol
+from rsgen.expression.algebra import algebra_faults
 from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
 from rsgen.expression.renaming import renamed
 from rsgen.law.element import Element, Law, make_element
@@ -33,6 +34,7 @@ ZERO_MEAN = 1e-12
 """Mean forces below this share of the mean absolute force, on all random cycles, are zero by symmetry."""
 
 
+@algebra_faults()
 def derive(law: str | Element | Law | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
     """Derive the describing function of a force law, with its proof.
 

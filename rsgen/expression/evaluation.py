@@ -119,6 +119,14 @@ def _shared(
     return named, [written(expression) for expression in expressions]
 
 
+def _real(value: Any) -> Array:
+    """Give values as real numbers; one that is complex, as acos(2) beside x, is not defined."""
+    array = np.asarray(value)
+    if not np.iscomplexobj(array):
+        return np.asarray(array, dtype=np.float64)
+    return np.where(array.imag == 0, array.real, np.nan)
+
+
 @lru_cache(maxsize=512)
 def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol, ...]) -> Numeric:
     """Compile expressions of some symbols into one vectorised function of as many arrays.
@@ -138,6 +146,6 @@ def compiled(expressions: tuple[sympy.Expr, ...], arguments: tuple[sympy.Symbol,
         # a power of Python's own numbers beyond the range of a double is an error, not infinite
         places = (value if isinstance(value, np.ndarray) else np.float64(value) for value in values)
         with np.errstate(all="ignore"):
-            return tuple(np.asarray(value, dtype=np.float64) for value in function(*places))
+            return tuple(map(_real, function(*places)))
 
     return evaluate

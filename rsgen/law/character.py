@@ -228,7 +228,8 @@ def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) ->
         return None
     if zero:
         return False
-    if value.has(sympy.nan):
+    if value.has(sympy.nan, sympy.AccumBounds):
+        # the latter stands for what oscillates there
         return None
     known = value.replace(lambda e: e.is_Pow and e.base == 0, lambda e: sympy.S.Zero)
     if known == value:

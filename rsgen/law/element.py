@@ -10,6 +10,7 @@ import sympy
 
 from rsgen.errors import ExpressionError, RsgenError
 from rsgen.expression import check_name, parse, symbol, write
+from rsgen.expression.algebra import algebra_faults
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
@@ -61,6 +62,7 @@ class Element(_Summand):
         return equations_of(self.force)
 
 
+@algebra_faults()
 def make_element(
     name: str,
     force: str | sympy.Expr,

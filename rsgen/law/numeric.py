@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.arrays import Array
 from rsgen.expression import symbol
+from rsgen.expression.algebra import algebra_faults
 from rsgen.law.character import Character, character
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.loops import Loops, compile_loops, from_rest
@@ -144,6 +145,7 @@ def _sample(sums: tuple[Array, ...]) -> ForceSample:
 
 
 @lru_cache(maxsize=256)
+@algebra_faults()
 def compile_law(force: sympy.Expr) -> ForceLaw:
     """Compile a law for arrays, once; parameters are every symbol but x and v, sorted by name."""
     kind = character(force)

@@ -6,10 +6,13 @@ import time
 
 import numpy as np
 import pytest
+import sympy
 
 from rsgen.describing import derive
 from rsgen.errors import ExpressionError
-from rsgen.expression import parse
+from rsgen.expression import parse, symbol
+from rsgen.expression.algebra import algebra_faults
+from rsgen.expression.evaluation import compiled
 from rsgen.law import Law
 from rsgen.law.normal_form import expanded, is_long
 from tests.attacks.child import allowed
@@ -46,6 +49,28 @@ def test_a_text_that_once_got_through_has_an_answer(number: int) -> None:
     begun = time.process_time()
     assert answer(text_of(number, 1)[1]).startswith(("result", "refused"))
     assert time.process_time() - begun < allowed(SECONDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [10177, 14525, 17344, 17442, 19450])
+def test_what_the_algebra_library_cannot_do_is_refused(number: int) -> None:
+    """What oscillates at a switch, numbers that cannot be compared, endless recursion."""
+    assert answer(text_of(number, 1)[1]).startswith(("result", "refused"))
+
+
+def test_a_complex_value_is_not_defined() -> None:
+    x = symbol("x")
+    (value,) = compiled((3 + sympy.sqrt(-2) * x,), (x,))(np.array([0.0, 0.5]))
+    assert value[0] == 3
+    assert np.isnan(value[1])
+    assert answer(text_of(14175, 1)[1]).startswith(("result", "refused"))
+
+
+def test_a_fault_of_rsgen_is_no_refusal() -> None:
+    with pytest.raises(ValueError, match="ours"), algebra_faults():
+        raise ValueError("ours")
+    with pytest.raises(ExpressionError, match=r"cannot work it out \(ValueError\)"), algebra_faults():
+        sympy.Max(sympy.I, 1)
 
 
 def test_a_loop_that_was_not_tried_says_so() -> None:
