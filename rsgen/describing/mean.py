@@ -28,6 +28,9 @@ SLOPE_STEP = 1e-4
 SLIDES = 6
 """Newton steps from a mean between known ones; three are enough where it changes smoothly."""
 
+_MOST_TERMS = 200
+"""Terms of a mean balance that is solved in closed form; a longer formula would say nothing to a reader."""
+
 COARSE = 256
 """Amplitudes whose means are searched for when there are many more."""
 
@@ -38,6 +41,9 @@ def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
     Of the two roots of a quadratic the one is given that vanishes with the constant part, where the linear
     stiffness is positive: the one that a structure reaches from rest.
     """
+    # the library would sort thousands of terms to find that X0 is in few of them
+    if not balance.has(X0) or len(sympy.Add.make_args(balance)) > _MOST_TERMS:
+        return None
     if balance.has(sympy.Piecewise, sympy.Integral) or not balance.is_polynomial(X0):
         return None
     coefficients = sympy.Poly(balance, X0).all_coeffs()

@@ -26,6 +26,7 @@ __all__ = [
 EXPONENT = 64
 EXTREMES = 8
 TERMS = 2000
+_POWER_TERMS = 500  # of one power; it is multiplied out again and again while a law is derived
 _BITS = 997  # of numerator and denominator: as many as 1e300 has
 _RADICAND_BITS = 110  # SymPy factorises what stands under a root; 30 digits are quick
 _VARYING = 1000  # SymPy works out 3**(x - n) digit by digit where it takes x for a number
@@ -94,6 +95,9 @@ def check_power(base: Value, exponent: Value) -> str | None:
         whole = exponent.expr.is_Integer
         if bits * abs(exponent.number) > _BITS or (not whole and bits > _RADICAND_BITS):
             return f"is a number with too many digits; keep it below {_LARGEST:g}"
+    terms = power_terms(base, exponent)
+    if terms > max(_POWER_TERMS, base.terms):
+        return f"would have up to {terms} terms when expanded; a power may have {_POWER_TERMS}"
     return None
 
 

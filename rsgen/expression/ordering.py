@@ -10,6 +10,7 @@ from fractions import Fraction
 import sympy
 
 from rsgen.expression.names import STATES, symbol
+from rsgen.expression.renaming import free_symbols
 
 __all__ = [
     "Product",
@@ -40,7 +41,7 @@ def natural(text: str) -> list[tuple[int, int, str]]:
 
 def depends_on_state(expr: sympy.Basic) -> bool:
     """Whether x, v, X, X0, omega, t or F occurs."""
-    return not _STATE_SYMBOLS.isdisjoint(expr.free_symbols)
+    return not _STATE_SYMBOLS.isdisjoint(free_symbols(expr))
 
 
 def _degree(expr: sympy.Basic) -> Fraction:
@@ -71,10 +72,10 @@ def split_sum(expr: sympy.Expr) -> list[sympy.Expr]:
     Low degrees come first, k1 + 3/4*kn1*X**2, but states come before bare parameters, x**2 + b**2.
     """
     terms = sympy.Add.make_args(expr)
-    named = [term for term in terms if term.free_symbols]
+    named = [term for term in terms if free_symbols(term)]
     with_state = [term for term in named if depends_on_state(term)]
     states_first = len(with_state) < len(named) and all(
-        term.free_symbols <= _STATE_SYMBOLS for term in with_state
+        free_symbols(term) <= _STATE_SYMBOLS for term in with_state
     )
     terms = sorted(
         terms,
@@ -145,10 +146,10 @@ def split_product(expr: sympy.Expr) -> Product:
     return Product(
         negative=bool(number < 0),
         number=abs(number),
-        constants=tuple(factor for factor in above if not factor.free_symbols),
-        constants_below=tuple(factor for factor in below if not factor.free_symbols),
-        factors=tuple(factor for factor in above if factor.free_symbols),
-        factors_below=tuple(factor for factor in below if factor.free_symbols),
+        constants=tuple(factor for factor in above if not free_symbols(factor)),
+        constants_below=tuple(factor for factor in below if not free_symbols(factor)),
+        factors=tuple(factor for factor in above if free_symbols(factor)),
+        factors_below=tuple(factor for factor in below if free_symbols(factor)),
     )
 
 

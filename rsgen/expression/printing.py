@@ -21,6 +21,7 @@ from rsgen.expression.ordering import (
     split_product,
     split_sum,
 )
+from rsgen.expression.renaming import free_symbols
 from rsgen.expression.scanning import DIGITS
 
 __all__ = ["Level", "Printer", "decimal_text"]
@@ -129,7 +130,7 @@ class Printer(ABC):
         if isinstance(expr, sympy.Heaviside) and expr.args[1] == sympy.Rational(1, 2):
             return self.call("Heaviside", expr.args[:1])
         if isinstance(expr, sympy.Min | sympy.Max):
-            ordered = sorted(expr.args, key=lambda arg: (not arg.free_symbols, self.write(arg)))
+            ordered = sorted(expr.args, key=lambda arg: (not free_symbols(arg), self.write(arg)))
             return self.call(_NAMES[expr.func], ordered)
         if expr.func in _NAMES:
             return self.call(_NAMES[expr.func], expr.args)

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import sympy
 
-__all__ = ["rebuilt", "renamed"]
+__all__ = ["free_symbols", "rebuilt", "renamed"]
 
 _EXTREMES = (sympy.Max, sympy.Min)
 """To find the largest of several arguments anew takes seconds."""
+
+
+@lru_cache(maxsize=4096)
+def free_symbols(expression: sympy.Basic) -> frozenset[sympy.Basic]:
+    """Symbols of an expression but for those over which it integrates.
+
+    The library builds an integral anew to find its symbols, which takes a second where it holds extremes.
+    """
+    if isinstance(expression, sympy.Integral):
+        found = free_symbols(expression.function)
+        for variable, *ends in reversed(expression.limits):
+            found = (found - {variable}).union(*map(free_symbols, ends))
+        return found
+    if isinstance(expression, sympy.Add | sympy.Mul | sympy.Pow):
+        return frozenset().union(*map(free_symbols, expression.args))
+    return frozenset(expression.free_symbols)
 
 
 def rebuilt(
@@ -43,7 +60,7 @@ def renamed(
         if not part.args:
             return names.get(part, part)
         if part not in done:
-            touched = not replaced.isdisjoint(part.free_symbols)
+            touched = not replaced.isdisjoint(free_symbols(part))
             done[part] = rebuilt(part, tuple(map(new, part.args)), as_written) if touched else part
         return done[part]
 

@@ -94,7 +94,12 @@ def apart(expression: sympy.Expr, *, as_Add: bool) -> tuple[sympy.Expr, sympy.Ex
 def constant(value: sympy.Expr | int) -> Form:
     """Give the form of a term that acts everywhere."""
     term = sympy.sympify(value)
-    return {} if term.is_zero else {ALWAYS: term}
+    return {} if is_zero(term) else {ALWAYS: term}
+
+
+def is_zero(term: sympy.Expr) -> bool:
+    """Whether a term is zero; whether a function of x or v always is, the library may ponder for seconds."""
+    return bool(term.is_zero) if term.is_number else term == 0
 
 
 def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.Expr | None = None) -> Form:
@@ -246,7 +251,7 @@ def add(*forms: Form) -> Form:
     total = {
         key: terms[0] if len(terms) == 1 else expanded(sympy.Add(*terms)) for key, terms in parts.items()
     }
-    return {key: term for key, term in total.items() if not term.is_zero}
+    return {key: term for key, term in total.items() if not is_zero(term)}
 
 
 def scale(form: Form, factor: sympy.Expr | int) -> Form:

@@ -25,6 +25,7 @@ from rsgen.law.normal_form import (
     constant,
     expanded,
     is_long,
+    is_zero,
     moves,
     multiply,
     scale,
@@ -72,7 +73,7 @@ def reduce_law(force: sympy.Expr) -> Form:
             "law: multiplied out it has a number of more than a thousand digits; use numbers and powers of "
             "sizes that a measurement has"
         )
-    return {key: term for key, term in reduced.items() if not term.is_zero}
+    return {key: term for key, term in reduced.items() if not is_zero(term)}
 
 
 def _cancelled(term: sympy.Expr) -> sympy.Expr:

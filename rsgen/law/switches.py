@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import sympy
 
+from rsgen.expression.bounds import EXPONENT
 from rsgen.law.normal_form import (
     STATE_V,
     STATE_X,
@@ -152,7 +153,7 @@ def _factors(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
             exponent = int(power) if power.is_Integer else 1
             root = root if power.is_Integer else base
             degrees = [sympy.degree(root, s) for s in (STATE_X, STATE_V) if root.is_polynomial(s)]
-            small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE and not _has_long_numbers(root)
+            small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE and not _explodes(root)
             found = _factored(root) if small and root.is_Add and len(root.args) <= 12 else ((root, 1),)
             listed.extend((factor, exponent * order) for factor, order in found)
     return tuple(listed)
@@ -167,8 +168,16 @@ def _factored(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
     return ((number, 1), *factors)
 
 
-def _has_long_numbers(expression: sympy.Expr) -> bool:
-    return any(max(abs(int(n.p)), int(n.q)) > LARGEST_COEFFICIENT for n in expression.atoms(sympy.Rational))
+def _explodes(expression: sympy.Expr) -> bool:
+    """Whether numbers are long, or powers of a number as exp(1e29) would be polynomials of that degree."""
+    if any(_longest(number) > LARGEST_COEFFICIENT for number in expression.atoms(sympy.Rational)):
+        return True
+    powers = (power.exp for power in expression.atoms(sympy.Pow, sympy.exp) if power.exp.is_Rational)
+    return any(_longest(power) > EXPONENT for power in powers)
+
+
+def _longest(number: sympy.Rational) -> int:
+    return max(abs(int(number.p)), int(number.q))
 
 
 @lru_cache(maxsize=4096)

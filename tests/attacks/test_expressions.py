@@ -73,6 +73,29 @@ def test_a_fault_of_rsgen_is_no_refusal() -> None:
         sympy.Max(sympy.I, 1)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text",
+    [
+        text_of(9476, 1)[1],  # exp(1e29) is no polynomial in e
+        text_of(17914, 1)[1],  # an integral of extremes, whose symbols were looked for again and again
+        "(k3 + 1e4 + Ff)**30*x",
+        "(k3 + 1e4 + Ff)**30*x**2 + k*x",
+        "(k3 + 1e4 + Ff)**30",
+    ],
+    ids=["threshold", "extremes", "power", "power with a mean", "power alone"],
+)
+def test_a_text_that_once_took_minutes_has_an_answer(text: str) -> None:
+    begun = time.process_time()
+    assert answer(text).startswith(("result", "refused"))
+    assert time.process_time() - begun < allowed(SECONDS)
+
+
+def test_a_power_of_hundreds_of_terms_is_refused() -> None:
+    with pytest.raises(ExpressionError, match="up to 1326 terms when expanded; a power may have 500"):
+        parse("(k3 + 1e4 + Ff)**50*x")
+
+
 def test_a_loop_that_was_not_tried_says_so() -> None:
     found = derive(Law("k*z", memory={"z": "300*(x - z)"}))
     assert found.checked_to is None
