@@ -273,8 +273,9 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
     residual, _ = eliminate(line)
     distance = np.sum(residual**2, axis=1)
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
-    typical = float(np.median(distance[used])) / chi_square_exceeded(freedom, 0.5) if used.any() else 1.0
-    limit = max(chi_square_exceeded(freedom, 1e-3 / len(distance)) * typical, _OUTLYING**2)
+    # force and fundamental alone have as many rows more than nuisances as there are nuisances
+    fewest = min(line.by_nuisance.shape[2], freedom)
+    limit = max(_largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _OUTLYING**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(OUTLIERS * len(order))
     if most < len(order):
@@ -287,6 +288,23 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
         if together > _TOGETHER * share**2 * len(neighbours) + 2:
             return np.ones(len(apart), dtype=bool)
     return agreeing
+
+
+def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
+    """What the distance of a point exceeds with a probability, by the median and upper quartile of all.
+
+    Harmonics with less noise than the fundamental leave a distance of fewer degrees of freedom than it has
+    rows, with a longer tail; the fundamental and the force alone leave the ``fewest``.
+    """
+    if not len(distance):
+        return chi_square_exceeded(freedom, chance)
+    middle, upper = np.quantile(distance, [0.5, 0.75])
+
+    def spread(count: int) -> float:
+        return chi_square_exceeded(count, 0.25) / chi_square_exceeded(count, 0.5)
+
+    free = next((count for count in range(freedom, fewest, -1) if spread(count) * middle >= upper), fewest)
+    return float(middle) * chi_square_exceeded(free, chance) / chi_square_exceeded(free, 0.5)
 
 
 def _summary(

@@ -99,6 +99,20 @@ def test_intervals_of_an_even_force_hold_under_noise(full, tested):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_harmonics_with_less_noise_set_no_point_aside(full, seed):
+    """Force and fundamental fluctuate by 1 %, the other harmonics by 0.03 % of the fundamental."""
+    quiet, loud = noisy(full, 3e-4, seed), noisy(full, 1e-2, seed)
+    harmonics = np.array(quiet.harmonics)
+    harmonics[:, 1] = loud.harmonics[:, 1]
+    found = identify(changed(full, harmonics=harmonics, force=loud.force), QUADRATIC)
+    assert "points-set-aside" not in codes(found)
+    true = VALUES | {"m": MASS}
+    for estimate in found.refined:
+        assert abs(estimate.value - true[estimate.name]) < SIGMAS * estimate.standard_error, estimate
+
+
+@pytest.mark.slow
 def test_the_second_harmonic_gives_the_sign():
     full = table(values={**VALUES, "k2": -1e5})
     harmonics = np.array(full.harmonics)
