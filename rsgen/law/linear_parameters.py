@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from functools import lru_cache
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, product
 
 import numpy as np
 import sympy
@@ -35,8 +35,8 @@ _CLEAR = 1e-6
 """Relative second difference that is no round-off, so that no derivative needs to be looked at."""
 
 _LONGEST_TERM = 150
-"""Operations of a term whose slopes are looked at, five times those of the longest law of the library. Its
-second derivatives may take seconds; parameters of a longer one count as nonlinear, which is always right."""
+"""Operations of a term whose slopes are looked at, five times those of the longest law of the library. Second
+derivatives of a longer one may take seconds; its parameters are linear where it is written so."""
 
 _MOST_LINEAR_SETS = 12
 """Above this number of parameters the linear ones are chosen greedily instead of by trying every set."""
@@ -61,8 +61,8 @@ def jointly_linear(
     thresholds = {free for function in switches for free in function.free_symbols}
     every = [piece.term for piece in pieces]
     terms = [term for term in every if term.count_ops() <= _LONGEST_TERM]
-    beyond = {free for term in every if term.count_ops() > _LONGEST_TERM for free in term.free_symbols}
-    clash = set(clashing) | {(i, i) for i, p in enumerate(parameters) if p in beyond}
+    place = {p: i for i, p in enumerate(parameters)}
+    clash = set(clashing).union(*(_met(term, place)[1] for term in every if term not in terms))
     clash |= _bent(terms, parameters)
     # slopes of long fractions are longer: they are asked for only where trials found nothing
     slopes = [[] if (i, i) in clash else [term.diff(p) for term in terms] for i, p in enumerate(parameters)]
@@ -85,6 +85,26 @@ def jointly_linear(
         if not any(tuple(sorted((i, j))) in clash for j in picked):
             picked.append(i)
     return tuple(sorted(picked))
+
+
+def _met(
+    expression: sympy.Expr, place: Mapping[sympy.Symbol, int]
+) -> tuple[frozenset[int], set[tuple[int, int]]]:
+    """Find the parameters of an expression, and the pairs that meet in a product or a function of it.
+
+    In parameters of which no two meet the expression is linear at once; what cancels is not looked for.
+    """
+    if not expression.args:
+        return frozenset({place[expression]} if expression in place else ()), set()
+    inside, clashes = zip(*(_met(part, place) for part in expression.args), strict=True)
+    held: frozenset[int] = frozenset().union(*inside)
+    clash: set[tuple[int, int]] = set().union(*clashes)
+    if expression.is_Mul:
+        pairs = (pair for one, other in combinations(inside, 2) for pair in product(one, other))
+        clash |= {(min(pair), max(pair)) for pair in pairs}
+    elif not expression.is_Add:
+        clash |= set(combinations_with_replacement(sorted(held), 2))
+    return held, clash
 
 
 def _bent(terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]) -> set[tuple[int, int]]:

@@ -30,10 +30,23 @@ def test_linear_parameters(text: str, linear: str, scaled: tuple[tuple[str, ...]
     assert tuple(tuple(kind.parameters[i] for i in group) for group in kind.scaled) == scaled
 
 
-def test_parameters_of_a_long_term_count_as_nonlinear() -> None:
+def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch: pytest.MonkeyPatch) -> None:
     # second derivatives of such a term may take seconds
     waves = [parse(f"{n}*x**{n}*tanh(w*v)") for n in range(2, 60)]
     parameters = [parse(name) for name in ("Ff", "c", "w")]
+    hidden = parse("Ff/(1 + Ff) + Ff**2/(1 + Ff)")
     for count, linear in ((3, (0, 1)), (58, (1,))):
-        long = parse("Ff") * sympy.sin(sympy.Add(*waves[:count]))
-        assert jointly_linear([Piece(long, ()), Piece(parse("c*v"), ())], parameters) == linear
+        wave = sympy.sin(sympy.Add(*waves[:count]))
+        pieces = [Piece(sympy.expand_mul(hidden * wave), ()), Piece(parse("c*v"), ())]
+        assert jointly_linear(pieces, parameters) == linear
+        assert jointly_linear([Piece(parse("Ff") * wave, ()), *pieces[1:]], parameters) == (0, 1)
+    monkeypatch.setattr(sympy.Expr, "diff", None)
+    long = Piece(parse("c") * wave + parse("Ff*c*v + n*x"), ())
+    assert jointly_linear([long], [*parameters[:2], parse("n")]) == (0, 2)
+
+
+def test_a_polynomial_of_many_terms_is_linear_in_all_of_them() -> None:
+    """Of two states up to the eighth power: a force surface without a physical law."""
+    powers = [(i, j) for i in range(9) for j in range(9) if 0 < i + j <= 8]
+    kind = character(sympy.Add(*(parse(f"a{i}_{j}*x**{i}*v**{j}") for i, j in powers)))
+    assert len(kind.linear) == len(kind.parameters) == len(powers)
