@@ -21,7 +21,7 @@ def free_symbols(expression: sympy.Basic) -> frozenset[sympy.Basic]:
     """
     if isinstance(expression, sympy.Integral):
         found = free_symbols(expression.function)
-        for variable, *ends in reversed(expression.limits):
+        for variable, *ends in expression.limits:
             found = (found - {variable}).union(*map(free_symbols, ends))
         return found
     if isinstance(expression, sympy.Add | sympy.Mul | sympy.Pow):

@@ -71,6 +71,8 @@ def test_a_fault_of_rsgen_is_no_refusal() -> None:
         raise ValueError("ours")
     with pytest.raises(ExpressionError, match=r"cannot work it out \(ValueError\)"), algebra_faults():
         sympy.Max(sympy.I, 1)
+    with pytest.raises(ExpressionError, match=r"\(PolynomialError\)"), algebra_faults():
+        sympy.degree(symbol("x") ** symbol("n"), symbol("x"))
 
 
 @pytest.mark.slow
