@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
@@ -25,6 +26,12 @@ _OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Tabl
 _BEGINNING = 4096
 """Bytes in which that stands."""
 
+_WAIT = 10.0
+"""Seconds for which a run waits until another one has begun, cleared up or moved: each takes far less."""
+
+_PAUSE = 0.005
+"""Seconds from one look to the next meanwhile."""
+
 _SHOWN = 3
 """Files that a refusal names; more would hide what to do."""
 
@@ -36,6 +43,11 @@ def recover(out: Path) -> None:
     """
     if not out.is_dir():
         return
+    with _alone(out):
+        _clear_up(out)
+
+
+def _clear_up(out: Path) -> None:
     for path in sorted(out.iterdir()):
         name = left_behind(path)
         if name is None or path.is_symlink() or not path.is_dir() or _is_filled(path):
@@ -45,6 +57,31 @@ def recover(out: Path) -> None:
             path.rename(place)
         elif _of_a_run(path):
             shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Keep other runs from beginning, clearing up and moving in a folder of results.
+
+    A folder without its mark, which is not yet there or no longer, would be taken for one left behind. Where
+    there are no locks, or a lock does not end, the run goes on without.
+    """
+    with ExitStack() as opened:
+        if _locks is not None:
+            with suppress(OSError):
+                handle = os.open(out, os.O_RDONLY)
+                opened.callback(os.close, handle)
+                _wait_for_lock(handle)
+        yield
+
+
+def _wait_for_lock(handle: int) -> None:
+    end = time.monotonic() + _WAIT
+    while time.monotonic() < end:
+        with suppress(BlockingIOError):
+            _locks.flock(handle, _locks.LOCK_EX | _locks.LOCK_NB)
+            return
+        time.sleep(_PAUSE)
 
 
 @contextmanager
@@ -186,8 +223,9 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         recover(out)
         check_replaceable(place)
-        part.mkdir()
-        filling.enter_context(_filling(part))
+        with _alone(out):
+            part.mkdir()
+            filling.enter_context(_filling(part))
     except OSError as fault:
         raise RsgenError(
             f"{place}: cannot be made: {fault.strerror or fault}; choose another --out"
@@ -196,16 +234,17 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         yield part
         # somebody may have put a file there meanwhile
         check_replaceable(place)
-        # without its mark the folder could be anybody's, so that it is moved at once
-        (part / UNFINISHED).unlink(missing_ok=True)
-        sync_folder(part)
-        if place.exists():
-            place.rename(old)
-        part.rename(place)
-        sync_folder(out)
+        with _alone(out):
+            (part / UNFINISHED).unlink(missing_ok=True)
+            sync_folder(part)
+            if place.exists():
+                place.rename(old)
+            part.rename(place)
+            sync_folder(out)
     except OSError as fault:
         if old.exists() and not place.exists():
-            old.rename(place)
+            with suppress(OSError):
+                old.rename(place)
         raise RsgenError(f"{place}: cannot be written: {fault.strerror or fault}") from fault
     finally:
         filling.close()

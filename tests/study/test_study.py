@@ -10,8 +10,10 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -426,6 +428,41 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path: Path, process:
     (killed / UNFINISHED).touch()
     recover(tmp_path)
     assert not killed.exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
+def test_a_finished_folder_is_not_cleared_before_it_is_moved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its mark is gone then, and the disk may take its time."""
+    others: list[threading.Thread] = []
+
+    def sync(folder: Path) -> None:
+        others.append(threading.Thread(target=recover, args=(tmp_path,)))
+        others[-1].start()
+        others[-1].join(0.1)
+        assert folder.exists()
+
+    monkeypatch.setattr("rsgen.study.folder.sync_folder", sync)
+    with replaced_folder(tmp_path, "case") as part:
+        (part / "report.html").write_text("done")
+        write_manifest(part, {}, None, [])
+    for other in others:
+        other.join()
+    assert read_manifest(tmp_path / "case") is not None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
+def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path: Path) -> None:
+    def write(case: int) -> None:
+        for _ in range(20):
+            with replaced_folder(tmp_path, f"case{case}") as part:
+                (part / "report.html").write_text("done")
+                write_manifest(part, {}, None, [])
+
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(write, range(6)))
+    assert len(list(tmp_path.iterdir())) == 6
 
 
 def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
