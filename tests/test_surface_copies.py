@@ -50,3 +50,16 @@ def test_readings_of_few_digits_and_sweeps_that_agree_are_kept() -> None:
     assert without_copies(both) is both
     unmeasured = replace(both, sweep="rest", force=np.nan, outcome=None)
     assert without_copies(unmeasured) is unmeasured
+
+
+def test_repeated_readings_that_few_digits_make_equal_are_no_copies() -> None:
+    surface, random = cubic_surface(), np.random.default_rng(4)
+    twice = surface.select(np.repeat(np.arange(len(surface)), 2))
+    amplitude = np.abs(twice.harmonics[:, 1]) * (1 + 0.005 * random.standard_normal(len(twice)))
+    size = 10.0 ** np.floor(np.log10(amplitude) - 2)
+    read = ResponseSurface(
+        twice.level, twice.frequency, twice.level, size * np.round(amplitude / size), phase_known=False
+    )
+    alike = read.harmonics[::2, 1] == read.harmonics[1::2, 1]
+    assert 0.05 < np.mean(alike) < 0.5
+    assert without_copies(read) is read

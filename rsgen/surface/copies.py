@@ -16,7 +16,8 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     """Keep one row of each point whose rows are all equal to the last digit, and say how many were left out.
 
     Noise leaves no two readings alike, but a display of few digits may: a point with readings that differ
-    keeps all of them. Simulated points without noise lose nothing that a copy would add.
+    keeps all of them, and a test keeps all rows if the readings of most of its repeated points differ.
+    Simulated points without noise lose nothing that a copy would add.
     """
     sweep = 1.0 * (surface.sweep == "up") - 1.0 * (surface.sweep == "down")
     order = np.lexsort((surface.frequency, surface.level, sweep))
@@ -31,9 +32,11 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     good = np.flatnonzero(np.isfinite(reading).all(axis=1))
     _, first, kind = np.unique(reading[good], axis=0, return_index=True, return_inverse=True)
     _, place = np.unique(point[good], axis=0, return_inverse=True)
-    differing = np.bincount(place[first])[place] > 1
+    repeated, differing = np.bincount(place) > 1, np.bincount(place[first]) > 1
+    if 2 * np.count_nonzero(differing) > np.count_nonzero(repeated):
+        return surface
     kept = np.ones(len(surface), dtype=np.bool_)
-    kept[good] = differing | (first[kind] == np.arange(len(good)))
+    kept[good] = differing[place] | (first[kind] == np.arange(len(good)))
     if kept.all():
         return surface
     numbers = quantities(copies=int(np.count_nonzero(~kept)), all=len(surface))

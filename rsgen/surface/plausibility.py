@@ -242,9 +242,9 @@ def plausibility_findings(
     # a force per mass and a motion relative to the base are made of several measured quantities
     if not (other or surface.base):
         yield from (other := list(quantity_findings(surface)))
-    # the sizes of another quantity say nothing of units
     if calibrated:
         yield from level_findings(surface)
+    # the sizes of another quantity say nothing of units
     if calibrated and not other:
         yield from size_findings(Sizes.of(surface, mass, damping), phase_known=surface.phase_known)
 
