@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.cli.targets import check_target
+from rsgen.cli.targets import DIFFERENCE, check_target, is_foreign, refuse_foreign
 from rsgen.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
 from rsgen.output import write_atomic
 from rsgen.report.difference import (
@@ -42,6 +42,8 @@ def _rows(difference: CaseDifference) -> list[tuple[str, ...]]:
 def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int:
     """Print what changed; the code is 1 if a value left its tolerance or a verdict is graver."""
     target = None if out is None else check_target(out, ".html")
+    if target:
+        refuse_foreign(target, is_foreign(target, DIFFERENCE), ())
     differences = compare_results(before, after)
     if target is not None:
         write_atomic(target, render_difference(differences, str(before), str(after)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import webbrowser
 from pathlib import Path
 
-from rsgen.cli.targets import check_target
+from rsgen.cli.targets import SURFACE_PAGE, check_target, is_foreign, refuse_foreign
 from rsgen.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.output import write_atomic
 from rsgen.report.interactive import render_interactive
@@ -18,6 +18,7 @@ __all__ = ["show_command"]
 def show_command(folder: Path, out: Path | None, open_it: bool, json: bool) -> int:
     """Write the interactive page of a result beside its folder, whose files the manifest lists."""
     target = check_target(out or folder.with_name(f"{folder.resolve().name}-surface.html"), ".html")
+    refuse_foreign(target, is_foreign(target, SURFACE_PAGE), ())
     write_atomic(target, render_interactive(folder))
     entry = read_result(folder / "result.json")
     if json:

@@ -9,11 +9,23 @@ from rsgen.case import Case
 from rsgen.errors import RsgenError
 from rsgen.measurement import MeasuredTest
 
-__all__ = ["FRF", "MODAL", "SURFACE", "check_target", "inputs_of", "is_foreign", "refuse_foreign"]
+__all__ = [
+    "DIFFERENCE",
+    "FRF",
+    "MODAL",
+    "SURFACE",
+    "SURFACE_PAGE",
+    "check_target",
+    "inputs_of",
+    "is_foreign",
+    "refuse_foreign",
+]
 
 SURFACE = b"rsgen response surface"
 FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
+SURFACE_PAGE = b": response surface</title>"
+DIFFERENCE = b"<title>rsgen: two results compared</title>"
 """What is near the beginning of each kind of file that a command writes, and hardly in any other."""
 
 _BEGINNING = 4096
@@ -64,7 +76,8 @@ def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str
         return
     if any(other.exists() and path.samefile(other) for other in reads):
         raise RsgenError(f"{path}: is read by this command; choose another {option}")
-    if foreign:
+    # an empty file, as mktemp makes one, holds nothing that could be lost
+    if foreign and not (path.is_file() and path.stat().st_size == 0):
         raise RsgenError(
             f"{path}: is there and not as rsgen wrote it; move it away or choose another {option}"
         )
