@@ -16,8 +16,8 @@ from rsgen.verdict import StatedVerdict
 __all__ = ["Entry", "read_result", "read_results"]
 
 _MOST_BYTES = 50_000_000
-_LONGEST_TEXT = 1000
-"""Signs of a name, a unit, a title; a longer one is none of ours."""
+_LONGEST_TEXT = 100_000
+"""Characters of a name, a unit, a title, which may be a law of thousands; a longer one is none of ours."""
 _ERRORS = ("paper_error", "first_order_error", "relative_error")
 
 

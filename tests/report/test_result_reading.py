@@ -77,6 +77,11 @@ def test_a_result_as_a_run_writes_it_is_read(tmp_path: Path) -> None:
     assert entry.verdict["state"] == "accepted"
 
 
+def test_a_result_whose_title_is_a_long_law_is_read(tmp_path: Path) -> None:
+    law = " + ".join(f"k{n}*x**{n}" for n in range(1, 1000))
+    assert read_result(written(tmp_path, lambda result: result.update(title=law))) is not None
+
+
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_result_that_no_run_wrote_is_left_out(name: str, tmp_path: Path) -> None:
     path = written(tmp_path, CHANGES[name])
