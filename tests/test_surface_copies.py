@@ -34,6 +34,7 @@ def test_copies_change_neither_values_nor_intervals(copied: np.ndarray) -> None:
     (finding,) = [finding for finding in again.findings if finding.code == "rows-copied"]
     assert (finding["copies"], finding["all"]) == (len(copied), len(rows))
     assert "written twice" in sentence(finding)
+    assert finding in rs.modal_table(surface.select(rows)).findings
 
 
 def test_readings_of_few_digits_and_sweeps_that_agree_are_kept() -> None:

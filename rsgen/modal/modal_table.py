@@ -87,7 +87,9 @@ def modal_table(
     """
     require(surface, ResponseSurface, "surface")
     model = _about(about, mass)
-    surface = without_copies(surface).on_mass(model.mass)
+    rows = without_copies(surface)
+    copied = rows.findings[len(surface.findings) :]
+    surface = rows.on_mass(model.mass)
     if surface.per_mass:
         # there is nothing to identify
         model = replace(model, mass=1.0)
@@ -102,7 +104,8 @@ def modal_table(
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
     if means.lag_assumed:
         found = replace(found, covariance=found.covariance + loop_error(found.influence))
-    return _table(modal, found, means, model)
+    table = _table(modal, found, means, model)
+    return replace(table, findings=(*copied, *table.findings))
 
 
 def _about(about: Observation | Model | None, mass: float | None) -> Model:
