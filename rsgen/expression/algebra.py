@@ -18,7 +18,7 @@ def algebra_faults() -> Iterator[None]:
     """Turn a fault that the algebra library raises into a refusal of the law.
 
     It raises some on numbers that it cannot compare, such as the root of a number of 600 digits less another
-    one, and goes round in circles on some nested cases.
+    one, and calls itself without end on some nested cases.
 
     Raises
     ------

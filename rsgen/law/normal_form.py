@@ -98,7 +98,7 @@ def constant(value: sympy.Expr | int) -> Form:
 
 
 def is_zero(term: sympy.Expr) -> bool:
-    """Whether a term is zero; whether a function of x or v always is, the library may ponder for seconds."""
+    """Whether a term is zero as it is written; to prove it of a function may take the library seconds."""
     return bool(term.is_zero) if term.is_number else term == 0
 
 

@@ -93,7 +93,7 @@ def _filling(part: Path) -> Iterator[None]:
     """
     with (part / UNFINISHED).open("w") as mark:
         if _locks is not None:
-            # some systems of files have no locks; then the number alone decides
+            # some file systems have no locks; then the number alone decides
             with suppress(OSError):
                 _locks.flock(mark, _locks.LOCK_EX | _locks.LOCK_NB)
             yield

@@ -259,8 +259,8 @@ _PROPORTION = 1.5
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Find forces that are the levels in another unit; one finding or none.
 
-    Levels are names, and often numbers of runs. But where the forces of two levels or more are all the same
-    step between units away from them, both are one force, and one of them was read in another unit.
+    Levels are names, and often numbers of runs. But where at two levels or more the force is always the level
+    times one factor between units, both are the same force, and one of them was read in another unit.
     """
     if surface.response_held or surface.base or surface.per_mass:
         return
