@@ -8,6 +8,7 @@ import sympy
 
 from rsgen.expression import symbol
 from rsgen.expression.names import X0, X
+from rsgen.law.normal_form import is_long
 
 __all__ = ["Limit", "grows_slowly", "limit_at_infinity", "limit_at_rest", "limit_at_zero"]
 
@@ -174,6 +175,8 @@ def _bessel_series(order: sympy.Expr, z: sympy.Expr, sign: int) -> sympy.Expr:
 
 def _leading(formula: sympy.Expr, smallest: bool) -> sympy.Expr | None:
     """Find the limit of a sum of real powers of X from its leading one."""
+    if is_long(formula):
+        return None
     powers: dict[sympy.Expr, sympy.Expr] = {}
     for addend in sympy.Add.make_args(sympy.powsimp(sympy.expand(formula))):
         coefficient, exponent = addend.as_coeff_exponent(X)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import sympy
@@ -15,6 +16,8 @@ from rsgen.expression.memory import Masing, Structural
 __all__ = ["FUNCTION_TABLE", "Function", "check_arguments", "constant_number"]
 
 _LARGEST_BESSEL = 1000.0
+_NESTED = 6  # SymPy asks of roots in functions in roots whether they are real: each takes ten times the last
+_SWITCHING = (sympy.Abs, sympy.sign, sympy.Min, sympy.Max, sympy.Heaviside, sympy.Piecewise, Masing)
 
 
 def _multiplied(terms: Sequence[int]) -> int:
@@ -124,11 +127,22 @@ FUNCTION_TABLE: dict[str, Function] = {
 }
 
 
+@lru_cache(maxsize=4096)
+def _nested(expr: sympy.Basic) -> int:
+    """How many smooth functions and roots of what is not constant stand in each other."""
+    inside = max(map(_nested, expr.args), default=0)
+    smooth = isinstance(expr, sympy.Function) and not isinstance(expr, _SWITCHING)
+    root = expr.is_Pow and not expr.exp.is_Integer
+    return inside + int(bool(expr.free_symbols) and (smooth or root))
+
+
 def check_arguments(name: str, values: Sequence[Value]) -> str | None:
     """What is wrong with the arguments before the function is worked out; None where nothing is."""
     numbers = [value.number for value in values]
     if any(number is not None and math.isinf(number) for number in numbers):
         return "is a function of a number beyond 1e308"
+    if max(_nested(value.expr) for value in values) >= _NESTED:
+        return f"has more than {_NESTED} functions in each other"
     if name == "gamma" and numbers[0] is not None and abs(numbers[0]) > EXPONENT:
         return f"is out of range; numbers up to {EXPONENT} are allowed in gamma"
     if (

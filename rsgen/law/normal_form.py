@@ -50,6 +50,10 @@ LARGEST_EXPANSION = 400
 LARGEST_PARTS = 10_000
 """Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
 
+_UNDECIDED = 10
+"""Operations in a difference of two thresholds beyond which nobody asks which is larger: to look whether factors
+have a sign takes the library a tenth of a second, and products of steps compare a thousand."""
+
 MOST_OPERATIONS = 2500
 """In all pieces and switch functions together. Ten elements of the library have 600 at most, the loop of
 ramberg-osgood 2483; what has more comes from texts of a few operations whose pieces multiply, and takes
@@ -235,11 +239,17 @@ def _larger(a: sympy.Expr | None, b: sympy.Expr | None) -> sympy.Expr | None:
     if b is None:
         return a
     difference = sympy.expand_mul(a - b)
+    if not difference.is_number and sympy.count_ops(difference) > _UNDECIDED:
+        return sympy.Max(*{*_candidates(a), *_candidates(b)}, evaluate=False)
     if difference.is_nonnegative:
         return a
     if difference.is_nonpositive:
         return b
     return sympy.Max(a, b)
+
+
+def _candidates(level: sympy.Expr) -> tuple[sympy.Expr, ...]:
+    return level.args if isinstance(level, sympy.Max) else (level,)
 
 
 def add(*forms: Form) -> Form:

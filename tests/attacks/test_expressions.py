@@ -81,11 +81,23 @@ def test_a_fault_of_rsgen_is_no_refusal() -> None:
     [
         text_of(9476, 1)[1],  # exp(1e29) is no polynomial in e
         text_of(17914, 1)[1],  # an integral of extremes, whose symbols were looked for again and again
+        text_of(975, 2)[1],  # a limit of a series to the ninth power
+        text_of(1976, 2)[1],  # roots in functions in roots
+        text_of(2015, 2)[1],  # hundreds of thresholds that cannot be compared
         "(k3 + 1e4 + Ff)**30*x",
         "(k3 + 1e4 + Ff)**30*x**2 + k*x",
         "(k3 + 1e4 + Ff)**30",
     ],
-    ids=["threshold", "extremes", "power", "power with a mean", "power alone"],
+    ids=[
+        "threshold",
+        "extremes",
+        "limit",
+        "roots",
+        "thresholds",
+        "power",
+        "power with a mean",
+        "power alone",
+    ],
 )
 def test_a_text_that_once_took_minutes_has_an_answer(text: str) -> None:
     begun = time.process_time()
