@@ -51,8 +51,8 @@ LARGEST_PARTS = 10_000
 """Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
 
 _UNDECIDED = 10
-"""Operations in a difference of two thresholds beyond which nobody asks which is larger: to look whether factors
-have a sign takes the library a tenth of a second, and products of steps compare a thousand."""
+"""Operations in a difference of two thresholds beyond which nobody asks which is larger: to look whether
+factors have a sign takes the library a tenth of a second, and products of steps compare a thousand."""
 
 MOST_OPERATIONS = 2500
 """In all pieces and switch functions together. Ten elements of the library have 600 at most, the loop of
