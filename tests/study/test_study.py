@@ -413,7 +413,7 @@ def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> N
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
-@pytest.mark.parametrize("process", [os.getpid(), NO_PROCESS])
+@pytest.mark.parametrize("process", [os.getpid(), NO_PROCESS], ids=["own", "foreign"])
 def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path: Path, process: int) -> None:
     """That run may be another thread, or in another container or machine, with any number."""
     with replaced_folder(tmp_path, "other") as part:
