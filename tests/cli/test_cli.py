@@ -559,9 +559,30 @@ rsgen.cli.main()
 """
 
 
+_LATE = """
+import os, signal
+import rsgen.cli
+from rsgen.cli import application
+
+class Ends:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):
+        kill(process, number)
+
+# goes when Python takes its modules apart
+ends = Ends()
+
+def run(**arguments):
+    os.kill(os.getpid(), signal.SIGINT)
+
+application.application = run
+rsgen.cli.main()
+"""
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
-def test_an_interrupt_that_a_finalizer_throws_away_ends_the_run() -> None:
-    run = subprocess.run([sys.executable, "-c", _LOST], capture_output=True, text=True, timeout=60)
+@pytest.mark.parametrize("program", [_LOST, _LATE], ids=["in a finalizer", "and a polite end at the exit"])
+def test_an_interrupt_ends_the_run_with_one_sentence(program: str) -> None:
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
 
 
@@ -616,29 +637,3 @@ def test_short_commands_load_neither_figures_nor_compiler(
         capture_output=True, text=True, timeout=120, check=True, cwd=tmp_path,
     )  # fmt: skip
     assert done.stdout.splitlines()[-1] == "[]"
-
-
-_LATE = """
-import os, signal
-import rsgen.cli
-from rsgen.cli import application
-
-class Ends:
-    def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):
-        kill(process, number)
-
-# goes when Python takes its modules apart
-ends = Ends()
-
-def run(**arguments):
-    os.kill(os.getpid(), signal.SIGINT)
-
-application.application = run
-rsgen.cli.main()
-"""
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
-def test_a_polite_end_after_an_interrupt_does_not_tear_the_exit_apart() -> None:
-    run = subprocess.run([sys.executable, "-c", _LATE], capture_output=True, text=True, timeout=60)
-    assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")

@@ -17,7 +17,7 @@ QUADRATIC = "k*x + k2*x**2 + k3*x**3 + c*v"
 VALUES = {"k": 5920.0, "k2": 1e5, "k3": 4e6, "c": 7.5}
 MASS = 1.5
 
-HOUSE = 1e-6
+EXACT = 1e-6
 """Largest relative error of a value from data without noise, where all that matters is carried."""
 
 SIGMAS = 4.0
@@ -78,7 +78,7 @@ def test_a_fundamental_gives_every_value_but_the_sign(full, tested):
         level = 1e-3 * np.round(measured.amplitude * 1e3)
         measured = changed(measured, level=level, control="response")
     found = identify(measured, QUADRATIC, observation)
-    assert off(found, {**VALUES, "m": MASS}) < HOUSE
+    assert off(found, {**VALUES, "m": MASS}) < EXACT
     assert found["k2"].value > 0
     named = [finding.names for finding in found.findings if finding.code == "sign-not-identifiable"]
     assert named == [{"parameters": "k2"}]
@@ -118,7 +118,7 @@ def test_the_second_harmonic_gives_the_sign():
     harmonics = np.array(full.harmonics)
     harmonics[:, 0] = 0
     found = identify(changed(full, harmonics=harmonics), QUADRATIC)
-    assert abs(found["k2"].value / -1e5 - 1) < HOUSE
+    assert abs(found["k2"].value / -1e5 - 1) < EXACT
     assert "sign-not-identifiable" not in codes(found)
 
 
@@ -126,7 +126,7 @@ def test_the_second_harmonic_gives_the_sign():
 def test_two_stiffnesses_are_told_apart_but_not_their_sides():
     law, values = "Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 7000.0, "k7": 5000.0, "c": 3.8}
     found = identify(fundamental(table(law, values)), law)
-    assert sorted(found[name].value for name in ("k6", "k7")) == pytest.approx([5000, 7000], rel=HOUSE)
+    assert sorted(found[name].value for name in ("k6", "k7")) == pytest.approx([5000, 7000], rel=EXACT)
     assert "mirror-image-fits" in codes(found)
 
 
@@ -146,7 +146,7 @@ def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
             if noise:
                 assert abs(found[name].value - value) < SIGMAS * found[name].standard_error
             else:
-                assert abs(found[name].value / value - 1) < HOUSE
+                assert abs(found[name].value / value - 1) < EXACT
         assert "not-converged" not in codes(found)
 
 
