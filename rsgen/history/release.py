@@ -142,7 +142,13 @@ def _tops(high: Array) -> list[int]:
     tops = find_peaks(np.concatenate([[quiet], high, [quiet]]), prominence=_AGAIN)[0] - 1
     largest = int(np.argmax(high))
     clear = [int(top) for top in tops if high[top] - np.quantile(high, 0.1) > _ABOVE_QUIET]
-    return clear or [largest]
+    # equal peaks, as in a steady drive, all have the prominence of the highest: it was not down between them
+    parted = [
+        top
+        for number, top in enumerate(clear)
+        if number == 0 or high[top] - float(np.min(high[clear[number - 1] : top])) > _AGAIN
+    ]
+    return parted or [largest]
 
 
 def _slowly(high: Array) -> bool:

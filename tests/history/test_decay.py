@@ -189,6 +189,20 @@ def test_a_decay_begins_where_the_drive_ends_though_no_force_was_measured(noise:
     np.testing.assert_allclose(found.stiffness, STIFFNESS, rtol=0.02 if noise else 1e-4)
 
 
+@pytest.mark.parametrize("periods", [20, 35, 75])
+@pytest.mark.parametrize("samples", [16, 17, 40])
+def test_the_equal_periods_of_a_steady_drive_are_one_drive(periods: int, samples: int) -> None:
+    # to the last digit the amplitude of an exact steady motion has many equal largest values
+    frequency, damping_ratio = 10.0, 0.012
+    t = np.arange(0, 12 + periods / frequency, 1 / (samples * frequency))
+    free = np.maximum(t - periods / frequency, 0)
+    x = np.exp(-damping_ratio * 2 * np.pi * frequency * free) * np.cos(2 * np.pi * frequency * t)
+    found = follow_decay(TimeHistory(samples * frequency, None, 0.01 * x), mass=MASS)
+    assert not any(finding.code == "several-decays" for finding in found.findings)
+    assert one(found.findings, "decay-taken")["begin"] > periods / frequency
+    assert np.median(found.damping_ratio) == pytest.approx(damping_ratio, rel=2e-3)
+
+
 def test_an_offset_and_noise_of_the_force_do_not_hide_its_end() -> None:
     force, x = driven_decay()
     random = np.random.default_rng(1)
