@@ -14,10 +14,12 @@ from rsgen.law.numeric import ForceLaw
 from rsgen.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.multisine.spectra import SMOOTHED, smooth
 from rsgen.multisine.steady import SMALL
+from rsgen.results.agreement import leave_out
 from rsgen.tolerances import CHANCE, EXCESS, GAIN, GROUPS, HALVINGS, ROUNDS, STEPS
 
 __all__ = [
     "LineFit",
+    "blocks_left_out",
     "chance_of_noise",
     "delay_between",
     "errors_of",
@@ -169,16 +171,23 @@ def errors_of(
     freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
     wider = 1.0
     if times_noise(lines, fit) > chance_of_noise(lines, matrix.shape[1]):
-        scores, groups = matrix * right[:, None], parts_of_band(lines)
-        count = int(groups.max()) + 1
-        # leaving one part out, to first order in its share
-        moved = np.stack([covariance @ scores[groups == g].sum(axis=0) for g in range(count)])
-        spread = np.sqrt(np.sum((moved - moved.mean(axis=0)) ** 2, axis=0) * count / max(count - 1, 1))
-        error = np.sqrt(np.diag(covariance))
-        ratio = np.maximum(spread / np.where(error > 0, error, 1.0), 1.0)
+        spread = np.diag(blocks_left_out(lines, fit, given))
+        known = np.diag(covariance)
+        ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
         covariance = covariance * np.outer(ratio, ratio)
-        wider, freedom = float(np.median(ratio)), count - 1
+        wider, freedom = float(np.median(ratio)), int(parts_of_band(lines).max())
     return determined(covariance, null), null, freedom, wider
+
+
+def blocks_left_out(lines: Lines, fit: LineFit, given: float | None) -> Array:
+    """Covariance (q, q) from leaving out one part of the band after the other, with the weights of all."""
+    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    inverse = solve_scaled(matrix, right, np.append(fit.values, fit.mass) if given is None else fit.values)[1]
+    rows = matrix @ inverse
+    # without what the correction for noise in the slopes leaves in the equations of all lines
+    rest = right - rows @ (rows.T @ right)
+    # real and imaginary part of a line belong together
+    return leave_out(inverse, rows.reshape(-1, 2, rows.shape[1]), rest.reshape(-1, 2), parts_of_band(lines))
 
 
 def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:
@@ -218,11 +227,11 @@ def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[floa
 
 
 def parts_of_band(lines: Lines) -> NDArray[np.intp]:
-    """(2 lines,) parts of the band of every record, for the jackknife."""
+    """(lines,) parts of the band of every record, for the jackknife."""
     parts, first = [], 0
     for used in lines.used:
         count = int(used.sum())
-        parts.append(np.repeat(first + np.arange(count) * GROUPS // max(count, 1), 2))
+        parts.append(first + np.arange(count) * GROUPS // max(count, 1))
         first += min(GROUPS, count)
     return np.unique(np.concatenate(parts), return_inverse=True)[1]
 

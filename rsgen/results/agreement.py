@@ -22,7 +22,7 @@ from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
 from rsgen.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
 
-__all__ = ["Agreement", "Difference", "compare_parts", "jackknife"]
+__all__ = ["Agreement", "Difference", "compare_parts", "jackknife", "leave_out"]
 
 
 _BY_CHANCE = 1e-5
@@ -94,18 +94,33 @@ def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | No
 
 def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
     """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other."""
-    numbers = np.unique(group[whole.used])
-    unit = np.eye(whole.basis.shape[1])
+    used = whole.used
+    return leave_out(whole.basis, whole.rows[used], whole.residual[used], group[used])
+
+
+def leave_out(basis: Array, rows: Array, residual: Array, group: NDArray[np.intp]) -> Array:
+    """Covariance (q, q) from leaving out one group (n,) of the rows after the other, exactly where they are
+    linear.
+
+    Parameters
+    ----------
+    basis
+        (q, r) the parameters by the directions of the rows.
+    rows, residual
+        (n, M, r) and (n, M); the sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    """
+    numbers = np.unique(group)
+    unit = np.eye(basis.shape[1])
     total = np.zeros_like(unit)
     for number in numbers:
-        rows, residual = whole.rows[group == number], whole.residual[group == number]
-        left, across = np.linalg.eigh(unit - np.tensordot(rows, rows, ([0, 1], [0, 1])))
+        own, left_over = rows[group == number], residual[group == number]
+        left, across = np.linalg.eigh(unit - np.tensordot(own, own, ([0, 1], [0, 1])))
         kept = left > _ALONE
-        score = across[:, kept].T @ np.einsum("nmr,nm->r", rows, residual)
+        score = across[:, kept].T @ np.einsum("nmr,nm->r", own, left_over)
         moved = across[:, kept] @ (score / left[kept])
         total += np.outer(moved, moved)
     total *= (len(numbers) - 1) / max(len(numbers), 1)
-    return np.asarray(whole.basis @ total @ whole.basis.T)
+    return np.asarray(basis @ total @ basis.T)
 
 
 def _times(spread: Array, variance: Array) -> Array:

@@ -1,0 +1,71 @@
+"""Errors of a law that leaves distortion: blocks of the band left out, against refits without each block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import rsgen
+from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.lines.line_balance import Balance, Lines, lines_of
+from rsgen.lines.line_fit import LineFit, blocks_left_out, errors_of, fit_lines, parts_of_band
+from rsgen.lines.line_start import start_values
+from rsgen.oscillator import join_model
+
+MASS = 1.5
+TRUE = {"k": 5000.0, "k3": 4e6, "c": 4.0, "c2": 1.0}
+TOLERANCE = 0.02
+
+
+def records(noise: float) -> rsgen.MultisineSpectra:
+    """Eight periods at two levels of a law with drag, which the laws below do not have."""
+    oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v + c2*v*abs(v)", TRUE)
+    test = rsgen.MultisineTest(
+        np.array([1.0, 3.0]), (2.5, 20.0), 2.0, periods=8, noise_relative=noise, seed=1
+    )
+    return rsgen.simulate(oscillator, test)
+
+
+def refitted(lines: Lines, fit: LineFit, law: ForceLaw) -> np.ndarray:
+    """Values and mass by scipy's least squares of the balance, with the weights of the whole."""
+    base = np.append(fit.values, fit.mass)
+    weight = np.sqrt(2 / fit.variance)
+
+    def residual(relative: np.ndarray) -> np.ndarray:
+        values = base * relative
+        balance = Balance.of(lines, law, values[:-1], values[-1], fit.noise)
+        # the bias of a law along a noisy motion goes with the values
+        bias = np.einsum("rph,p->rh", fit.noise.by_parameter, values[:-1] - fit.values)
+        right = ((balance.residual + bias) * weight)[lines.used]
+        return np.concatenate([right.real, right.imag])
+
+    return base * least_squares(residual, np.ones(len(base)), xtol=1e-12, ftol=1e-12).x
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formula", ["k*x + k3*x**3 + c*v", "k*x + c*v + c3*v**3"])
+@pytest.mark.parametrize("noise", [1e-3, 5e-3])
+def test_leaving_out_a_block_is_a_refit_without_it(formula: str, noise: float) -> None:
+    law = compile_law(join_model(formula, None, None).force)
+    lines = lines_of(records(noise), None, switched=False)
+    with np.errstate(all="ignore"):
+        fit = fit_lines(lines, law, None, *start_values(lines, law, None))
+        found = np.sqrt(np.diag(blocks_left_out(lines, fit, None)))
+        groups = parts_of_band(lines)
+        whole, moved = refitted(lines, fit, law), []
+        for group in range(groups.max() + 1):
+            used = np.array(lines.used)
+            used[lines.used] = groups != group
+            moved.append(refitted(replace(lines, used=used), fit, law) - whole)
+        covariance, _, freedom, wider = errors_of(lines, fit, None, law)
+    count = len(moved)
+    # Cameron and Miller, J. Human Resources 50, 2015: the sum over G groups, times (G - 1)/G
+    np.testing.assert_allclose(
+        found, np.sqrt(np.sum(np.square(moved), axis=0) * (count - 1) / count), TOLERANCE
+    )
+    assert freedom == count - 1
+    assert wider > 1
+    assert np.all(np.sqrt(np.diag(covariance)) >= found * (1 - 1e-9))
