@@ -125,9 +125,7 @@ def untampered(job: tuple[str, str, float, int]) -> tuple[str, ...]:
         surface = laboratory.simulated(name)
         grid = np.unique(surface.frequency)[:: laboratory.EVERY]
         surface = add_noise(surface.select(np.isin(surface.frequency, grid)), noise, seed)
-        outcome = Outcome(
-            laboratory.verdict_on(surface, rsgen.identify(surface, laboratory.load(name).model))
-        )
+        outcome = Outcome(rsgen.identify(surface, laboratory.load(name).model).verdict)
     return outcome.deciding or (("refused",) if outcome.doubted else ())
 
 

@@ -222,14 +222,15 @@ def verdict_of(
     comparison
         With the truth; None: nothing is judged against tolerances.
     prediction
-        Its findings are about the levels held out; None: they are left out of the verdict.
+        Of levels beyond those that the identification held out, whose findings it has; None: of no others.
     """
     require(identification, Identification, "identification")
     if comparison is not None:
         require(comparison, Comparison, "comparison")
     if prediction is not None:
         require(prediction, Prediction, "prediction")
-    findings = [*identification.findings, *(() if prediction is None else prediction.findings)]
+    further = () if prediction is None else prediction.findings
+    findings = [*identification.findings, *(f for f in further if f not in identification.findings)]
     judged = None if comparison is None else comparison.outcome
     if comparison is None or judged is None:
         return reach_verdict(findings, summary=identification.outcome)

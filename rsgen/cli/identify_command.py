@@ -27,7 +27,7 @@ from rsgen.report.wording import sentence
 from rsgen.results import Estimate, Identification
 from rsgen.study import obtain_table
 from rsgen.study.identified import identify_case
-from rsgen.surface import ResponseSurface, load_surface
+from rsgen.surface import load_surface
 from rsgen.verdict import Verdict
 
 __all__ = ["identify_command"]
@@ -68,7 +68,7 @@ def identify_command(
         tested = load_surface(surface) if surface else obtain_table(case)
         note("identification", 0.0)
         identification = identify_case(case, tested)
-        verdict = _verdict(case, tested, identification)
+        verdict = _verdict(case, identification)
     if target:
         if isinstance(tested, MultisineSpectra):
             raise RsgenError(f"{case.path.name}: --frf: of a multisine `rsgen run` writes the receptances")
@@ -107,12 +107,8 @@ def identify_command(
     return code
 
 
-def _verdict(
-    case: Case, surface: ResponseSurface | MultisineSpectra, identification: Identification
-) -> Verdict:
-    """Reach the verdict as a run of the case would: with its truth and on the levels it holds out."""
-    comparison = compare(identification, case.with_model(identification.model).truth, case.accept)
-    held_out = bool(case.model.observation.hold_out)
+def _verdict(case: Case, identification: Identification) -> Verdict:
+    """Reach the verdict as a run of the case would, with its truth."""
     return verdict_of(
-        identification, comparison, predict(identification, None, surface) if held_out else None
+        identification, compare(identification, case.with_model(identification.model).truth, case.accept)
     )

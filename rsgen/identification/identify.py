@@ -18,6 +18,7 @@ from rsgen.lines.identify_multisine import identify_multisine
 from rsgen.multisine import MultisineSpectra
 from rsgen.observation import Observation
 from rsgen.oscillator import Model, join_model
+from rsgen.prediction import judge_held_out
 from rsgen.results import Identification
 from rsgen.starting.start import start_fit
 from rsgen.surface import ResponseSurface, without_copies
@@ -59,10 +60,16 @@ def identify(
     """
     model = join_model(law, observation, mass)
     if isinstance(surface, MultisineSpectra):
-        return identify_multisine(surface, model)
+        return _with_held_out(identify_multisine(surface, model), surface)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)
-    return identify_ratios(surface, model, _identify) or _identify(surface, model)
+    return _with_held_out(identify_ratios(surface, model, _identify) or _identify(surface, model), surface)
+
+
+def _with_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> Identification:
+    """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
+    with np.errstate(all="ignore"):
+        return replace(found, findings=(*found.findings, *judge_held_out(found, surface)))
 
 
 def _identify(surface: ResponseSurface, model: Model) -> Identification:

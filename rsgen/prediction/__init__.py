@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.prediction.resonance_curves import predict
+from rsgen.prediction.resonance_curves import judge_held_out, predict
 
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict"]
+__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "judge_held_out", "predict"]

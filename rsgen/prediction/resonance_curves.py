@@ -31,7 +31,7 @@ from rsgen.results import Identification
 from rsgen.surface import ResponseSurface, typical_amounts
 from rsgen.tolerances import BRANCH
 
-__all__ = ["predict"]
+__all__ = ["judge_held_out", "predict"]
 
 
 _POINTS = 161
@@ -128,6 +128,29 @@ def predict(
     return Prediction(curves, held_out, (*_findings(tested, curves, held_out), *findings))
 
 
+def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
+    """Findings on the levels that an identification has not seen, each predicted and held against its test.
+
+    Parameters
+    ----------
+    found
+        Its refined estimate is used.
+    surface
+        The test that was identified, held-out levels included.
+    """
+    if not found.model.observation.hold_out:
+        return ()
+    if isinstance(found, MultisineIdentification):
+        return predict_multisine(found).findings
+    if isinstance(surface, MultisineSpectra) or not isfinite(found.mass):
+        return ()
+    surface = surface.on_mass(found.mass)
+    balance = None if acts_across(found) else AmplitudeBalance(found)
+    held_out = _score(found, balance, surface)
+    missed = _missed(held_out, surface, found.residual * np.sqrt(2))
+    return (*_missing(held_out), *missed)
+
+
 def _predict_across(
     found: Identification, sensors: str, levels: object, surface: ResponseSurface | None
 ) -> Prediction:
@@ -196,6 +219,12 @@ def _findings(
             findings.append(Finding("curve-extrapolated", "warning", numbers=numbers))
         if len(curve.frequency) == 0:
             findings.append(Finding("no-steady-state", "warning", numbers=at))
+    return (*findings, *_missing(held_out))
+
+
+def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
+    """Find held-out levels with points that have no predicted steady state near them."""
+    findings = []
     for item in held_out:
         if item.missing:
             level = Quantity(item.level, item.level_unit)

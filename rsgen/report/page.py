@@ -113,7 +113,9 @@ def common_context(
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in stated["sentences"]],
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
-        "prediction_remarks": [full_sentence(found) for found in prediction.findings],
+        "prediction_remarks": [
+            full_sentence(found) for found in prediction.findings if found not in identification.findings
+        ],
         "provenance": list(provenance.items()),
         "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,

@@ -6,8 +6,10 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import rsgen
 from rsgen.cli.progress_bar import case_progress
 from rsgen.cli.run_command import exit_code
 from rsgen.finding import Finding
@@ -15,6 +17,7 @@ from rsgen.report.stated_verdict import state_verdict
 from rsgen.study import CaseRun
 from rsgen.verdict import STATES, Verdict
 from tests.cli.test_cli import call
+from tests.surfaces import noisy, surface
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
@@ -107,3 +110,55 @@ def test_every_command_says_the_same_of_a_measured_test(
     assert f"csv-table: {ran['verdict']['headline']}" in capsys.readouterr().out
     assert call("report", path, "--out", out, "--json") == code
     assert json.loads(capsys.readouterr().out)["verdicts"] == {"csv-table": ran["verdict"]}
+
+
+HELD_OUT = """\
+schema = 1
+name   = "held-out"
+title  = "Drag that the law lacks shows at the highest level"
+
+[[element]]
+name  = "mount"
+force = "k*x + k3*x**3 + c*v"
+
+[identify]
+hold_out = [12]
+
+[test]
+kind = "measured"
+file = "table.csv"
+frequency = { column = "f_Hz" }
+force = { amplitude = "force_N" }
+level = { column = "level_N" }
+response = { quantity = "displacement", real = "x_real", imaginary = "x_imag", phase_sense = "lead" }
+"""
+
+
+@pytest.mark.slow
+def test_python_and_every_command_judge_the_levels_held_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = noisy(surface("combined", np.array([2.0, 4.0, 6.0, 12.0])), 0.03, 1)
+    columns = (
+        table.level,
+        table.frequency,
+        table.force.real,
+        table.harmonics[:, 1].real,
+        table.harmonics[:, 1].imag,
+    )
+    heads = "level_N,f_Hz,force_N,x_real,x_imag"
+    np.savetxt(tmp_path / "table.csv", np.column_stack(columns), delimiter=",", header=heads, comments="")
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text(HELD_OUT)
+    case = rsgen.load_case(path)
+    found = rsgen.identify(rsgen.read(case), case.model)
+    assert str(found.verdict) == "doubtful (held-out-missed)"
+    assert call("identify", path, "--json") == 1
+    told = json.loads(capsys.readouterr().out)["verdict"]
+    assert told == state_verdict(found.verdict)
+    assert call("run", path, "--out", out, "--json") == 1
+    (ran,) = json.loads(capsys.readouterr().out)
+    assert ran["verdict"] == told
+    # on the page the sentence stands among the reasons and in the list of all findings, not beside the curves
+    page = (out / "held-out" / "report.html").read_text().replace("\u00a0", " ")
+    assert page.count(told["sentences"][0][:50]) == 2

@@ -215,12 +215,6 @@ def judge(path: Path, data: Path | None = None) -> Outcome:
         case = rsgen.load_case(path, data)
         surface = rsgen.read(case)
         found = rsgen.identify(surface, case.model)
-        return Outcome(verdict_on(surface, found), found.findings)
+        return Outcome(found.verdict, found.findings)
     except RsgenError as refusal:
         return Outcome(None, refusal=" ".join(str(refusal).split()))
-
-
-def verdict_on(surface: rsgen.ResponseSurface, found: rsgen.Identification) -> Verdict:
-    """The verdict on a result from its findings and on the levels that were held out."""
-    held_out = bool(found.model.observation.hold_out)
-    return rsgen.verdict_of(found, None, rsgen.predict(found, None, surface) if held_out else None)
