@@ -61,7 +61,10 @@ class Observation:
         "size and phase that does not depend on the force, as pick-up from the generator leaves it.",
     )
     hold_out: tuple[Annotated[float, Rule(unit="N")], ...] = declare(
-        (), "Nominal levels that identification must not see; prediction is scored on them.", most=1000
+        (),
+        "Nominal levels that identification must not see, by their labels where these are no amounts; "
+        "prediction is scored on them.",
+        most=1000,
     )
     band: tuple[Edge, Edge] | None = declare(
         None, 'Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.'

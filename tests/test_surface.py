@@ -40,6 +40,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         origin=str(random.choice(["simulated", "measured"])),
         phase_known=bool(random.random() < 0.5),
         across=complex_normal(n, harmonics + 1) if random.random() < 0.5 else None,
+        label=random.integers(0, 4, n) if random.random() < 0.5 else None,
         per_mass=bool(random.random() < 0.5),
         base=str(random.choice(["", "velocity"])),
         findings=tuple(
@@ -89,7 +90,10 @@ def test_sentences_of_older_files_come_as_findings(tmp_path):
 
 
 def test_every_array_of_the_file_carries_its_unit(tmp_path):
-    save_surface(tmp_path / "s.h5", replace(random_surface(1, 5, 3), per_mass=False, across=np.ones((5, 4))))
+    save_surface(
+        tmp_path / "s.h5",
+        replace(random_surface(1, 5, 3), per_mass=False, across=np.ones((5, 4)), label=np.arange(5.0)),
+    )
     with h5py.File(tmp_path / "s.h5") as file:
         units = {name: data.attrs["units"] for name, data in file.items()}
     assert units["force"] == "N"

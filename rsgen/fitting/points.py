@@ -11,7 +11,7 @@ from rsgen.arrays import Chosen
 from rsgen.errors import RsgenError
 from rsgen.motion import Motion
 from rsgen.oscillator import Model
-from rsgen.surface import OUTCOMES, ResponseSurface, match_level
+from rsgen.surface import OUTCOMES, ResponseSurface
 from rsgen.surface.phase_lag import RESONANT
 
 __all__ = ["ASYMMETRIC", "Points", "held_out_mask", "per_unit_mass", "select_points"]
@@ -166,7 +166,7 @@ class Points:
 
 def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     """(n,) True where a point belongs to a level that identification must not see."""
-    meant = [match_level(surface.levels, level) for level in model.observation.hold_out]
+    meant = [surface.find_level(level) for level in model.observation.hold_out]
     return np.isin(surface.level, [level for level in meant if level is not None])
 
 
@@ -212,10 +212,11 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         A held-out level is not in the surface, or fewer than four points remain.
     """
     for level in model.observation.hold_out:
-        if match_level(surface.levels, level) is None:
+        if surface.find_level(level) is None:
             unit = surface.level_unit
-            known = ", ".join(f"{value:g}" for value in surface.levels)
-            raise RsgenError(f"hold_out: no level {level:g} {unit} in the surface; it has {known} {unit}")
+            raise RsgenError(
+                f"hold_out: no level {level:g} {unit} in the surface; it has {surface.level_names} {unit}"
+            )
     harmonics = np.array(surface.harmonics)
     higher = ~np.isfinite(harmonics)
     higher[:, 1] = False

@@ -280,12 +280,15 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     from rsgen.measurement.histories import read_histories
 
     histories = read_histories(test)
+    labels = [history.level for history in histories] if test.level.labels else [None]
     if test.level.labels:
         histories = [replace(history, level=None) for history in histories]
     spectra = from_multisine(histories, period=rule.multisine.period, transient=rule.multisine.transient)
     records = [found for history in histories for found in record_findings(history)]
     # a force that is not in N has no amount that a level could be
     kept = [f for f in spectra.findings if test.calibrated or f.code != "multisine-levels-disagree"]
+    if None not in labels:
+        spectra = replace(spectra, label=np.array(labels, dtype=np.float64))
     return replace(spectra, findings=(*records, *kept))
 
 

@@ -224,6 +224,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
     renamed = replace(surface, level=names[np.searchsorted(levels, surface.level)])
     if not known:
         return renamed
+    renamed = replace(renamed, label=surface.level)
     labels = {
         "labels": ", ".join(f"{level:g}" for level in levels),
         "amounts": ", ".join(f"{name:g} {surface.level_unit}" for name in names),

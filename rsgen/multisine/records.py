@@ -54,7 +54,7 @@ def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArra
 
 
 def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> NDArray[np.bool_]:
-    """(r,) records of the held-out levels [N].
+    """(r,) records of the held-out levels, by their labels or amounts [N].
 
     Raises
     ------
@@ -63,7 +63,8 @@ def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> ND
     """
     held = np.zeros(len(spectra), dtype=bool)
     for level in levels:
-        rows = spectra.at_level(level)
+        labelled = spectra.label is not None and np.isin(level, spectra.label)
+        rows = np.flatnonzero(spectra.label == level) if labelled else spectra.at_level(level)
         if not len(rows):
             known = ", ".join(f"{one:.4g}" for one in spectra.levels)
             raise RsgenError(f"identify.hold_out: {level:g} N is not tested; tested are {known} N")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.arrays import Array, ComplexArray
+from rsgen.arrays import Array, ComplexArray, frozen_array
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.text_table import Printed, TextTable, short
@@ -59,6 +59,9 @@ class MultisineSpectra(Printed):
         (r,) periods at the beginning of each record that the transient took.
     findings
         What was found while it was read.
+    label
+        (r,) number by which the test calls the level of a record, where that is no amount of its force;
+        None: the levels are their own names. ``hold_out`` takes it.
 
     Raises
     ------
@@ -74,6 +77,7 @@ class MultisineSpectra(Printed):
     origin: str = "measured"
     left_out: NDArray[np.int64] | None = None
     findings: tuple[Finding, ...] = ()
+    label: Array | None = None
 
     def __post_init__(self) -> None:
         level = _array(self.level, "level", np.float64, (1,))
@@ -97,6 +101,8 @@ class MultisineSpectra(Printed):
             kept = np.array(value)
             kept.flags.writeable = False
             object.__setattr__(self, name, kept)
+        if self.label is not None:
+            object.__setattr__(self, "label", frozen_array(_array(self.label, "label", np.float64, (1,))))
 
     def __len__(self) -> int:
         """Count the records."""
@@ -165,8 +171,14 @@ class MultisineSpectra(Printed):
         """Take some of the records."""
         rows = np.asarray(chosen)
         left = np.asarray(self.left_out)[rows]
+        label = None if self.label is None else self.label[rows]
         return replace(
-            self, level=self.level[rows], force=self.force[rows], response=self.response[rows], left_out=left
+            self,
+            level=self.level[rows],
+            force=self.force[rows],
+            response=self.response[rows],
+            left_out=left,
+            label=label,
         )
 
     def at_level(self, level: float) -> NDArray[np.intp]:

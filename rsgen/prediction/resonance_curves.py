@@ -28,7 +28,7 @@ from rsgen.prediction.prediction_result import (
     severity_of_error,
 )
 from rsgen.results import Identification
-from rsgen.surface import ResponseSurface, typical_amounts
+from rsgen.surface import ResponseSurface, match_level, typical_amounts
 from rsgen.tolerances import BRANCH
 
 __all__ = ["judge_held_out", "predict"]
@@ -195,7 +195,10 @@ def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> 
     if surface is None and found.curve.level_unit != "N":
         return []
     if surface is None:
-        return list(found.model.observation.hold_out)
+        # labels are no forces
+        tested = np.unique(found.curve.level)
+        meant = [match_level(tested, level) for level in found.model.observation.hold_out]
+        return [level for level in meant if level is not None]
     held = np.unique(surface.level[held_out_mask(surface, found.model)])
     forces = typical_amounts(surface)[np.isin(surface.levels, held)]
     return [float(force) for force in forces if isfinite(force)]

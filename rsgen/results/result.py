@@ -319,7 +319,7 @@ class Identification(Printed):
 
     @property
     def verdict(self) -> Verdict:
-        """What the findings say of the result, held-out levels included; ``rsgen.verdict_of`` adds a truth."""
+        """What the findings say of the result, held-out levels too; ``rsgen.verdict_of`` adds a truth."""
         return reach_verdict(self.findings, summary=self.outcome)
 
     @property

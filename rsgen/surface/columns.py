@@ -51,6 +51,7 @@ COLUMN_UNITS = {
     "residual": "1",
     "error": "1",
     "stable": "",
+    "label": "",
 }
 """SI unit of every column where a force was held; ``level_unit`` and ``force_unit`` say it of any surface."""
 

@@ -83,6 +83,8 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     }
     if (across := table.complex("across")) is not None:
         columns["across"] = _with_harmonics(table, across, "across_")
+    if table.has("label"):
+        columns["label"] = table.read("label")
     if table.has("peak_max", "peak_min"):
         columns["peak"] = np.stack([table.read("peak_max"), table.read("peak_min")], axis=1)
     return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
@@ -150,6 +152,8 @@ def frame_of_surface(surface: ResponseSurface) -> Any:
         columns |= _harmonic_columns("force_", surface.force_harmonics)
     if surface.across is not None:
         columns |= {"across": surface.across[:, 1]} | _harmonic_columns("across_", surface.across)
+    if surface.label is not None:
+        columns["label"] = surface.label
     columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}
     columns |= {name: getattr(surface, name) for name in _AS_THEY_ARE}
     return data_frame(columns)

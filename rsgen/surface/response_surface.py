@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.arrays import Array, ComplexArray
 from rsgen.errors import RsgenError
 from rsgen.finding import Finding, Quantity
+from rsgen.surface.amounts import match_level
 from rsgen.surface.columns import (
     BASE_UNITS,
     COLUMN_UNITS,
@@ -115,6 +116,10 @@ class ResponseSurface:
         driven base the levels are amplitudes of. The response is relative to the base, the force per mass
         minus the acceleration of the base.
 
+    label
+        (n,) number by which the test calls the level of a point, where that is no amount of what was
+        measured; None: the levels are their own names. ``hold_out`` takes it.
+
     Raises
     ------
     RsgenError
@@ -146,6 +151,7 @@ class ResponseSurface:
     across: ComplexArray | None
     per_mass: bool
     base: str
+    label: Array | None
 
     def __init__(
         self,
@@ -169,6 +175,7 @@ class ResponseSurface:
         across: ArrayLike | None = None,
         per_mass: bool = False,
         base: str = "",
+        label: ArrayLike | None = None,
     ) -> None:
         n = len(np.atleast_1d(np.asarray(frequency)))
         findings = tuple(findings)
@@ -182,6 +189,7 @@ class ResponseSurface:
             "residual": column(np.nan if residual is None else residual, "residual", (n,)),
             "error": column(np.nan if error is None else error, "error", (n,)),
             "stable": column(True if stable is None else stable, "stable", (n,)),
+            "label": None if label is None else column(label, "label", (n,)),
         }
         check_numbers(columns)
         if sweep is None:
@@ -246,6 +254,23 @@ class ResponseSurface:
     def levels(self) -> Array:
         """The distinct nominal levels, ascending, in ``level_unit``."""
         return np.unique(self.level)
+
+    def find_level(self, asked: float) -> float | None:
+        """The level that somebody means by its label, or by its amount as it is printed; None if none."""
+        if self.label is not None:
+            label = match_level(np.unique(self.label), asked)
+            if label is not None:
+                return float(self.level[self.label == label][0])
+        return match_level(self.levels, asked)
+
+    @property
+    def level_names(self) -> str:
+        """All levels as a message lists them, with their labels where they have any."""
+        names = [f"{level:g}" for level in self.levels]
+        if self.label is not None:
+            labels = [float(self.label[self.level == level][0]) for level in self.levels]
+            names = [f"{name} (label {label:g})" for name, label in zip(names, labels, strict=True)]
+        return ", ".join(names)
 
     @property
     def level_unit(self) -> str:

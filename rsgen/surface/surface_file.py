@@ -88,8 +88,8 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
         raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
 
 
-_MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across")
-"""Columns that surfaces of earlier versions, or without a motion across, do not have."""
+_MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across", "label")
+"""Columns that surfaces of earlier versions, or without a motion across or labels, do not have."""
 
 _FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
 """What comes of arrays that do not belong together."""

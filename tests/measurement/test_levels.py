@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.errors import MeasurementError
+import rsgen
+from rsgen.errors import MeasurementError, RsgenError
+from rsgen.fitting.points import held_out_mask
 from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
-from rsgen.surface import ResponseSurface, match_level, typical_amounts
+from rsgen.multisine import MultisineSpectra
+from rsgen.multisine.records import held_out_records
+from rsgen.observation import Observation
+from rsgen.oscillator import Model
+from rsgen.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts
 
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
@@ -113,6 +119,49 @@ def test_labels_are_called_by_what_was_measured(tmp_path: Path) -> None:
     assert codes(said) == {"levels-disagree": "doubt"}
     rule = LevelRule(values=(1, 3, 4), unit="label")
     assert codes(read_measurement(of_files(tmp_path, forces, level=rule))) == {"levels-are-labels": "info"}
+
+
+LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
+
+
+@pytest.mark.parametrize(
+    ("asked", "held"),
+    [(1, 2.0), (2, 4.0), (3, 6.0), (6, 6.0)],  # 2 is a label, and the amount of another level
+)
+def test_a_level_is_held_out_by_its_label(tmp_path: Path, asked: float, held: float) -> None:
+    """Of labels 1, 2, 3 at 2, 4, 6 N the level 2 held out label 1."""
+    rule = LevelRule(name="{level}.csv", unit="label")
+    saved = read_measurement(of_files(tmp_path, LABELLED, level=rule))
+    save_surface(tmp_path / "surface.h5", saved)
+    for surface in (saved, load_surface(tmp_path / "surface.h5"), saved.select(np.arange(len(saved))[::-1])):
+        mask = held_out_mask(surface, Model("k*x", observation=Observation(hold_out=(asked,))))
+        assert np.unique(surface.level[mask]).tolist() == [held]
+    assert saved.find_level(asked) == held
+
+
+def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path: Path) -> None:
+    rule = LevelRule(name="{level}.csv", unit="label")
+    surface = read_measurement(of_files(tmp_path, LABELLED, level=rule))
+    with pytest.raises(
+        RsgenError, match=r"no level 5 N .* it has 2 \(label 1\), 4 \(label 2\), 6 \(label 3\) N"
+    ):
+        rsgen.identify(surface, "k*x + c*v", Observation(hold_out=(5,)))
+
+
+def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path: Path) -> None:
+    forces = {"2N.csv": 2.0, "4N.csv": 4.0}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}N.csv")))
+    assert surface.label is None
+    assert surface.find_level(2) == 2.0
+    assert surface.find_level(1) is None
+
+
+def test_records_are_held_out_by_their_labels() -> None:
+    lines = np.ones((3, 1, 4), complex)
+    spectra = MultisineSpectra([2.0, 4.0, 6.0], 1.0, lines, lines, label=[1, 2, 3])
+    assert held_out_records(spectra, (2,)).tolist() == [False, True, False]
+    assert held_out_records(spectra, (6,)).tolist() == [False, False, True]
+    assert held_out_records(spectra.select([2, 1, 0]), (1,)).tolist() == [False, False, True]
 
 
 def test_nominal_levels_stay_where_the_force_falls_at_the_resonance(tmp_path: Path) -> None:
