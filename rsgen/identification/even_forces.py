@@ -1,4 +1,5 @@
-"""What a test cannot say of even forces whose effect on the mean and the second harmonic was not recorded."""
+"""Even forces: what recorded means and even harmonics say against a symmetric law, and what nobody can say
+of them where these were not recorded."""
 
 from __future__ import annotations
 
@@ -8,13 +9,81 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.distributions import t_quantile
-from rsgen.finding import Finding
+from rsgen.finding import Finding, Quantity, quantities
+from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.problem import Problem
+from rsgen.identification.misfit import fit_near, law_with
 from rsgen.starting.asymmetric import is_hidden, records_even
-from rsgen.tolerances import CONFIDENCE
+from rsgen.tolerances import CONFIDENCE, QUICK, SAME_NUMBER, SIGNIFICANT, START_ORDER
 
-__all__ = ["explain_hidden", "mirror_findings", "widen_squares"]
+__all__ = ["even_findings", "explain_hidden", "mirror_findings", "widen_squares"]
+
+
+_POWERS = {"x**2": 2, "x**4": 4, "abs(x)": 1}
+"""Even forces that are tried: those of weight, of one-sided gaps and of two stiffnesses; others are nearly
+made up of them; and the power of the amplitude that they go with."""
+
+
+def even_findings(fit: Fit) -> list[Finding]:
+    """Find an even force that a symmetric law lacks, by the mean and the even harmonics that were recorded.
+
+    A symmetric law leaves them out of its misfit, for it has none. Beside an even force each point weighs
+    them against its noise, and the force stands where they say more for it than for an offset of the sensor.
+    What it does not do to the fundamental itself its odd companion may: a stop on one side has both.
+
+    Parameters
+    ----------
+    fit
+        The refined one.
+    """
+    problem = fit.problem
+    # of motions that are not odd the problem says so, of its law that alone does
+    if problem.law.acts_across or not records_even(problem) or not law_with(problem, "").odd:
+        return []
+    chosen = problem.observed.points.spread(QUICK)
+    few = problem.select(chosen[fit.regression.used[chosen]])
+    trials = {term: _with_even(few, fit, term) for term in _POWERS}
+    term = min(trials, key=lambda term: trials[term][1].regression.noise)
+    place, best, without = trials[term]
+    noise = max(best.regression.noise, 1e-300)
+    gain = float(np.sum(without.residual**2) - np.sum(best.regression.residual**2)) / noise**2
+    if not gain - _gain_of_offset(few, without) / noise**2 > SIGNIFICANT:
+        return []
+    points = few.observed.points
+    largest = int(np.argmax(points.amplitude))
+    size = float(points.amplitude[largest])
+    spring = best.mass * float(points.omega[largest]) ** 2 * size
+    share = abs(best.values[place]) * size ** _POWERS[term] / spring
+    if not share > SAME_NUMBER:
+        return []
+    numbers = quantities(share=share, amplitude=Quantity(size, "m"), errors=np.sqrt(gain))
+    return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
+
+
+def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:
+    """Place of an even force among the parameters, the fit with it, and that without it."""
+    values, mass, background = problem.split(fit.regression.parameters)
+    law, known = law_with(problem, term), dict(zip(problem.law.parameters, values, strict=True))
+    (place,) = (i for i, name in enumerate(law.parameters) if name not in known)
+    start = np.array([known.get(name, 0.0) for name in law.parameters])
+    held = tuple(law.parameters.index(problem.law.parameters[i]) for i in problem.held)
+    trial = replace(problem, law=replace(law, odd=False))
+    begin = trial.join(start, mass, background)
+    without, best = (
+        fit_near(replace(trial, held=places), begin, order=START_ORDER) for places in ((*held, place), held)
+    )
+    return place, best, without.regression
+
+
+def _gain_of_offset(problem: Problem, without: Regression) -> float:
+    """How much of the sum of squares a constant offset of the displacement takes up."""
+    if 0 not in problem.observed.points.measured:
+        return 0.0
+    used, unit = without.used, 1 / problem.observed.points.amplitude
+    # behind the real parts of force and fundamental
+    mean = without.residual[used, 2]
+    return float(np.sum(mean * unit[used]) ** 2 / np.sum(unit[used] ** 2))
 
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:

@@ -12,6 +12,7 @@ from rsgen.fitting.fit import Fit
 from rsgen.fitting.phase_resonance import gap_of
 from rsgen.fitting.points import Points
 from rsgen.fitting.repeats import Repeats
+from rsgen.identification.even_forces import even_findings
 from rsgen.identification.misfit import misfit_findings
 from rsgen.identification.soundness import (
     aside_findings,
@@ -153,6 +154,7 @@ class Findings:
             found.append(Finding("not-converged", "doubt"))
         wider = self.agreement.wider
         found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider)
+        found += even_findings(self.fit)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
         found += phase_findings(self.fit.background) if self.fit.problem.observed.phase_known else []

@@ -26,6 +26,7 @@ from rsgen.identification.mass_ratios import resonance_findings
 from rsgen.identification.prepare import Prepared
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
+from rsgen.identification.soundness import feeding_findings
 from rsgen.law.remarks import law_remarks
 from rsgen.oscillator import Model
 from rsgen.results import Background, EquivalentCurve, Estimate, Identification, RestoringForce
@@ -83,6 +84,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if surface.per_mass:
         about = (*about, Finding("per-unit-mass", "info"))
     about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
+    about = (*about, *feeding_findings(points, refined, estimates))
     about = (*about, *_across(refined, estimates, misfits=misfits))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     general = Findings(surface, points, refined, resonances, agreement)

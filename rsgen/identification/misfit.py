@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, quantities, severity_of
+from rsgen.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.fitting.across import law_of
 from rsgen.fitting.fit import Fit, fit_balance
 from rsgen.fitting.least_squares import Regression
@@ -34,11 +34,12 @@ from rsgen.tolerances import (
     QUICK,
     SAME_NUMBER,
     SEVERAL,
+    SIGNIFICANT,
     START_ORDER,
     TAKEN,
 )
 
-__all__ = ["free_curves_leave", "misfit_findings"]
+__all__ = ["fit_near", "free_curves_leave", "law_with", "misfit_findings"]
 
 
 _TELLING = 16
@@ -85,10 +86,13 @@ def misfit_findings(
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _TELLING and surface.control != "phase"
-        if not misfit > (LARGE if patterns else POOR):
-            return []
-        return [Finding("misfit-large", "error" if misfit > MEANINGLESS else "doubt", numbers=numbers)]
-    names, severity, left = dict[str, str](), severity_of(misfit, POOR, MEANINGLESS), misfit
+        found = _mass_contradicted(fit, misfit)
+        if misfit > (LARGE if patterns else POOR):
+            severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
+            found.append(Finding("misfit-large", severity, numbers=numbers))
+        return found
+    # beside a law that misses more than a hundredth no number of it is as good as its interval
+    names, severity, left = dict[str, str](), severity_of(misfit, SAME_NUMBER, MEANINGLESS), misfit
     if severity != "error":
         term, left = _missing_term(fit)
         if left < (1 - TAKEN) * misfit:
@@ -139,23 +143,24 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     values, mass, background = problem.split(fit.regression.parameters)
     left: dict[str, float] = {}
     for term in ("", *_TERMS):
-        law = _law_with(problem, term)
+        law = law_with(problem, term)
         known = dict(zip(problem.law.parameters, values, strict=True))
         start = np.array([known.get(name, 0.0) for name in law.parameters])
         held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
         trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
-        found = _fit_near(trial, trial.join(start, mass, background), order=1)
+        found = fit_near(trial, trial.join(start, mass, background), order=1)
         left[term] = relative_misfit(found)
     whole = left.pop("")
     best = min(left, key=lambda term: left[term])
     return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
 
 
-def _fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
+def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
+    """Fit all points by a few steps from values that are near."""
     return fit_balance(problem, parameters, order=order, reject=False, steps=NEAR_STEPS, correct=False)
 
 
-def _law_with(problem: Problem, term: str) -> ForceLaw:
+def law_with(problem: Problem, term: str) -> ForceLaw:
     """Add a term to the law, across two sensors where some elements act there; "" is the law alone."""
     across = problem.law.acts_across
     place = problem.sensors if across else ""
@@ -212,7 +217,7 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
         seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
         start = np.array([known.get(name, 0.0) for name in seen.background.names])
         trial = replace(problem, observed=replace(seen, band=observed.band))
-        found[kind] = _fit_near(trial, trial.join(values, mass, start), order=START_ORDER)
+        found[kind] = fit_near(trial, trial.join(values, mass, start), order=START_ORDER)
     return found
 
 
@@ -233,17 +238,19 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     problem = fit.problem.select(chosen[fit.regression.used[chosen]])
     values, _, background = problem.split(fit.regression.parameters)
     trials = [
-        _fit_near(trial, trial.join(values, given, background), order=START_ORDER)
+        fit_near(trial, trial.join(values, given, background), order=START_ORDER)
         for trial in (problem, replace(problem, given=None))
     ]
     size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)
     leaves = size * best / whole if whole > 0 else np.inf
-    if not best < (1 - TAKEN) * whole or leaves > left:
+    # beside noise, which no mass takes up, the gain in units of that noise counts
+    gain = ((whole / best) ** 2 - 1) * trials[1].regression.freedom if best > 0 else np.inf
+    if not gain > SIGNIFICANT or leaves > left:
         return []
     place, free = len(values), trials[1].regression
     mass = float(free.parameters[place])
     times = abs(mass - given) / float(np.sqrt(free.covariance[place, place]))
-    if not times > ERRORS:
+    if not (times > ERRORS and abs(mass / given - 1) > SAME_NUMBER):
         return []
     numbers = {"given": Quantity(given, "kg"), "fitted": Quantity(mass, "kg")}
     numbers |= quantities(misfit=size, left=leaves, moved=mass / given - 1, times=times)

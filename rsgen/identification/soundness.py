@@ -13,13 +13,17 @@ from rsgen.fitting.across import motions_of
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
-from rsgen.law.numeric import Part
+from rsgen.law.force_sample import ForceSample
+from rsgen.law.numeric import ForceLaw, Part
 from rsgen.motion import Motion, cycle_work, project, sine_motion
+from rsgen.results import Estimate
+from rsgen.results.estimates import damping_findings, takes_energy
 from rsgen.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, ROUND_OFF, SAMPLES_SWITCHED, samples_for
 
 __all__ = [
     "aside_findings",
+    "feeding_findings",
     "feeds_exciter",
     "limit_findings",
     "runs_away",
@@ -164,16 +168,40 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
         error = float(np.linalg.norm(basis[len(problem.law.parameters)]))
         if fit.mass < -CHANCE * error:
             found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
-    used = np.flatnonzero(regression.used & np.isfinite(fit.harmonics).all(axis=1))
-    some = used[points.select(used).spread(_SIGNS)]
-    if not len(some):
-        return found
-    motion = Motion(points.omega[some], fit.harmonics[some])
-    motions = motions_of(problem.law, motion, points.select(some))
-    for part, followed in zip(problem.law.parts, motions, strict=True):
+    for part, followed in _followed(points, fit):
         place = part.parameters
         found += _signs_at(part, followed, fit.values[place], basis[place], problem.sensors)
     return found
+
+
+def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
+    """Find dampers of all parts of a law that feed energy into the motion."""
+    followed = _followed(points, fit)
+    return [
+        finding
+        for part, motion in followed
+        for finding in damping_findings(part.law, motion, fit.values[part.parameters], estimates)
+    ]
+
+
+def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Array) -> bool:
+    """Whether some term feeds energy into the motion as it is written: -c*v, the damper of van der Pol."""
+    for place in law.linear:
+        power = np.broadcast_to(sample.by_parameter[place], velocity.shape) * velocity
+        work, size = np.mean(values[place] * power, axis=1), np.mean(np.abs(values[place] * power), axis=1)
+        if not takes_energy(power) and np.any(work < -NOTICEABLE * size):
+            return True
+    return False
+
+
+def _followed(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
+    """Parts of the law with the motion that each follows, at points spread over the amplitude."""
+    used = np.flatnonzero(fit.regression.used & np.isfinite(fit.harmonics).all(axis=1))
+    some = used[points.select(used).spread(_SIGNS)]
+    if not len(some):
+        return []
+    motion, law = Motion(points.omega[some], fit.harmonics[some]), fit.problem.law
+    return list(zip(law.parts, motions_of(law, motion, points.select(some)), strict=True))
 
 
 def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors: str) -> list[Finding]:
@@ -196,6 +224,9 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors:
     k, c = (project(sample.force, 1) / size).real, np.mean(sample.force * rate, axis=1)
     stiffness = _negative(amplitude, k, by_stiffness @ basis, "N/m", least / amplitude)
     damping = _negative(amplitude, c, by_damping @ basis, "N*s/m", least / speed)
+    if damping and np.sum(c * speed**2) > 0 and _is_active(place.law, sample, velocity, values):
+        # some of the tested motions may live on what such a damper feeds, but not all together
+        damping = {}
     found, names = list[Finding](), {"sensors": sensors}
     if stiffness and place.across:
         found.append(Finding("stiffness-negative-across", _sign_severity(stiffness), "", stiffness, names))

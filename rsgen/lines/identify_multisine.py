@@ -26,11 +26,19 @@ from rsgen.lines.line_fit import (
     times_noise,
 )
 from rsgen.lines.line_start import start_values
+from rsgen.motion import Motion
 from rsgen.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.multisine.records import check_records, refuse_across
 from rsgen.oscillator import Model
 from rsgen.results import EquivalentCurve, Estimate, Identification, Resonance
-from rsgen.results.estimates import NOT_ZERO, make_estimates, names_of, units_of, with_combinations
+from rsgen.results.estimates import (
+    NOT_ZERO,
+    damping_findings,
+    make_estimates,
+    names_of,
+    units_of,
+    with_combinations,
+)
 from rsgen.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
 
 __all__ = [
@@ -111,6 +119,8 @@ def _judge(
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
     findings += _misfit_findings(lines, fit, misfit, noise, wider)
+    motion = Motion(np.full(len(part), part.omega0), part.mean_response)
+    findings += damping_findings(law, motion, fit.values, estimates)
     findings += _damping_findings(lines, law, fit, misfit, noise)
     findings += _delay_findings(lines, fit, misfit, model.mass)
     if (lines.first > 1).any():

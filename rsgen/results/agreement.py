@@ -20,7 +20,7 @@ from rsgen.distributions import f_tail, t_quantile
 from rsgen.finding import Finding, quantities
 from rsgen.fitting.least_squares import Regression
 from rsgen.fitting.points import Points
-from rsgen.tolerances import CONFIDENCE, ERRORS, GROUPS, LARGE, SEVERAL
+from rsgen.tolerances import CONFIDENCE, GROUPS, SAME_NUMBER, SEVERAL
 
 __all__ = ["Agreement", "Difference", "compare_parts", "jackknife", "leave_out"]
 
@@ -239,7 +239,7 @@ class Agreement:
             found.append(
                 Finding(
                     "parts-disagree",
-                    "warning" if held <= ERRORS and size <= LARGE else "doubt",
+                    "doubt" if size > SAME_NUMBER else "warning",
                     numbers=quantities(z=worst.z(), after=held, size=size),
                     names={"parts": name.replace("-", " ")},
                 )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from math import log2, nan
 
 import numpy as np
 
@@ -18,18 +19,21 @@ from rsgen.fitting.observed import Observed
 from rsgen.fitting.points import Points
 from rsgen.law.identifiable import combinations_of
 from rsgen.law.numeric import ForceLaw
+from rsgen.motion import Motion
 from rsgen.oscillator import Model
 from rsgen.results.result import Background, Estimate
-from rsgen.tolerances import CONFIDENCE, NULL_PART, TURNED
+from rsgen.tolerances import CONFIDENCE, NULL_PART, ROUND_OFF, TURNED, samples_for
 from rsgen.units import parameter_units, per_mass_unit
 
 __all__ = [
     "NOT_ZERO",
+    "damping_findings",
     "make_estimates",
     "names_of",
     "parameter_finding",
     "phase_findings",
     "state_background",
+    "takes_energy",
     "units_of",
     "with_combinations",
 ]
@@ -103,6 +107,61 @@ def state_background(
     part = np.abs(shape.receptance(values) * points.force)
     share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
     return Background(observed.kind, observed.band, estimates, share)
+
+
+def damping_findings(
+    law: ForceLaw, motion: Motion, values: Array, estimates: Sequence[Estimate]
+) -> list[Finding]:
+    """Find dampers that feed energy into the motion: terms that take it as they are written, with intervals
+    of their factors below zero.
+
+    A term that is written to feed energy (-c*v, the damper of van der Pol) is meant to, and one of a power
+    series between others that take energy bends its curve; both are judged by the work of the whole law.
+
+    Parameters
+    ----------
+    law, motion
+        A law and n motions that it follows.
+    values, estimates
+        (p,) of its parameters, and what is known of them.
+    """
+    known = {estimate.name: estimate for estimate in estimates}
+    samples = max(samples_for(law.switched), 8 * len(motion.orders))
+    sample, velocity = law.along(motion, values, samples), motion.waveforms(samples)[1]
+    twice = law.along(replace(motion, harmonics=2 * motion.harmonics), values, samples)
+    power = {
+        place: np.broadcast_to(sample.by_parameter[place], velocity.shape) * velocity for place in law.linear
+    }
+    dampers = [place for place in law.linear if takes_energy(power[place])]
+    orders = {
+        place: _order(sample.by_parameter[place], twice.by_parameter[place])
+        for place in dampers
+        if values[place] > 0
+    }
+    whole, found = abs(float(np.sum(np.broadcast_to(sample.force, velocity.shape) * velocity))), []
+    for place in dampers:
+        estimate = known[law.parameters[place]]
+        own = _order(sample.by_parameter[place], twice.by_parameter[place])
+        between = min(orders.values(), default=nan) < own < max(orders.values(), default=nan)
+        if estimate.interval[1] < 0 and not between:
+            share = abs(estimate.value) * float(np.sum(power[place])) / max(whole, 1e-300)
+            numbers = {"value": Quantity(estimate.value, estimate.unit), "share": Quantity(share)}
+            found.append(Finding("damping-feeds-energy", "doubt", estimate.name, numbers))
+    return found
+
+
+def _order(force: Array, twice: Array) -> float:
+    """Power of the motion that a force goes with, from that of twice the motion; NaN of what is no power."""
+    size, larger = (float(np.linalg.norm(part)) for part in (force, twice))
+    if not np.allclose(twice * size, force * larger, rtol=0, atol=NULL_PART * size * larger):
+        return nan
+    return log2(larger / size)
+
+
+def takes_energy(power: Array) -> bool:
+    """Whether a force takes energy out of the motion at every instant, or none, by its power (n, s)."""
+    most = float(np.max(power, initial=0.0))
+    return most > 0 and float(np.min(power)) >= -ROUND_OFF * most
 
 
 def phase_findings(background: Array) -> list[Finding]:

@@ -171,3 +171,47 @@ def test_forces_are_not_drawn_without_a_law_where_the_mean_must_be_large(full):
 def test_a_ranking_tries_asymmetric_laws_on_fundamentals(full):
     ranking = rank(fundamental(full, 0.003), ["k*x + c*v", QUADRATIC])
     assert ranking.best.model.parameters == ("c", "k", "k2", "k3")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.001, 0.01, 0.03])
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3, 0.4])
+def test_a_symmetric_law_that_recorded_harmonics_contradict_is_doubted(share: float, noise: float) -> None:
+    """Without k2*x**2 the cubic stiffness was off by 30 to 600 %, and everything identified."""
+    values = {"k": 5920.0, "k3": 2e5, "c": 3.8}
+    # the resonance at 10 N has some 40 mm
+    whole = asymmetric("k*x + k3*x**3 + c*v + k2*x**2", values | {"k2": share * 5920.0 / 0.042})
+    found = identify(noisy(whole, noise, 5), "k*x + k3*x**3 + c*v")
+    assert "even-force-missing" in {finding.code for finding in found.verdict.decided_by}
+    right = identify(noisy(whole, noise, 5), "k*x + k3*x**3 + c*v + k2*x**2")
+    assert right.verdict.state == "identified"
+
+
+def asymmetric(law: str, values: dict[str, float]) -> ResponseSurface:
+    """Four levels by forty frequencies, with the mean and six harmonics."""
+    level, frequency = (
+        grid.ravel() for grid in np.meshgrid([2.0, 4.0, 7.0, 10.0], np.linspace(8, 12, 40), indexing="ij")
+    )
+    states = solve_steady_states(
+        Oscillator(MASS, law, values), level.astype(complex), frequency, harmonics=6, accuracy=1e-7
+    )
+    return ResponseSurface(level, frequency, level.astype(complex), states.harmonics, outcome=states.outcome)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["stop on one side", "two stiffnesses", "offset", "distorted force"])
+def test_an_even_force_is_told_from_sensors_and_shakers(fault: str) -> None:
+    values = {"k": 5920.0, "k3": 2e5, "c": 3.8}
+    law, more = {
+        "stop on one side": (" + kb*Max(x - b, 0)", {"kb": 600.0, "b": 0.012}),
+        "two stiffnesses": (" + kb*Max(x, 0)", {"kb": 300.0}),
+    }.get(fault, ("", {}))
+    measured = noisy(asymmetric("k*x + k3*x**3 + c*v" + law, values | more), 0.01, 6)
+    harmonics, omega = np.array(measured.harmonics), 2 * np.pi * measured.frequency
+    if fault == "offset":
+        harmonics[:, 0] += 1e-4
+    if fault == "distorted force":
+        harmonics[:, 2] += 0.03 * measured.force / (values["k"] - 4 * MASS * omega**2)
+    found = identify(changed(measured, harmonics=harmonics), "k*x + k3*x**3 + c*v")
+    assert ("even-force-missing" in codes(found)) == bool(more)
+    assert (found.verdict.state == "identified") == (not more)

@@ -7,13 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsgen.expression import parse
 from rsgen.finding import Finding, Quantity
 from rsgen.fitting.fit import Fit
 from rsgen.fitting.points import Points
 from rsgen.identification import identify, misfit
 from rsgen.identification.soundness import _negative, aside_findings
+from rsgen.law.numeric import compile_law
+from rsgen.motion import sine_motion
 from rsgen.observation import Observation
+from rsgen.oscillator import Oscillator
 from rsgen.report.wording import sentence
+from rsgen.results import Estimate
+from rsgen.results.estimates import damping_findings
+from rsgen.simulation import MultisineTest, SimulatedTest, simulate
 from rsgen.surface import ResponseSurface
 from tests.oracles.masing import slider
 from tests.surfaces import MASS, changed, model, noisy, surface
@@ -88,12 +95,111 @@ def test_noise_is_judged_by_its_size(noise: float, expected: str) -> None:
     assert severity(findings(noisy(surface("cubic"), noise, 5)), "misfit-large") == expected
 
 
-def test_a_small_systematic_misfit_is_a_warning() -> None:
-    # a gain that changes by a few per cent over the band
+@pytest.mark.parametrize(("size", "expected"), [(0.01, "warning"), (0.05, "doubt")])
+def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size: float, expected: str) -> None:
+    # a gain that changes over the band
     exact = surface("cubic")
-    gain = 1 + 0.03 * np.sin(2 * np.pi * exact.frequency)
+    gain = 1 + size * np.sin(2 * np.pi * exact.frequency)
     table = noisy(changed(exact, harmonics=exact.harmonics * gain[:, None]), 0.002, 1)
-    assert severity(findings(table), "law-does-not-fit") == "warning"
+    found = identify(table, model("cubic"))
+    assert severity({finding.code: finding for finding in found.findings}, "law-does-not-fit") == expected
+    assert (found.verdict.state == "identified") == (expected == "warning")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("fault", ["gain over frequency", "gain over levels", "mass 6 % off"])
+def test_a_finding_that_contradicts_the_verdict_decides_it(fault: str, seed: int) -> None:
+    """Values were off by a hundred standard errors, or by a tenth, and identified beside these findings."""
+    table, mass = noisy(surface("cubic"), 0.03, seed), MASS if fault.startswith("gain") else 1.06 * MASS
+    if fault.startswith("gain"):
+        late = table.frequency > 10 if "frequency" in fault else table.level > 6
+        table = changed(table, harmonics=np.where(late[:, None], 1.3, 1.0) * table.harmonics)
+        mass = None
+    found = identify(table, "k*x + kn*x**3 + c*v", mass=mass)
+    decided = {finding.code for finding in found.verdict.decided_by}
+    assert found.verdict.state in ("doubtful", "rejected")
+    if mass is not None:
+        assert "mass-contradicted" in decided
+    contradicting = {"law-does-not-fit", "parts-disagree"} & {finding.code for finding in found.findings}
+    assert contradicting <= decided
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("truth", "values", "law"),
+    [
+        ("combined", {"k": 5920.0, "kn": 0.0, "c": 2.0, "cn": 1.5}, "k*x + c*v + A*tanh(v)"),
+        ("combined", {"k": 5920.0, "kn": 0.0, "c": 2.0, "cn": -0.2}, "k*x + c*v + A*v*abs(v)"),
+    ],
+)
+def test_a_damper_that_feeds_energy_is_doubted(truth: str, values: dict[str, float], law: str) -> None:
+    """A tanh of -5 N beside a damper of three times its size fitted drag, and was identified."""
+    found = identify(noisy(surface(truth, values=values), 0.01, 1), law)
+    assert found["A"].interval[1] < 0
+    (why,) = (finding for finding in found.verdict.decided_by if finding.code == "damping-feeds-energy")
+    assert why.parameter == "A"
+    assert sentence(why).startswith("A is negative, −")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("truth", "law", "values"),
+    [
+        (
+            "k*x + c*(x**2/a**2 - 1)*v",
+            "k*x + c*(x**2/a**2 - 1)*v",
+            {"k": 5920.0, "c": 2.0, "a": 0.004},
+        ),
+        ("k*x + c*(x**2/a**2 - 1)*v", "k*x - c*v + b*x**2*v", {"k": 5920.0, "c": 2.0, "a": 0.004}),
+        (
+            "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)",
+            "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)",
+            {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1},
+        ),
+    ],
+)
+def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(
+    truth: str, law: str, values: dict[str, float]
+) -> None:
+    """Motions below twice the displacement of zero damping live on the damper of van der Pol."""
+    test = SimulatedTest(
+        level=np.array([4.0, 7.0, 10.0]), frequency=np.linspace(8, 12, 40), harmonics=5, accuracy=1e-7
+    )
+    measured = noisy(simulate(Oscillator(MASS, truth, values), test), 0.003, 1)
+    found = identify(measured, law)
+    assert found.verdict.state == "identified"
+    for name in ({*values} & {e.name for e in found}) - {"Fc", "w"}:
+        assert found[name].value == pytest.approx(values[name], rel=0.03)
+
+
+def test_a_term_of_a_series_between_others_bends_its_curve() -> None:
+    """Eq. (26) of Liu et al.: the damping of their joint, d3 below zero, takes energy all the same."""
+    law = compile_law(parse("d1*v + d2*v*abs(v) + d3*v**3 + d4*v**3*abs(v) + t*tanh(v)"))
+    motion = sine_motion(np.full(3, 300.0), np.array([1e-5, 3e-5, 1e-4]))
+
+    def feeding(**values: float) -> list[str]:
+        values = {"d1": 322.0, "d2": 7.8791e4, "d3": 0.0, "d4": 7.6782e7, "t": 0.0} | values
+        known = [Estimate(name, value, 0.0, (value, value)) for name, value in values.items()]
+        found = damping_findings(law, motion, law.ordered(values), known)
+        return [finding.parameter for finding in found]
+
+    assert feeding(d3=-4.3747e6) == []
+    assert feeding(d4=-4.3747e6) == ["d4"]
+    assert feeding(d1=-100.0) == ["d1"]
+    assert feeding(d1=-100.0, d2=-1.0, d3=1.0) == ["d1", "d2"]
+    assert feeding(t=-100.0) == ["t"]
+
+
+@pytest.mark.slow
+def test_a_damper_of_a_multisine_that_feeds_energy_is_doubted() -> None:
+    values = {"k": 5000.0, "c": 4.0, "c2": 4.0}
+    test = MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=4, noise_relative=1e-3, seed=1)
+    spectra = simulate(Oscillator(MASS, "k*x + c*v + c2*v*abs(v)", values), test)
+    wrong = identify(spectra, "k*x + c*v + A*tanh(v)")
+    assert wrong["A"].interval[1] < 0
+    assert "damping-feeds-energy" in {finding.code for finding in wrong.verdict.decided_by}
+    assert identify(spectra, "k*x + c*v + c2*v*abs(v)").verdict.state == "identified"
 
 
 @pytest.mark.slow

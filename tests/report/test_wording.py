@@ -246,7 +246,7 @@ def test_every_next_step_is_one_full_sentence(code: str) -> None:
 def test_numbers_are_printed_as_in_a_book() -> None:
     found = Finding("misfit-is-scatter", "info", numbers={"misfit": 1.6e-8})
     assert "the misfit of 1.6 × 10⁻⁸ is" in sentence(found)
-    found = Finding("law-does-not-fit", "warning", numbers={"misfit": 0.1649})
+    found = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.1649})
     assert "the misfit of 16.5 % is" in sentence(found)
     assert full_sentence(found).startswith("The law does not fit")
     assert full_sentence(found).endswith("not noise.")
@@ -262,8 +262,8 @@ def test_what_leaves_a_result_usable_is_not_said_as_if_it_did_not() -> None:
         ]
         for severity in ("warning", "doubt")
     )
-    assert warned[0].startswith("the law does not fit exactly: ")
-    assert warned[1].endswith(": the widened intervals cover this")
+    assert warned[0].startswith("the law fits to 2.0 %, ")
+    assert warned[1].endswith(": too little to tell levels apart")
     assert doubted[0].startswith("the law does not fit: ")
     assert doubted[1].endswith(": one law does not hold for all")
 

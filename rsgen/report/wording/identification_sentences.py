@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.finding import Finding
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-from rsgen.units.scale import number_text
+from rsgen.units.scale import number_text, quantity_text
 
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
 
@@ -40,6 +40,11 @@ say_plainly(
         "even-force-not-seen": (
             "{parameter}: an even force changes the fundamental only by the square of its size, and the test "
             "is fitted as well without it; record the mean or the second harmonic"
+        ),
+        "even-force-missing": (
+            "the mean and the even harmonics that were recorded contradict a law that is the same on both "
+            "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
+            "{share:.2p} of the spring's at {amplitude:.3q}"
         ),
         "sign-not-identifiable": (
             "the sign of {parameters} is not identifiable: neither the mean nor an even harmonic was "
@@ -185,6 +190,10 @@ NEXT_STEPS.update(
             "Weigh again, and check the frequency axis and the factors of force and response; or leave the "
             "mass out, so that it is identified."
         ),
+        "even-force-missing": (
+            "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
+            "offset, take it off."
+        ),
         "response-at-limit": (
             "Measure with a wider range; until then leave these levels, or this part of the band, out."
         ),
@@ -271,6 +280,19 @@ def _(found: Finding) -> str:
     )
 
 
+@says("damping-feeds-energy")
+def _(found: Finding) -> str:
+    if found.parameter:
+        return (
+            f"{found.parameter} is negative, {quantity_text(*found.numbers['value'], 3)}, and its damper "
+            f"feeds into the motion {found['share']:.0%} of what the whole law takes out of it"
+        )
+    return (
+        f"{found.names['law']} feeds energy into the motion and {found.names['other']} takes it away, "
+        f"{found['share']:.0%} of what the structure dissipates: such a pair can be bent to any curve"
+    )
+
+
 @says("law-does-not-fit")
 def _(found: Finding) -> str:
     better = {"term": "a term {}", "free": "a stiffness and a damping free to follow the amplitude"}
@@ -279,15 +301,15 @@ def _(found: Finding) -> str:
         for kind, text in better.items()
         if kind in found.names
     )
-    exactly = " exactly" if found.severity == "warning" else ""
-    misfit = f"the misfit of {found['misfit']:.1%} is systematic, not noise"
-    return f"the law does not fit{exactly}: {misfit}{missing}"
+    if found.severity == "warning":
+        return f"the law fits to {found['misfit']:.1%}, and what it leaves is systematic, not noise{missing}"
+    return f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{missing}"
 
 
 @says("parts-disagree")
 def _(found: Finding) -> str:
     meaning = (
-        "the widened intervals cover this" if found.severity == "warning" else "one law does not hold for all"
+        "too little to tell levels apart" if found.severity == "warning" else "one law does not hold for all"
     )
     return (
         f"{found.names['parts']}, identified separately, differ by up to {found['z']:.2g} standard errors "

@@ -55,10 +55,6 @@ say_plainly(
             "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
             "true law may be another"
         ),
-        "damping-feeds-energy": (
-            "{law} feeds energy into the motion and {other} takes it away, {share:.0%} of what the structure "
-            "dissipates: such a pair can be bent to any curve"
-        ),
         "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
         "phase-turned": (
             "with this law the phase of the force has to be turned by {phase:.3q}: that is a wrong sign or "
@@ -79,7 +75,10 @@ NEXT_STEPS.update(
             "restoring forces show."
         ),
         "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
-        "damping-feeds-energy": "Rank with the dampers that you expect alone, and check the background.",
+        "damping-feeds-energy": (
+            "Take the term out, or rank with the dampers that you expect alone, and check the background; if "
+            "energy is fed by design, write the term with its sign, as in -c*v."
+        ),
         "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
         "phase-turned": "Check the sign of the sensor and the sense of the phase, then fit the background.",
         "law-unconfirmed": (
