@@ -36,7 +36,7 @@ MODES: dict[str, dict[str, Any]] = {
     "harmonic-balance-up": {"method": "harmonic-balance", "sweep": "up"},
     "noise": {"noise_relative": NOISE, "seed": 5},
     "response": {"control": "response", "level": HELD},
-    "continuation": {"control": "continuation", "level": np.linspace(3e-3, 2.4e-2, 8)},
+    "continuation": {"control": "continuation", "level": np.linspace(3e-3, 6e-2, 8)},
     "phase": {"control": "phase", "frequency": [8, 14], "level": np.linspace(1.0, 10.0, 6)},
     "phase-lags": {"control": "phase", "frequency": [8, 14], "lags": LAGS, "phase_error": 0.03},
     **{f"base-{base}": {"base": base, "level": level} for base, level in BASE_LEVELS.items()},

@@ -142,7 +142,7 @@ def _without_mass() -> Tree:
 PINS = {
     **{f"describing/{name}": Pin(partial(describing, name)) for name in FORCES},
     "oscillator/cubic": Pin(lambda: of_oscillator("cubic", [0.5, 2.0])),
-    "oscillator/quintic": Pin(lambda: of_oscillator("quintic", LEVELS)),
+    "oscillator/quintic": Pin(lambda: of_oscillator("quintic", [2.0, 16.0])),
     "oscillator/combined-band": Pin(lambda: of_oscillator("combined", LEVELS, (9.0, 11.0))),
     "oscillator/coulomb": Pin(lambda: of_oscillator("coulomb", [0.9, 6.0])),
     "oscillator/bilinear": Pin(lambda: of_oscillator("bilinear", LEVELS)),
