@@ -1,0 +1,153 @@
+"""Controlled tests with pinned numbers: what each mode of a virtual test records, and what follows from it.
+
+Force control from rest, up and down; held amplitude; phase-locked loop; continuation; driven base; modal
+tables, which need no law.
+"""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+import rsgen
+from rsgen.surface import ResponseSurface
+from tests.pins import pinned, trees
+from tests.pins.grids import FINE, FREQUENCIES, LEVELS, NOISE, small
+from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree
+from tests.pins.trees import series
+from tests.samples import cubic_surface
+from tests.surfaces import LAWS, MASS, noisy
+
+HELD = np.array([2e-3, 6e-3, 1.2e-2])
+"""Amplitudes [m] of tests that hold them."""
+
+LAW = "k*x + k3*x**3 + c*v"
+VALUES = {"k": 5920.0, "k3": 6e5, "c": 3.8}
+BASE_LEVELS = {"displacement": [1e-4, 3e-4], "velocity": [6e-3, 2e-2], "acceleration": [0.4, 1.2]}
+LAGS = tuple(np.radians([60.0, 90.0, 120.0]))
+
+MODES: dict[str, dict[str, Any]] = {
+    "rest": {},
+    "up": {"sweep": "up"},
+    "down": {"sweep": "down"},
+    "harmonic-balance": {"method": "harmonic-balance"},
+    "harmonic-balance-up": {"method": "harmonic-balance", "sweep": "up"},
+    "noise": {"noise_relative": NOISE, "seed": 5},
+    "response": {"control": "response", "level": HELD},
+    "continuation": {"control": "continuation", "level": np.linspace(3e-3, 6e-2, 8)},
+    "phase": {"control": "phase", "frequency": [8, 14], "level": np.linspace(1.0, 10.0, 6)},
+    "phase-lags": {"control": "phase", "frequency": [8, 14], "lags": LAGS, "phase_error": 0.03},
+    **{f"base-{base}": {"base": base, "level": level} for base, level in BASE_LEVELS.items()},
+    "base-harmonic-balance": {"base": "velocity", "level": [6e-3, 2e-2], "method": "harmonic-balance"},
+}
+SWITCHED_MODES = ("rest", "up", "response", "phase", "harmonic-balance")
+
+
+@cache
+def simulated(mode: str, law: str = "hardening") -> ResponseSurface:
+    """A small virtual test of this mode, of a hardening spring or a law of ``tests.surfaces``."""
+    force, values = (LAW, VALUES) if law == "hardening" else LAWS[law]
+    accuracy = FINE if law == "hardening" else ACCURACY
+    usual: dict[str, Any] = {"level": LEVELS, "frequency": FREQUENCIES, "harmonics": 5, "accuracy": accuracy}
+    test = rsgen.SimulatedTest(**usual | MODES[mode])
+    return rsgen.simulate(rsgen.Oscillator(MASS, force, values), test)
+
+
+def recorded(mode: str, law: str = "hardening") -> Tree:
+    """Every column of that test."""
+    return trees.surface(simulated(mode, law))
+
+
+def identified(mode: str, mass: float | None = None, law: str = "hardening") -> Tree:
+    """The law identified from one per cent of noise on that test."""
+    force = LAW if law == "hardening" else LAWS[law][0]
+    found = rsgen.identify(noisy(simulated(mode, law), NOISE, 1), force, mass=mass)
+    return trees.identification(found) | {
+        "levels": series(found.levels, entries=1),
+        "level_unit": found.curve.level_unit,
+    }
+
+
+def tree_of_table(table: rsgen.ModalTable) -> Tree:
+    """All columns of a modal table with the ends of their intervals."""
+    shown = {name: series(getattr(table, name)) for name in table.shown}
+    ends = {
+        f"{name}_{end}": series(getattr(table, f"{name}_{end}"), entries=1)
+        for name in table.shown
+        for end in ("lower", "upper")
+        # both ends are as far away
+        if end == "upper" or name == "frequency"
+    }
+    return {
+        "known": list(table.known),
+        "amplitude": series(table.amplitude, entries=1),
+        **shown,
+        **ends,
+        "tested": list(table.tested),
+        "mass": {"value": table.mass, "standard_error": table.mass_error},
+        "misfit": table.misfit,
+        "points": table.points,
+        "levels": series(table.test.levels, entries=1),
+        "background": trees.background(table.test.background),
+        "findings": trees.findings(table.findings),
+    }
+
+
+def modal(table: ResponseSurface, background: str | None = None, mass: float | None = None) -> Tree:
+    """The modal table of a test with one per cent of noise."""
+    about = None if background is None else rsgen.Observation(background=background)  # type: ignore[arg-type]
+    return tree_of_table(rsgen.modal_table(noisy(table, NOISE, 1), about, mass=mass))
+
+
+def _lag_assumed() -> Tree:
+    """A table of resonances without phases: amplitude and frequency a level."""
+    read = simulated("phase")
+    bare = ResponseSurface(
+        read.level, read.frequency, np.abs(read.force), read.amplitude, phase_known=False, control="phase"
+    )
+    return tree_of_table(rsgen.modal_table(bare))
+
+
+def _beyond() -> Tree:
+    table = rsgen.modal_table(noisy(small("cubic"), NOISE, 1))
+    return tree_of_table(table.at(np.array([1e-4, 5e-3, 0.1])))
+
+
+PINS = {
+    **{f"simulated/{mode}": Pin(partial(recorded, mode)) for mode in MODES},
+    **{
+        f"simulated/{mode}-{law}": Pin(partial(recorded, mode, law), SWITCHED)
+        for mode in SWITCHED_MODES
+        for law in (("coulomb", "bilinear") if mode in ("rest", "response") else ("coulomb",))
+    },
+    **{
+        f"identified/{mode}": Pin(partial(identified, mode))
+        for mode in ("up", "down", "response", "continuation", "phase", "phase-lags")
+    },
+    **{
+        f"identified/{mode}-coulomb": Pin(partial(identified, mode, law="coulomb"), SWITCHED)
+        for mode in ("rest", "response", "phase")
+    },
+    **{f"identified/base-{base}": Pin(partial(identified, f"base-{base}")) for base in BASE_LEVELS},
+    "identified/base-given-mass": Pin(lambda: identified("base-acceleration", MASS)),
+    "identified/phase-given-mass": Pin(lambda: identified("phase", MASS)),
+    "modal/forced": Pin(lambda: modal(small("cubic"))),
+    "modal/first-order": Pin(lambda: tree_of_table(rsgen.modal_table(cubic_surface(4, 31)))),
+    "modal/given-mass": Pin(lambda: modal(small("combined"), mass=MASS)),
+    "modal/constant-background": Pin(lambda: modal(small("cubic"), "constant")),
+    "modal/residuals": Pin(lambda: modal(small("cubic"), "residuals")),
+    "modal/beyond": Pin(_beyond),
+    "modal/response": Pin(lambda: modal(simulated("response"))),
+    "modal/continuation": Pin(lambda: modal(simulated("continuation"))),
+    "modal/phase": Pin(lambda: modal(simulated("phase"))),
+    "modal/phase-given-mass": Pin(lambda: modal(simulated("phase"), mass=MASS)),
+    "modal/phase-lags": Pin(lambda: modal(simulated("phase-lags"))),
+    "modal/lag-assumed": Pin(_lag_assumed),
+    "modal/base": Pin(lambda: modal(simulated("base-acceleration"))),
+    "modal/coulomb": Pin(lambda: modal(small("coulomb")), SWITCHED),
+}
+
+if __name__ == "__main__":
+    pinned.renew(PINS, __file__, __doc__)

@@ -1,0 +1,162 @@
+"""Records with pinned numbers: what is tracked in swept and stepped sines, and what a decay says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+import rsgen
+from rsgen.history import (
+    SweepLaw,
+    TimeHistory,
+    follow_decay,
+    from_free_decay,
+    from_stepped_sine,
+    from_swept_sine,
+    record_findings,
+)
+from rsgen.history.tracking import find_sweeps
+from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
+from tests.history.test_stepped_sine import stepped
+from tests.oracles.swept import sweep
+from tests.pins import pinned, trees
+from tests.pins.pinned import Pin, Tree
+from tests.pins.trees import series
+
+UP, DOWN = SweepLaw("linear", 9.0, 0.05), SweepLaw("linear", 11.0, -0.05)
+OCTAVES = SweepLaw("logarithmic", 9.0, 0.008)
+CUBIC = rsgen.Oscillator(MASS, "k*x + kn*x**3 + c*v", {"k": STIFFNESS, "kn": -2e6, "c": 3.8})
+
+
+@cache
+def swept(law: SweepLaw, stop: float, level: float = 1.0) -> TimeHistory:
+    """A sweep over the resonance of a softening spring, integrated without the kernel."""
+    return sweep(CUBIC, level, law, stop, 200.0)
+
+
+def noisy(history: TimeHistory, share: float = 1e-3) -> TimeHistory:
+    """White noise on force and response, relative to their standard deviations."""
+    draws = np.random.default_rng(7).normal(size=(2, len(history.response)))
+    force, response = np.asarray(history.force), np.asarray(history.response)
+    return TimeHistory(
+        history.rate,
+        force + share * np.std(force) * draws[0],
+        response + share * np.std(response) * draws[1],
+        history.quantity,
+        level=history.level,
+    )
+
+
+def _laws() -> Tree:
+    tree = {}
+    for name, law, stop in (("up", UP, 11.0), ("down", DOWN, 9.0), ("octaves", OCTAVES, 11.0)):
+        (found,) = find_sweeps(swept(law, stop))
+        tree[name] = {
+            "kind": found.law.kind,
+            "direction": found.law.direction,
+            **{each: getattr(found.law, each) for each in ("frequency", "rate")},
+            "begin": float(found.begin),
+            "end": float(found.end),
+        }
+    return tree
+
+
+def _swept(*histories: TimeHistory, mass: float | None = None) -> Tree:
+    return trees.surface(from_swept_sine(list(histories), points=30, harmonics=3, mass=mass))
+
+
+def _acceleration() -> TimeHistory:
+    """Second differences of the displacement; their slight error is the same in every run."""
+    history = swept(UP, 11.0)
+    response = np.gradient(np.gradient(np.asarray(history.response), 1 / 200.0), 1 / 200.0)
+    return TimeHistory(history.rate, history.force, response, "acceleration")
+
+
+def _identified_sweeps() -> Tree:
+    records = [noisy(swept(UP, 11.0, level)) for level in (0.5, 1.0)]
+    table = from_swept_sine(records, points=30, harmonics=3)
+    return trees.identification(rsgen.identify(table, "k*x + kn*x**3 + c*v"))
+
+
+@cache
+def _steps(dwell: float = 20.0) -> TimeHistory:
+    force, x = stepped(np.linspace(9, 11, 9), np.full(9, 3.0), dwell)
+    noise = np.random.default_rng(3).normal(size=(2, len(x)))
+    return TimeHistory(RATE, force + 1e-3 * np.std(force) * noise[0], x + 1e-3 * np.std(x) * noise[1])
+
+
+def _levels() -> Tree:
+    force, x = stepped(np.full(3, 10.0), np.array([1.0, 2.0, 4.0]), 20.0)
+    return trees.surface(from_stepped_sine(TimeHistory(RATE, force, x)))
+
+
+@cache
+def _tap(name: str, quantity: str = "displacement", noise: float = 0.0) -> TimeHistory:
+    clean = decay(name, quantity, 10)
+    drawn = np.random.default_rng(1).normal(size=len(clean))
+    return TimeHistory(RATE, None, clean + noise * np.abs(clean).max() * drawn, quantity)
+
+
+def _followed(name: str, quantity: str, noise: float, mass: float | None = MASS) -> Tree:
+    found = follow_decay(_tap(name, quantity, noise), mass=mass)
+    # errors come from the scatter of neighbours, which is round-off where there is no noise
+    errors = {"stiffness_error": found.stiffness_error, "damping_error": found.damping_error}
+    return {
+        **{
+            each: series(getattr(found, each))
+            for each in ("time", "frequency", "damping_ratio", "stiffness", "damping")
+        },
+        **({each: series(value, entries=2) for each, value in errors.items()} if noise else {}),
+        "harmonics": trees.columns(np.nan_to_num(found.harmonics)),
+        "findings": trees.findings(found.findings),
+    }
+
+
+def _decay_surface() -> rsgen.ResponseSurface:
+    return from_free_decay(_tap("cubic", "displacement", 1e-3), mass=MASS)
+
+
+def _identified_decay() -> Tree:
+    return trees.identification(rsgen.identify(_decay_surface(), "k*x + kn*x**3 + c*v", mass=MASS))
+
+
+def _clipped() -> Tree:
+    history = swept(UP, 11.0)
+    response = np.asarray(history.response)
+    record = TimeHistory(history.rate, history.force, response.clip(-0.6 * response.max(), None))
+    return {"findings": trees.findings(record_findings(record))}
+
+
+PINS = {
+    "swept/laws": Pin(_laws),
+    "swept/up": Pin(lambda: _swept(swept(UP, 11.0))),
+    "swept/down": Pin(lambda: _swept(swept(DOWN, 9.0))),
+    "swept/octaves": Pin(lambda: _swept(swept(OCTAVES, 11.0))),
+    "swept/noisy": Pin(lambda: _swept(noisy(swept(UP, 11.0)))),
+    "swept/two-levels-given-mass": Pin(lambda: _swept(swept(UP, 11.0, 0.5), swept(UP, 11.0, 1.0), mass=MASS)),
+    "swept/acceleration": Pin(lambda: _swept(_acceleration())),
+    "swept/identified": Pin(_identified_sweeps),
+    "swept/clipped": Pin(_clipped),
+    "stepped/frequencies": Pin(lambda: trees.surface(from_stepped_sine(_steps()))),
+    "stepped/too-short": Pin(lambda: trees.surface(from_stepped_sine(_steps(3.0)))),
+    "stepped/levels": Pin(_levels),
+    "stepped/identified": Pin(
+        lambda: trees.identification(rsgen.identify(from_stepped_sine(_steps()), "k*x + c*v"))
+    ),
+    "decay/linear": Pin(lambda: _followed("linear", "displacement", 0.0)),
+    "decay/cubic": Pin(lambda: _followed("cubic", "displacement", 0.0)),
+    "decay/drag": Pin(lambda: _followed("drag", "displacement", 0.0)),
+    "decay/noisy": Pin(lambda: _followed("cubic", "displacement", 1e-3)),
+    "decay/acceleration": Pin(lambda: _followed("cubic", "acceleration", 1e-3)),
+    "decay/without-mass": Pin(lambda: _followed("drag", "velocity", 1e-3, None)),
+    "decay/surface": Pin(lambda: trees.surface(_decay_surface())),
+    "decay/identified": Pin(_identified_decay),
+}
+
+for slow in ("swept/laws",):
+    PINS[slow] = replace(PINS[slow], slow=True)
+
+if __name__ == "__main__":
+    pinned.renew(PINS, __file__, __doc__)

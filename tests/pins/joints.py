@@ -1,0 +1,157 @@
+"""Joints with pinned numbers: steady states, loops, describing functions, identification.
+
+Jenkins, Iwan, Segalman's four-parameter Iwan, Bouc-Wen and Dahl; each beside a linear spring and damper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+import rsgen
+from rsgen.figures.cycles import SAMPLES, loop_force, measured_loops
+from rsgen.law.numeric import compile_law
+from rsgen.motion import Motion
+from rsgen.oscillator import Model
+from rsgen.report.dissipation import dissipation_entry
+from tests.pins import pinned, trees
+from tests.pins.grids import JOINT_MASS, JOINTS, LEVELS, NOISE, joint, joint_law, small_joint
+from tests.pins.pinned import ACCURACY, SMOOTH, SWITCHED, Pin, Tree
+from tests.pins.trees import series
+
+SIZES = np.array([5e-4, 2e-3, 8e-3])
+"""Amplitudes [m] from sticking to sliding."""
+
+OMEGA = 60.0
+
+QUADRATURE = replace(SMOOTH, value=1e-9)
+"""Describing functions are closed, or integrated between the switches: no simulator takes part."""
+
+STEPPED = replace(SWITCHED, value=1e-6)
+"""Loops of states are closed over whole periods in steps, without locating where v changes its sign."""
+
+
+def steady(name: str, start: bool = False) -> Tree:
+    """Steady states of the joint from rest, or from a state given with what the joint remembers."""
+    force, frequency = LEVELS.astype(complex), np.array([9.5, 10.5, 11.5])
+    found = rsgen.solve_steady_states(joint(name), force, frequency, harmonics=5, accuracy=ACCURACY)
+    if start:
+        found = rsgen.solve_steady_states(
+            joint(name), force, frequency - 0.2, harmonics=5, accuracy=ACCURACY, start=found.state
+        )
+    return {
+        "harmonics": trees.columns(found.harmonics),
+        "peak": series(found.peak),
+        "displacement": series(found.state[:, 0], entries=3),
+        "velocity": series(found.state[:, 1], entries=3),
+        "settled": series(found.settled),
+        "remembered": series(found.state[:, 2:3], float(np.abs(found.state[:, 2:]).max(initial=0.0)), 3),
+    }
+
+
+def balance(name: str) -> Tree:
+    """The same motions by harmonic balance."""
+    test = rsgen.SimulatedTest(LEVELS, np.array([9.5, 10.5, 11.5]), harmonics=5, method="harmonic-balance")
+    return trees.surface(rsgen.simulate(joint(name), test))
+
+
+def describing(name: str) -> Tree:
+    """Stiffness, damping and the force along a cycle, of the joint alone."""
+    function = rsgen.derive(joint_law(name))
+    values = JOINTS[name][2]
+    found = function.evaluate(SIZES, OMEGA, values)
+    phases = np.linspace(-np.pi / 2, 3 * np.pi / 2, 9)
+    return {
+        "closed_form": function.closed_form,
+        "parameters": list(function.parameters),
+        "stiffness": list(found.stiffness),
+        "damping": list(found.damping),
+        "mean": list(found.mean),
+        "along": series(function.along(phases, 4e-3, OMEGA, values), entries=9),
+        "memory": dict(function.memory),
+        "regimes": len(function.regimes),
+    }
+
+
+def loops(name: str) -> Tree:
+    """Force, slopes and work along closed loops with a third harmonic, as the fit samples them."""
+    law = compile_law(joint_law(name).force)
+    values = JOINTS[name][2]
+    harmonics = np.zeros((3, 4), dtype=complex)
+    harmonics[:, 1], harmonics[:, 3] = SIZES, 0.05j * SIZES
+    motion = Motion(np.full(3, OMEGA), harmonics)
+    sample = law.along(motion, law.ordered(values), SAMPLES)
+    return {
+        "force": series(sample.force, entries=6),
+        "by_parameter": {
+            parameter: series(np.broadcast_to(part, sample.force.shape), entries=1)
+            for parameter, part in zip(law.parameters, sample.by_parameter, strict=True)
+        },
+    }
+
+
+def measured(name: str) -> Tree:
+    """Loops as they were measured and as the law has them, and the energy of a cycle."""
+    table = small_joint(name, NOISE)
+    found = rsgen.identify(table, joint_law(name))
+    rows = np.array([7, 22, 37])
+    seen = measured_loops(table, rows, found.mass)
+    return {
+        "displacement": series(seen.displacement),
+        "force": series(seen.force),
+        "identified": series(loop_force(found.model, found.values, seen.motion)),
+        "dissipation": dissipation_entry(table, found),
+    }
+
+
+def identified(name: str, noise: float = NOISE, mass: float | None = None) -> Tree:
+    """The joint identified from a small virtual test."""
+    found = rsgen.identify(small_joint(name, noise), joint_law(name), mass=mass)
+    whole = name == "jenkins" and mass is None
+    return trees.whole_identification(found) if whole else trees.identification(found)
+
+
+def _held_out() -> Tree:
+    seen = rsgen.Observation(hold_out=(6.0,))
+    found = rsgen.identify(small_joint("jenkins", NOISE), Model(joint_law("jenkins").elements, None, seen))
+    (item,) = rsgen.predict(found, surface=small_joint("jenkins", NOISE)).held_out
+    return {"error": item.error, "largest_error": item.largest_error, "predicted": series(item.predicted)}
+
+
+def _background() -> Tree:
+    seen = rsgen.Observation(background="constant")
+    return trees.identification(rsgen.identify(small_joint("jenkins", NOISE), joint_law("jenkins"), seen))
+
+
+PINS = {
+    **{f"steady/{name}": Pin(partial(steady, name), SWITCHED) for name in JOINTS},
+    **{
+        f"steady/{name}-from-state": Pin(partial(steady, name, start=True), SWITCHED)
+        for name in ("jenkins", "bouc-wen")
+    },
+    **{f"balance/{name}": Pin(partial(balance, name), STEPPED) for name in ("jenkins", "bouc-wen")},
+    **{f"describing/{name}": Pin(partial(describing, name), QUADRATURE) for name in JOINTS},
+    **{f"loops/{name}": Pin(partial(loops, name), STEPPED) for name in JOINTS},
+    "surface/jenkins": Pin(lambda: trees.surface(small_joint("jenkins")), SWITCHED),
+    **{f"measured/{name}": Pin(partial(measured, name), SWITCHED) for name in ("jenkins", "iwan4")},
+    **{f"identified/{name}": Pin(partial(identified, name), SWITCHED) for name in JOINTS},
+    "identified/jenkins-given-mass": Pin(lambda: identified("jenkins", mass=JOINT_MASS), SWITCHED),
+    "identified/jenkins-background": Pin(_background, SWITCHED),
+    "predicted/jenkins-held-out": Pin(_held_out, SWITCHED),
+}
+
+for slow in (
+    "identified/bouc-wen",
+    "identified/iwan4",
+    "identified/jenkins-background",
+    "predicted/jenkins-held-out",
+    "describing/bouc-wen",
+    "balance/bouc-wen",
+    "measured/iwan4",
+):
+    PINS[slow] = replace(PINS[slow], slow=True)
+
+if __name__ == "__main__":
+    pinned.renew(PINS, __file__, __doc__)

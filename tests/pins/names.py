@@ -1,0 +1,160 @@
+"""Names that others build on, pinned one by one: documented attributes, and what the files of a run hold.
+
+A name that is gone or new fails the pin and is said; names.json has them sorted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+import rsgen
+from rsgen.comparison import Row
+from rsgen.describing import Equivalent, Limit
+from rsgen.finding import Quantity
+from rsgen.lines import MultisineIdentification
+from rsgen.modal.modal_result import MODAL_COLUMNS, ModalTest
+from rsgen.multisine.linear import BestLinear, Distortion
+from rsgen.prediction import HeldOutLevel, ResonanceCurve
+from rsgen.prediction.multisine import MultisinePrediction, PredictedRecord
+from rsgen.ranking.ranking_result import Candidate
+from rsgen.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
+from tests.conftest import FEW
+from tests.identification.test_across import two_masses
+from tests.pins import pinned
+from tests.pins.grids import NOISE, small
+from tests.pins.multisine import CUBIC, virtual
+from tests.pins.pinned import Pin, Tree
+from tests.pins.ranking import library
+from tests.surfaces import noisy
+
+ROOT = Path(__file__).parents[2]
+
+CLASSES: tuple[type, ...] = (
+    rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
+    Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
+    rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
+    MultisinePrediction, PredictedRecord, rsgen.SteadyStates, rsgen.DescribingFunction, Equivalent, Limit,
+    rsgen.Comparison, Row, rsgen.Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
+    rsgen.Model, rsgen.Law, rsgen.Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
+    rsgen.history.FreeDecay, rsgen.history.SweepLaw, rsgen.history.TimeHistory,
+)  # fmt: skip
+
+
+def attributes(kind: type) -> Tree:
+    """Public attributes and methods of a class; columns that it makes up are added."""
+    names = {name for name in dir(kind) if not name.startswith("_")}
+    if is_dataclass(kind):
+        names |= {each.name for each in fields(kind) if not each.name.startswith("_")}
+    if kind is rsgen.ModalTable:
+        names |= {f"{name}{end}" for name in MODAL_COLUMNS for end in ("", "_lower", "_upper")}
+    return {"names": sorted(names)}
+
+
+def surface_names(table: rsgen.ResponseSurface) -> Tree:
+    """Arrays with their units and kinds, and attributes, of the file of a surface."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "surface.h5"
+        rsgen.save_surface(path, table)
+        with h5py.File(path) as file:
+            arrays = [f"array {name} [{file[name].attrs['units']}] {file[name].dtype.kind}" for name in file]
+            return {"names": sorted([*arrays, *(f"attribute {name}" for name in file.attrs)])}
+
+
+def paths_of(tree: object, path: str = "") -> Iterator[str]:
+    """Every key of a JSON document with those above it; entries of a list are []."""
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            yield f"{path}/{key}"
+            yield from paths_of(value, f"{path}/{key}")
+    elif isinstance(tree, list):
+        for value in tree:
+            yield from paths_of(value, f"{path}[]")
+
+
+@cache
+def report_files(kind: str) -> dict[str, bytes]:
+    """What a report of that kind leaves in its folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        rsgen.write_report(folder, *REPORTS[kind]())
+        return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+
+
+def result_names(kind: str) -> Tree:
+    """Files of a report, and the paths of the keys of its result.json."""
+    files = report_files(kind)
+    return {"files": list(files), "names": sorted(set(paths_of(json.loads(files["result.json"]))))}
+
+
+def _spectra_names() -> Tree:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "spectra.npz"
+        path.write_bytes(report_files("multisine")["spectra.npz"])
+        with np.load(path) as file:
+            return {"names": sorted(f"{name} {file[name].dtype.kind} {file[name].ndim}d" for name in file)}
+
+
+Parts = tuple[rsgen.Case | rsgen.ResponseSurface | rsgen.MultisineSpectra | rsgen.Identification, ...]
+
+
+def _sine() -> Parts:
+    """A test with a law from a ranking, a background and a held-out level."""
+    table = small("cubic", NOISE)
+    about = rsgen.Observation(hold_out=(6.0,), background="phase")
+    return table, rsgen.rank(table, library(*FEW), about).best
+
+
+def _joint() -> Parts:
+    """A case of a joint with its truth and accepted errors, on a grid of a few points."""
+    case = rsgen.load_case(ROOT / "cases" / "jenkins.toml")
+    assert isinstance(case.test, rsgen.SimulatedTest)
+    test = replace(case.test, level=np.array([3.0, 6.0, 10.0]), frequency=np.linspace(8.6, 13.0, 15))
+    case = replace(case, test=test)
+    assert case.oscillator is not None
+    table = noisy(rsgen.simulate(case.oscillator, test), NOISE, 1)
+    return case, table, rsgen.identify(table, case.model)
+
+
+def _multisine() -> Parts:
+    spectra = virtual("cubic", NOISE)
+    return spectra, rsgen.identify(spectra, CUBIC, rsgen.Observation(hold_out=(5.0,)))
+
+
+def _measured() -> Parts:
+    case = rsgen.load_case(ROOT / "tests" / "cases" / "nlbeam.toml", data=Path(os.environ["RSGEN_DATA"]))
+    assert isinstance(case.test, rsgen.MeasuredTest)
+    table = rsgen.read_measurement(case.test)
+    return case, table, rsgen.identify(table, case.model)
+
+
+REPORTS: dict[str, Callable[[], Parts]] = {
+    "sine": _sine,
+    "joint": _joint,
+    "multisine": _multisine,
+    "measured": _measured,
+}
+
+PINS = {
+    "all": Pin(lambda: {part: sorted(getattr(rsgen, part).__all__) for part in ("figures", "history")}),
+    **{f"attributes/{kind.__name__}": Pin(partial(attributes, kind)) for kind in CLASSES},
+    "surface.h5": Pin(lambda: surface_names(small("cubic"))),
+    "surface.h5/across": Pin(lambda: surface_names(two_masses())),
+    "spectra.npz": Pin(_spectra_names, slow=True),
+    **{
+        f"result.json/{kind}": Pin(
+            partial(result_names, kind), slow=True, data="nlbeam" if kind == "measured" else ""
+        )
+        for kind in REPORTS
+    },
+}
+
+if __name__ == "__main__":
+    pinned.renew(PINS, __file__, __doc__)

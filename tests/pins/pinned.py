@@ -1,0 +1,254 @@
+"""What all tables of pins share: numbers of a result as a tree, where two trees differ, how pins are kept.
+
+A tree is a nested dict of numbers, texts and lists. A number that is not finite is null, a complex one is a
+pair of real and imaginary part, an array some entries with its root mean square (``series``). A module has a
+table ``PINS`` of ``id -> Pin``, a file of the same name with the numbers, and a command,
+
+    python -m tests.pins.MODULE --renew "reason" id ...
+
+which computes these ids anew and writes the reason beside each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from math import hypot, inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import rsgen
+
+Tree = Any
+"""A nested dict of numbers, texts, null and lists; as JSON has it."""
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """How far numbers may move until a pin fails.
+
+    Parameters
+    ----------
+    value
+        Largest relative change of a number; of an entry of an array relative to the root mean square there.
+    of_standard_error
+        Or largest change in standard errors, whichever is more.
+    error
+        Largest relative change of a standard error, and of what a fit leaves.
+    left
+        Largest change of what a fit leaves, relative to force and response, where nothing is left but
+        round-off and the last step of the fit.
+    """
+
+    value: float
+    of_standard_error: float
+    error: float
+    left: float
+
+
+SMOOTH = Allowed(value=1e-9, of_standard_error=1e-6, error=1e-5, left=1e-9)
+"""Of methods whose every step is smooth; those of ``test_pins``, for the same reasons."""
+
+ACCURACY = 1e-7
+"""To which motions of laws with switches are simulated for these pins."""
+
+SWITCHED = Allowed(value=2 * ACCURACY, of_standard_error=1e-3, error=1e-3, left=10 * ACCURACY)
+"""Of friction, gaps and joints. The instants of their switches are located only as well as the simulator is
+asked to: two simulators that both keep to the accuracy differ by twice as much. At one per cent of noise a
+change of all N points at once moves a value by sqrt(N) 2e-5, a few ten-thousandths, of its standard error."""
+
+LEFT = frozenset({"noise", "residual", "misfit", "unexplained", "held_out_error", "error", "largest_error"})
+"""Names of numbers that say what is left of force and response: a relative change of them is one of noise."""
+
+DIGITS = 11
+"""Significant digits that are kept: a hundredth of the smallest change that is looked for."""
+
+ROUND_OFF = 1e-12
+"""Standard errors below this share of their value, as exact tests leave them, are round-off."""
+
+SMALLEST = 1e-14
+"""Any change [SI] below this is round-off: the smallest numbers of the tests are receptances of 1e-5 m/N."""
+
+_ENDS = 4.0
+"""Ends of an interval are two to four standard errors away, and move as often with a change of them."""
+
+
+@dataclass(frozen=True)
+class Pin:
+    """One result that is pinned: how it is computed, how far it may move, whether that takes long."""
+
+    compute: Callable[[], Tree]
+    allowed: Allowed = SMOOTH
+    slow: bool = False
+    data: str = ""
+    """Folder of measured data that it needs."""
+
+    def numbers(self) -> Tree:
+        """Compute the tree, or the kind of error with which rsgen refuses the task."""
+        try:
+            return json.loads(json.dumps(_rounded(self.compute()), allow_nan=False))
+        except rsgen.RsgenError as error:
+            return {"refused": type(error).__name__}
+
+
+def _rounded(tree: Tree) -> Tree:
+    """Keep what JSON has: null for what is not finite, pairs for complex numbers."""
+    if isinstance(tree, Mapping):
+        return {str(key): _rounded(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_rounded(value) for value in tree]
+    if hasattr(tree, "item"):
+        tree = tree.item()
+    if isinstance(tree, complex):
+        return [_rounded(tree.real), _rounded(tree.imag)]
+    if isinstance(tree, float):
+        return float(f"{tree:.{DIGITS - 1}e}") if isfinite(tree) else None
+    if tree is None or isinstance(tree, bool | int | str):
+        return tree
+    raise TypeError(f"a pin holds numbers and texts, no {type(tree).__name__}")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One place of a tree where old and new differ, and how many times more than is allowed."""
+
+    path: str
+    old: Tree
+    new: Tree
+    times: float
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.old} -> {self.new}"
+
+
+def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH) -> list[str]:
+    """Say every place that moved by more than is allowed."""
+    return [str(change) for change in differences(old, new, allowed) if change.times > 1]
+
+
+def differences(old: Tree, new: Tree, allowed: Allowed, path: str = "") -> Iterator[Change]:
+    """Find every place where two trees differ at all."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted(set(old) ^ set(new)):
+            yield Change(f"{path}/{key}", old.get(key, "nothing"), new.get(key, "nothing"), inf)
+        for key in (key for key in old if key in new):
+            inner = f"{path}/{key}"
+            if _is_number(old[key]) and _is_number(new[key]):
+                yield from _moved(inner, old[key], new[key], _room(old, key, allowed))
+            elif key == "at" and "rms" in old:
+                room = {index: allowed.value * _scale(old) for index in old[key]}
+                for index in old[key]:
+                    yield from _moved(f"{inner}/{index}", old[key][index], new[key].get(index), room[index])
+            else:
+                yield from differences(old[key], new[key], allowed, inner)
+    elif isinstance(old, list) and isinstance(new, list) and not _is_number(old):
+        yield from _lists(old, new, allowed, path)
+    elif _is_number(old) and _is_number(new):
+        yield from _moved(path, old, new, allowed.value * _size(old))
+    elif old != new or type(old) is not type(new):
+        yield Change(path, old, new, inf)
+
+
+def _lists(old: list[Tree], new: list[Tree], allowed: Allowed, path: str) -> Iterator[Change]:
+    if all(isinstance(one, str) for one in (*old, *new)):
+        for name in sorted(set(old) ^ set(new)):
+            gone = name in old
+            yield Change(path, name if gone else "nothing", "nothing" if gone else name, inf)
+        if sorted(old) == sorted(new) and old != new:
+            yield Change(path, old, new, inf)
+    elif len(old) != len(new):
+        yield Change(path, f"{len(old)} entries", f"{len(new)} entries", inf)
+    else:
+        for i, (one, other) in enumerate(zip(old, new, strict=True)):
+            yield from differences(one, other, allowed, f"{path}[{i}]")
+
+
+def _is_number(tree: Tree) -> bool:
+    """True of a real or complex number; counts are compared exactly, as texts are."""
+    pair = isinstance(tree, list) and len(tree) == 2 and all(isinstance(part, float) for part in tree)
+    return pair or isinstance(tree, float)
+
+
+def _size(number: Tree) -> float:
+    return hypot(*number) if isinstance(number, list) else abs(number)
+
+
+def _scale(summary: dict[str, Tree]) -> float:
+    """The size to which entries of an array are compared."""
+    return float(summary.get("scale", summary["rms"]) or 0.0)
+
+
+def _room(siblings: dict[str, Tree], key: str, allowed: Allowed) -> float:
+    """How far the number of this name may move, among the numbers beside it."""
+    size = _size(siblings[key])
+    if "rms" in siblings:
+        return allowed.value * max(size, _scale(siblings))
+    if key in LEFT:
+        return max(allowed.error * size, allowed.left)
+    if key == "standard_error":
+        return max(allowed.error * size, ROUND_OFF * _size(siblings.get("value") or 0.0))
+    if key == "bic":
+        # twice a logarithm of likelihood: one is little, whatever the others are
+        return allowed.error * max(size, 1.0)
+    error = siblings.get("standard_error") or 0.0
+    if key in ("lower", "upper"):
+        return max(allowed.value * size, _ENDS * allowed.error * error)
+    return max(allowed.value * size, allowed.of_standard_error * error)
+
+
+def _moved(path: str, old: Tree, new: Tree, room: float) -> Iterator[Change]:
+    if not (_is_number(old) and _is_number(new)) or isinstance(old, list) != isinstance(new, list):
+        if old != new:
+            yield Change(path, old, new, inf)
+        return
+    apart = hypot(old[0] - new[0], old[1] - new[1]) if isinstance(old, list) else abs(new - old)
+    # the last digit that is kept may turn
+    apart -= 10.0 ** (1 - DIGITS) * _size(old)
+    room = max(room, SMALLEST)
+    if apart > 0:
+        yield Change(path, old, new, apart / room)
+
+
+def is_empty(tree: Tree) -> bool:
+    """True of a tree without any number, text or truth: a pin of nothing would never fail."""
+    if isinstance(tree, dict):
+        return all(is_empty(value) for key, value in tree.items() if key != "renewed")
+    if isinstance(tree, list):
+        return all(map(is_empty, tree))
+    return tree is None
+
+
+def read(file: Path) -> dict[str, Tree]:
+    """All pins of a file by id."""
+    return dict(json.loads(file.read_text(encoding="utf-8")))
+
+
+def write(file: Path, pins: Mapping[str, Tree]) -> None:
+    """Write all pins, a line each."""
+    lines = [f"{json.dumps(key)}: {_compact(pin)}" for key, pin in pins.items()]
+    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+def _compact(pin: Tree) -> str:
+    return json.dumps(pin, allow_nan=False, separators=(",", ":"))
+
+
+def numbers_file(module: str) -> Path:
+    """The file beside a module of pins, of the same name."""
+    return Path(module).with_suffix(".json")
+
+
+def renew(pins: Mapping[str, Pin], module: str, about: str | None) -> None:
+    """Compute pins anew and write why; pins that are new need no reason beside them."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--renew", metavar="REASON", required=True, help="why these numbers may change")
+    parser.add_argument("ids", nargs="+", choices=tuple(pins), metavar="id")
+    arguments = parser.parse_args()
+    file = numbers_file(module)
+    known = read(file) if file.exists() else {}
+    for key in arguments.ids:
+        reason = {"renewed": arguments.renew} if key in known else {}
+        known[key] = {**pins[key].numbers(), **reason}
+    write(file, {key: known[key] for key in pins if key in known})

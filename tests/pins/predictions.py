@@ -1,0 +1,164 @@
+"""Predictions and describing functions with pinned numbers: curves, held-out levels, k(X), c(X), means."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+import rsgen
+from rsgen.prediction import HeldOutLevel, ResonanceCurve
+from tests.identification.test_across import ELEMENTS, two_masses
+from tests.pins import pinned, trees
+from tests.pins.controls import simulated
+from tests.pins.grids import NOISE, small
+from tests.pins.pinned import SWITCHED, Pin, Tree
+from tests.pins.trees import series
+from tests.surfaces import LAWS, MASS, noisy
+
+SIZES = np.array([3e-4, 3e-3, 9e-3, 2e-2])
+OMEGA = np.array([50.0, 60.0, 64.0, 70.0])
+LEVELS = [2.0, 6.0]
+
+FORCES: dict[str, tuple[str, dict[str, float]]] = {
+    **LAWS,
+    "quadratic": ("k*x + k2*x**2 + k3*x**3", {"k": 5920.0, "k2": 4e4, "k3": 4e5}),
+    "power-damper": ("cp*abs(v)**p*sign(v) + k*x", {"cp": 3.0, "p": 1.6, "k": 5920.0}),
+    "pendulum": ("k*sin(a*x)/a", {"k": 5920.0, "a": 60.0}),
+    "hyperbolic": ("k*sinh(a*x)/a + c*v", {"k": 5920.0, "a": 60.0, "c": 3.8}),
+    "one-sided-exponential": ("k*(exp(a*x) - 1)/a", {"k": 5920.0, "a": 20.0}),
+    "preload": ("F0*sign(x) + k*x", {"F0": 2.0, "k": 5920.0}),
+    "dead-zone": ("k*(Max(0, x - b) + Min(0, x + b))", {"k": 5920.0, "b": 2e-3}),
+    "stop-with-drag": (
+        "k*x + cq*x**2*v*abs(v) + ks*Max(x - b, 0)",
+        {"k": 5920.0, "cq": 9e3, "ks": 2e3, "b": 5e-3},
+    ),
+    "structural": ("k*x + structural(h)", {"k": 5920.0, "h": 300.0}),
+}
+
+
+def describing(name: str) -> Tree:
+    """Stiffness, damping and mean of a law, numerically, and what is known of its formulas."""
+    force, values = FORCES[name]
+    function = rsgen.derive(force)
+    found = function.evaluate(SIZES, OMEGA, values)
+    shifted = function.evaluate(SIZES, OMEGA, values, mean=1e-3)
+    size = float(np.abs(found.stiffness).max())
+    return {
+        "stiffness": list(found.stiffness),
+        "damping": series(found.damping, size / OMEGA.max(), 4),
+        "mean": series(found.mean, float(SIZES.max()), 4) if found.mean.any() else 0,
+        "about_a_mean": {
+            "stiffness": series(shifted.stiffness, entries=1),
+            "damping": series(shifted.damping, size / OMEGA.max(), 1),
+        },
+        "closed_form": function.closed_form,
+        "parameters": list(function.parameters),
+        "positive": list(function.positive),
+        "regimes": len(function.regimes),
+        "limits": len(function.limits),
+    }
+
+
+def curve(one: ResonanceCurve) -> Tree:
+    """A resonance curve with folds and the ends of its band."""
+    frequency = float(np.nanmax(one.frequency, initial=0.0))
+    size = float(np.nanmax(one.amplitude, initial=0.0))
+    return {
+        "level": one.level,
+        "unit": one.level_unit,
+        "frequency": series(one.frequency),
+        "amplitude": series(one.amplitude, entries=4),
+        "phase": series(one.phase, entries=0),
+        "stable": series(one.stable),
+        "extrapolated": series(one.extrapolated),
+        "lower": series(one.lower, size, 0),
+        "upper": series(one.upper, size, 1),
+        "folds": [
+            {"frequency": series([f], frequency, 1), "amplitude": series([X], size, 1)} for f, X in one.folds
+        ],
+    }
+
+
+def held_out(one: HeldOutLevel) -> Tree:
+    """Measured against predicted at a level that identification has not seen."""
+    return {
+        "sweep": one.sweep,
+        "units": [one.level_unit, one.force_unit],
+        **{name: getattr(one, name) for name in ("level", "force", "error", "largest_error", "missing")},
+        "measured": series(one.measured, entries=1),
+        "predicted": series(one.predicted),
+    }
+
+
+def tree(prediction: rsgen.Prediction) -> Tree:
+    """Curves, held-out levels and findings."""
+    return {
+        "curves": [curve(one) for one in (prediction.curves[0], prediction.curves[-1])]
+        if len(prediction)
+        else [],
+        "held_out": [held_out(one) for one in prediction.held_out],
+        "findings": trees.findings(prediction.findings),
+    }
+
+
+def of_oscillator(name: str, levels: list[float], band: tuple[float, float] | None = None) -> Tree:
+    """Curves of a law with its true values."""
+    force, values = LAWS[name]
+    return tree(rsgen.predict(rsgen.Oscillator(MASS, force, values), levels, band=band))
+
+
+def of_identified(law: str, levels: list[float] | None = None) -> Tree:
+    """Curves with bands, and a level that was held out."""
+    table = small(law, NOISE)
+    found = rsgen.identify(table, LAWS[law][0], rsgen.Observation(hold_out=(6.0,)))
+    return tree(rsgen.predict(found, levels, table))
+
+
+def of_mode(mode: str, held: float, mass: float | None = None) -> Tree:
+    """The same of a controlled test."""
+    table = noisy(simulated(mode), NOISE, 1)
+    about = rsgen.Observation(hold_out=(held,))
+    return tree(rsgen.predict(rsgen.identify(table, "k*x + k3*x**3 + c*v", about, mass=mass), surface=table))
+
+
+def _modal() -> Tree:
+    table = small("cubic", NOISE)
+    found = rsgen.modal_table(table, rsgen.Observation(hold_out=(6.0,)))
+    return tree(rsgen.predict(found, surface=table))
+
+
+def _across() -> Tree:
+    table = two_masses(noise=0.003)
+    found = rsgen.identify(table, ELEMENTS, rsgen.Observation(hold_out=(3.0,)))
+    return tree(rsgen.predict(found, surface=table))
+
+
+def _without_mass() -> Tree:
+    found = rsgen.identify(noisy(simulated("phase"), NOISE, 1), "k*x + k3*x**3 + c*v")
+    return tree(rsgen.predict(found, [3.0]))
+
+
+PINS = {
+    **{f"describing/{name}": Pin(partial(describing, name)) for name in FORCES},
+    "oscillator/cubic": Pin(lambda: of_oscillator("cubic", [0.5, 2.0])),
+    "oscillator/quintic": Pin(lambda: of_oscillator("quintic", [2.0, 16.0])),
+    "oscillator/combined-band": Pin(lambda: of_oscillator("combined", LEVELS, (9.0, 11.0))),
+    "oscillator/coulomb": Pin(lambda: of_oscillator("coulomb", [0.9, 6.0])),
+    "oscillator/bilinear": Pin(lambda: of_oscillator("bilinear", LEVELS)),
+    "oscillator/two-gaps": Pin(lambda: of_oscillator("two-gaps", LEVELS)),
+    "identified/cubic": Pin(lambda: of_identified("cubic")),
+    "identified/beyond": Pin(lambda: of_identified("quintic", [1.0, 20.0])),
+    "identified/coulomb": Pin(lambda: of_identified("coulomb"), SWITCHED),
+    "identified/bilinear": Pin(lambda: of_identified("bilinear"), SWITCHED),
+    "identified/up": Pin(lambda: of_mode("up", 6.0)),
+    "identified/response": Pin(lambda: of_mode("response", 6e-3)),
+    "identified/base": Pin(lambda: of_mode("base-acceleration", 0.4)),
+    "identified/base-given-mass": Pin(lambda: of_mode("base-acceleration", 0.4, MASS)),
+    "identified/two-sensors": Pin(_across),
+    "identified/mass-unknown": Pin(_without_mass),
+    "modal-table": Pin(_modal),
+}
+
+if __name__ == "__main__":
+    pinned.renew(PINS, __file__, __doc__)
