@@ -142,13 +142,27 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
         return ()
     if isinstance(found, MultisineIdentification):
         return predict_multisine(found).findings
-    if isinstance(surface, MultisineSpectra) or not isfinite(found.mass):
+    if isinstance(surface, MultisineSpectra):
         return ()
+    meant = _by_label(found, surface)
+    if not isfinite(found.mass):
+        return meant
     surface = surface.on_mass(found.mass)
     balance = None if acts_across(found) else AmplitudeBalance(found)
     held_out = _score(found, balance, surface)
     missed = _missed(held_out, surface, found.residual * np.sqrt(2))
-    return (*_missing(held_out), *missed)
+    return (*meant, *_missing(held_out), *missed)
+
+
+def _by_label(found: Identification, surface: ResponseSurface) -> tuple[Finding, ...]:
+    """Say which level was meant by a number that is the label of one and the amount of another."""
+    findings = []
+    for asked in found.model.observation.hold_out:
+        meant, amount = surface.find_level(asked), match_level(surface.levels, asked)
+        if meant is not None and amount not in (None, meant):
+            numbers = quantities(label=asked, level=Quantity(meant, surface.level_unit))
+            findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
+    return tuple(findings)
 
 
 def _predict_across(

@@ -137,6 +137,9 @@ def test_a_level_is_held_out_by_its_label(tmp_path: Path, asked: float, held: fl
         mask = held_out_mask(surface, Model("k*x", observation=Observation(hold_out=(asked,))))
         assert np.unique(surface.level[mask]).tolist() == [held]
     assert saved.find_level(asked) == held
+    model = Model("k*x + c*v", observation=Observation(hold_out=(asked,)))
+    said = [f for f in rsgen.identify(saved, model).findings if f.code == "held-out-by-label"]
+    assert [f["level"] for f in said] == ([held] if asked == 2 else [])
 
 
 def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path: Path) -> None:

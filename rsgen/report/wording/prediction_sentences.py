@@ -19,6 +19,10 @@ say_plainly(
             "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
             "predicted steady state near the measured one"
         ),
+        "held-out-by-label": (
+            "hold_out = {label:g} is the label of the level of {level:.3q}, which is held out; the level at "
+            "which {label:g} was measured is not"
+        ),
         "held-out-missed": (
             "the held-out level {level:.3q} (sweep {sweep}) is predicted with an error of {error:.0%}, "
             "against a misfit of {misfit:.2p} where the law was fitted"
