@@ -83,10 +83,12 @@ def misfit_findings(
     regression, misfit = fit.regression, relative_misfit(fit)
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
     numbers = quantities(misfit=misfit)
+    # the forces of a free decay are those of the given mass
+    decays = any(finding.code == "force-of-decay" for finding in surface.findings)
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _TELLING and surface.control != "phase"
-        found = _mass_contradicted(fit, misfit)
+        found = [] if decays else _mass_contradicted(fit, misfit)
         if misfit > (LARGE if patterns else POOR):
             severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
@@ -112,7 +114,7 @@ def misfit_findings(
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
-        if severity != "error":
+        if severity != "error" and not decays:
             found += _mass_contradicted(fit, left)
         found += _missing_background(fit, trials, wider, left) if trials else []
     return [*found, *(_offset_proposal(fit, trials) if trials else [])]
@@ -232,7 +234,7 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
         The misfit that the best term would leave.
     """
     given = fit.problem.given
-    if given is None:
+    if given is None or not relative_misfit(fit) > NOTICEABLE:
         return []
     chosen = fit.problem.observed.points.spread(QUICK)
     problem = fit.problem.select(chosen[fit.regression.used[chosen]])

@@ -115,7 +115,7 @@ def test_every_command_says_the_same_of_a_measured_test(
 HELD_OUT = """\
 schema = 1
 name   = "held-out"
-title  = "Drag that the law lacks shows at the highest level"
+title  = "A spring of another power shows at the highest level"
 
 [[element]]
 name  = "mount"
@@ -138,7 +138,7 @@ response = { quantity = "displacement", real = "x_real", imaginary = "x_imag", p
 def test_python_and_every_command_judge_the_levels_held_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = noisy(surface("combined", np.array([2.0, 4.0, 6.0, 12.0])), 0.03, 1)
+    table = noisy(surface("power", np.array([2.0, 4.0, 6.0, 12.0])), 0.03, 1)
     columns = (
         table.level,
         table.frequency,

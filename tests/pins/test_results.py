@@ -169,7 +169,7 @@ def test_a_value_moves_by_a_share_of_its_standard_error_and_no_more() -> None:
 
 
 def test_names_that_are_gone_or_new_are_said() -> None:
-    old = NUMBERS["names"]["attributes/ResponseSurface"]
+    old = {"names": NUMBERS["names"]["attributes/ResponseSurface"]["names"]}
     new = {"names": sorted([*(name for name in old["names"] if name != "force"), "forces"])}
     assert changes(old, new) == ["/names: force -> nothing", "/names: nothing -> forces"]
     assert changes({"a": 1, "b": 2.0}, {"b": 2.0, "c": 3}) == ["/a: 1 -> nothing", "/c: nothing -> 3"]
