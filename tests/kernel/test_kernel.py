@@ -32,6 +32,7 @@ LAWS = [
     "k*tanh(x/d) + c*v/(1 + abs(x)/d)",
     "k*sin(x/d) + a*sign(x + d*v)",
     "k*exp(x/d)*x + F_f*sign(v - w)",
+    "k*x + cx*x*abs(x)*v*abs(v)",
 ]
 
 
