@@ -264,7 +264,8 @@ def test_folds_lie_where_the_frequency_turns(quintic: tuple[object, Prediction])
         for at, (_, amplitude) in zip(flips, curve.folds, strict=True):
             rows = at + along.astype(int)
             frequency, size = (
-                np.polynomial.Polynomial.fit(along, part[rows], 3) for part in (curve.frequency, curve.amplitude)
+                np.polynomial.Polynomial.fit(along, part[rows], 3)
+                for part in (curve.frequency, curve.amplitude)
             )
             turns = frequency.deriv().roots()
             place = turns[np.argmin(np.abs(turns - 0.5))].real

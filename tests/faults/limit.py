@@ -1,4 +1,4 @@
-"""A pytest plugin: tests that fail are written to a file, and those that take too long are left out, not failed.
+"""A pytest plugin: tests that fail are written to a file; those that take too long are left out, not failed.
 
 RSGEN_FAULTS_FAILED names the file, RSGEN_FAULTS_LIMIT the seconds that a test may take.
 """

@@ -1,8 +1,8 @@
 """The table of faults: small errors that a refactoring might make, each with the test that sees it.
 
-A fault names a function, ``rsgen.module:Qualified.name``, and a text in it that another replaces. Where the module
-has no such function any more, the only one of the package with this name is taken. Templates of kernels are
-no functions: there the name of the file stands alone, and the text is one of the whole file.
+A fault names a function, ``rsgen.module:Qualified.name``, and a text in it that another replaces. Where the
+module has no such function any more, the only one of the package with this name is taken. Templates of
+kernels are no functions: there the name of the file stands alone, and the text is one of the whole file.
 """
 
 from __future__ import annotations
@@ -77,7 +77,9 @@ class Place:
         part = self.text[self.start : self.stop]
         found = part.count(fault.old)
         if found != 1:
-            raise FaultError(f"{fault.name}: {fault.old!r} occurs {found} times in {fault.function}; once is needed")
+            raise FaultError(
+                f"{fault.name}: {fault.old!r} occurs {found} times in {fault.function}; once is needed"
+            )
         return self.text[: self.start] + part.replace(fault.old, fault.new) + self.text[self.stop :]
 
 
@@ -130,7 +132,9 @@ def find_place(fault: Fault, root: Path) -> Place:
         others = sorted(path.relative_to(root) for path in (root / "rsgen").rglob("*.py"))
         found = [place for other in others for place in _places(root, other, name)]
     if len(found) != 1:
-        raise FaultError(f"{fault.name}: {len(found)} functions are called {name}; {fault.function} is needed")
+        raise FaultError(
+            f"{fault.name}: {len(found)} functions are called {name}; {fault.function} is needed"
+        )
     return found[0]
 
 

@@ -1,4 +1,4 @@
-"""The table of faults fits the package as it is: every text is found once, and every test that it names exists."""
+"""The table of faults fits the package as it is: texts are found once, and the tests that it names exist."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def test_a_fault_is_found_once_and_leaves_a_program(fault: Fault) -> None:
 def test_a_function_that_moved_is_found_by_its_name(tmp_path: Path) -> None:
     folder = tmp_path / "rsgen" / "other"
     folder.mkdir(parents=True)
-    (folder / "place.py").write_text("class A:\n    def f(self):\n        return 1\n\n\ndef f():\n    return 1\n")
+    (folder / "place.py").write_text(
+        "class A:\n    def f(self):\n        return 1\n\n\ndef f():\n    return 1\n"
+    )
     fault = Fault("moved", GROUPS[0], "rsgen.gone:A.f", "return 1", "return 2", "", ())
     assert find_place(fault, tmp_path).replaced(fault).count("return 2") == 1
     (folder / "twice.py").write_text("class A:\n    def f(self):\n        return 1\n")

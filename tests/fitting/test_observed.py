@@ -118,7 +118,9 @@ def test_second_derivatives_by_the_phase_are_those_of_the_residuals(points: Poin
     response, compared, h = made(VALUES, MASS, points.amplitude), (3, 5), 1e-3
     # no force and no fundamental that only the logarithm of a turning number would change
     rows = [
-        observed.linearise(response, np.zeros(0), nuisance + [0.0, move], points.amplitude, compared).residual
+        observed.linearise(
+            response, np.zeros(0), nuisance + np.array([0.0, move]), points.amplitude, compared
+        ).residual
         for move in (-h, 0.0, h)
     ]
     difference = -(rows[0] - 2 * rows[1] + rows[2]) / h**2

@@ -69,7 +69,7 @@ def test_too_few_points_draw_nothing() -> None:
 
 
 def test_points_count_by_the_force_that_held_them() -> None:
-    # one stiffness at resonance and another off it, both at all amplitudes: k is their mean, weighted by 1/F^2
+    # one stiffness at resonance and another off it, both at all amplitudes: their mean, weighted by 1/F^2
     size, k, other, c = np.linspace(1e-3, 0.02, 200), 6000.0, 6300.0, 4.0
     omega = np.sqrt(k / M) * np.array([1.0, 1.02])
     force = np.hypot([0.0, other - M * omega[1] ** 2], omega * c)

@@ -213,7 +213,7 @@ def test_steps_of_a_state_are_weighed_for_an_exponential() -> None:
 
 
 def test_reversals_between_samples_are_found_to_fourth_order() -> None:
-    # cos(t + 0.3) turns at +-1, a part of a sample beside the nearest one: h^4/8 of what is left by a parabola
+    # cos(t + 0.3) turns at +-1, a part of a sample beside the nearest one: a parabola leaves less than h^4/8
     for samples in (32, 64, 128):
         motion = Motion(np.ones(1), np.array([[0.0, np.exp(0.3j)]]))
         places = find_reversals(*motion.waveforms(samples), motion.interval(samples)).place

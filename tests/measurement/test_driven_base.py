@@ -125,7 +125,9 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
     force = -base * (1j * omega) ** (2 - order)
     z = force / ((2 * np.pi * 17) ** 2 - omega**2 + 10j * omega)
-    np.savetxt(tmp_path / "a.csv", np.column_stack([frequency, base, z.real, z.imag]), delimiter=",", fmt="%.12g")
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([frequency, base, z.real, z.imag]), delimiter=",", fmt="%.12g"
+    )
     test = MeasuredTest(
         tmp_path / "a.csv", 1, None, Signal(real=3, imaginary=4, phase_sense="lead"), "displacement",
         base=BaseRule(Signal(amplitude=2), "relative", quantity),

@@ -278,7 +278,9 @@ def test_remarks_gaps_and_special_blocks_of_labview(tmp_path: Path) -> None:
 def test_instants_that_a_labview_file_counts_begin_at_x0(tmp_path: Path) -> None:
     path = tmp_path / "a.lvm"
     text = LVM.replace("Delta_X", "X0\t2.5\t2.5\t\nDelta_X")
-    path.write_text(text.replace("\n0.0\t1", "\n\t1").replace("\n0.1\t2", "\n\t2").replace("\n0.2\t3", "\n\t3"))
+    path.write_text(
+        text.replace("\n0.0\t1", "\n\t1").replace("\n0.1\t2", "\n\t2").replace("\n0.2\t3", "\n\t3")
+    )
     (instants,) = array(path, "X_Value")
     np.testing.assert_allclose(instants, [2.5, 2.6, 2.7], rtol=1e-12)
 

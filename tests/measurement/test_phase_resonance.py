@@ -185,5 +185,7 @@ def test_the_shift_of_a_lag_is_that_of_the_stiffness_it_hides():
 
 
 def test_the_lag_of_a_loop_is_that_of_most_of_its_points():
-    (said,) = [f for f in lag_findings(at_lags(np.repeat([83.0, 96.0], [12, 4]))) if f.code == "phase-lag-off"]
+    (said,) = [
+        f for f in lag_findings(at_lags(np.repeat([83.0, 96.0], [12, 4]))) if f.code == "phase-lag-off"
+    ]
     assert (said["lag"], said["points"], said["others"]) == pytest.approx((83.0, 12, 4))

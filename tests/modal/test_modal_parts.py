@@ -69,7 +69,9 @@ def test_few_points_make_coefficients_dear() -> None:
     problem = ModeProblem(seen, SplineBasis.over(points.amplitude, tested, 0, 1, 1), (1,), None)
     found, price = problem.solve()
     size = np.abs(points.force)
-    columns = np.stack([points.amplitude, 1j * points.omega * points.amplitude, -(points.omega**2) * points.amplitude])
+    columns = np.stack(
+        [points.amplitude, 1j * points.omega * points.amplitude, -(points.omega**2) * points.amplitude]
+    )
     matrix, right = (columns / size).T, points.force / size
     matrix = np.concatenate([matrix.real, matrix.imag])
     right = np.concatenate([right.real, right.imag])

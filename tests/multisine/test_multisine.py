@@ -185,7 +185,7 @@ def test_best_linear_approximation_of_a_linear_structure_is_its_receptance() -> 
 
 
 def test_what_the_response_follows_of_the_force_is_no_noise() -> None:
-    """A force that is another one in every period, and a linear structure that has settled to each of them."""
+    """A force that is another one in every period, and a linear structure that has settled to each."""
     made, generator = spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES[:1]), np.random.default_rng(6)
     drawn = generator.standard_normal((2, 1, 6, made.force.shape[2]))
     force = made.force * (1 + 0.02 * (drawn[0] + 1j * drawn[1]))

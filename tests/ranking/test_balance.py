@@ -1,4 +1,4 @@
-"""Rows of the balance at a reference: neighbouring exact motions fulfil them to second order in their distance."""
+"""Rows of the balance at a reference: neighbouring exact motions fulfil them to second order."""
 
 from __future__ import annotations
 

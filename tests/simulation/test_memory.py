@@ -91,7 +91,9 @@ def test_states_of_the_oracle_are_of_fourth_order() -> None:
     a, b, k, c, m = 2000.0, 40.0, 5000.0, 4.0, 1.5
     law = rs.Law("c*v + k*x + z", memory={"z": "a*v - b*z"})
     f = np.array([8.0, 9.5, 12.0])
-    found = solve_harmonic_balance(Oscillator(m, law, {"a": a, "b": b, "c": c, "k": k}), [1.0, 1.0, 1.0], f, harmonics=1)
+    found = solve_harmonic_balance(
+        Oscillator(m, law, {"a": a, "b": b, "c": c, "k": k}), [1.0, 1.0, 1.0], f, harmonics=1
+    )
     ahead = 2j * np.pi * f
     exact = 1 / (k + m * ahead**2 + c * ahead + a * ahead / (ahead + b))
     # 256 steps a period: (2 pi/256)^4/120 of the state
