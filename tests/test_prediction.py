@@ -281,13 +281,20 @@ def linear() -> ResponseSurface:
 
 
 def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear: ResponseSurface) -> None:
-    # |X| = F/|D|, D = k - m omega^2 + i omega c, so that dX/dk = -X Re(D)/|D|^2
+    # |X| = F/|D|, D = k - m omega^2 + i omega c: by k dX = -X Re(D)/|D|^2, by c -X omega Im(D)/|D|^2;
+    # the errors of both go together
     found = identify(linear, Model("k*x + c*v"))
     assert [e.name for e in found.refined] == ["c", "k", "m"]
-    curve = predict(replace(found, covariance=np.diag([0.0, 10.0**2, 0.0])), [5.0]).curves[0]
+    error = np.array([0.1, 8.0, 0.0])
+    covariance = np.outer(error, error) * np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    curve = predict(replace(found, covariance=covariance), [5.0]).curves[0]
     omega = 2 * np.pi * curve.frequency
     dynamic = 5920 - 1.5 * omega**2 + 3.8j * omega
-    half = 1.96 * 10 * curve.amplitude * np.abs(dynamic.real) / np.abs(dynamic) ** 2
+    slope = (
+        np.stack([omega * dynamic.imag, dynamic.real], axis=1)
+        * (curve.amplitude / np.abs(dynamic) ** 2)[:, None]
+    )
+    half = 1.96 * np.sqrt(np.einsum("np,pq,nq->n", slope, covariance[:2, :2], slope))
     shown = np.isfinite(curve.upper) & np.isfinite(curve.lower)
     assert np.count_nonzero(shown) > 50
     assert ((curve.upper - curve.lower) / 2)[shown] == pytest.approx(half[shown], rel=1e-3, abs=1e-9)
