@@ -72,7 +72,7 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFOR
 attack: $(READY) ## kill, damage, fill up and forge what rsgen has, for hours, into reports/attacks.md
 	$(BIN)/python -m tests.attacks
 
-faults: $(READY) ## put small faults into a copy of the package, see which test catches each, into reports/faults.md; 15 to 30 minutes
+faults: $(READY) ## put small faults into a copy of the package, see which test catches each, into reports/faults.md; some ten minutes
 	$(BIN)/python -m tests.faults
 
 clean: ## remove the environment and all generated reports
