@@ -13,7 +13,7 @@ export RSGEN_DATA
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help reports docs test types suite test-wheel fast constraints bench attack clean
+.PHONY: help reports docs test types suite test-wheel fast constraints bench attack faults clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -71,6 +71,9 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFOR
 
 attack: $(READY) ## kill, damage, fill up and forge what rsgen has, for hours, into reports/attacks.md
 	$(BIN)/python -m tests.attacks
+
+faults: $(READY) ## put small faults into a copy of the package, see which test catches each, into reports/faults.md; some ten minutes
+	$(BIN)/python -m tests.faults
 
 clean: ## remove the environment and all generated reports
 	rm -rf docs/_build .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

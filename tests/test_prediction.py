@@ -8,8 +8,10 @@ from scipy.interpolate import CubicSpline
 
 from rsgen.errors import RsgenError
 from rsgen.identification import identify
+from rsgen.observation import Observation
 from rsgen.oscillator import Model, Oscillator
 from rsgen.prediction import Prediction, predict
+from rsgen.surface import ResponseSurface
 from tests.surfaces import changed, model, noisy, surface
 
 EXACT = 1e-5
@@ -251,3 +253,58 @@ def test_a_level_is_held_out_by_the_number_that_is_printed() -> None:
     assert {item.level for item in predict(found, surface=table).held_out} == {float(table.levels[1])}
     with pytest.raises(RsgenError, match="hold_out: no level"):
         identify(table, model("cubic", hold_out=(1.01 * printed,)))
+
+
+def test_folds_lie_where_the_frequency_turns(quintic: tuple[object, Prediction]) -> None:
+    # along a curve the frequency is extreme at a fold: of cubics through the six points around it
+    off, along = [], np.arange(-2.0, 4.0)
+    for curve in quintic[1].curves:
+        flips = np.flatnonzero(np.diff(curve.stable.astype(int)))
+        assert len(flips) == len(curve.folds)
+        for at, (_, amplitude) in zip(flips, curve.folds, strict=True):
+            rows = at + along.astype(int)
+            frequency, size = (
+                np.polynomial.Polynomial.fit(along, part[rows], 3)
+                for part in (curve.frequency, curve.amplitude)
+            )
+            turns = frequency.deriv().roots()
+            place = turns[np.argmin(np.abs(turns - 0.5))].real
+            off.append(abs(size(place) - amplitude) / abs(curve.amplitude[at + 1] - curve.amplitude[at]))
+    assert len(off) >= 4
+    # linear between two points, so that a tenth of their distance is much
+    assert max(off) < 0.1
+
+
+@pytest.fixture(scope="module")
+def linear() -> ResponseSurface:
+    return surface("cubic", values={"k": 5920.0, "kn": 0.0, "c": 3.8})
+
+
+def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear: ResponseSurface) -> None:
+    # |X| = F/|D|, D = k - m omega^2 + i omega c: by k dX = -X Re(D)/|D|^2, by c -X omega Im(D)/|D|^2;
+    # the errors of both go together
+    found = identify(linear, Model("k*x + c*v"))
+    assert [e.name for e in found.refined] == ["c", "k", "m"]
+    error = np.array([0.1, 8.0, 0.0])
+    covariance = np.outer(error, error) * np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    curve = predict(replace(found, covariance=covariance), [5.0]).curves[0]
+    omega = 2 * np.pi * curve.frequency
+    dynamic = 5920 - 1.5 * omega**2 + 3.8j * omega
+    slope = (
+        np.stack([omega * dynamic.imag, dynamic.real], axis=1)
+        * (curve.amplitude / np.abs(dynamic) ** 2)[:, None]
+    )
+    half = 1.96 * np.sqrt(np.einsum("np,pq,nq->n", slope, covariance[:2, :2], slope))
+    shown = np.isfinite(curve.upper) & np.isfinite(curve.lower)
+    assert np.count_nonzero(shown) > 50
+    assert ((curve.upper - curve.lower) / 2)[shown] == pytest.approx(half[shown], rel=1e-3, abs=1e-9)
+
+
+def test_a_curve_has_the_phase_error_of_the_test_once(linear: ResponseSurface) -> None:
+    psi = 0.3
+    seen = changed(linear, force=linear.force * np.exp(-1j * psi))
+    found = identify(seen, Model("k*x + c*v"), Observation(background="phase"))
+    curve = predict(found, [5.0]).curves[0]
+    omega = 2 * np.pi * curve.frequency
+    lag = np.angle(5920 - 1.5 * omega**2 + 3.8j * omega) - psi
+    assert np.abs(np.exp(1j * (curve.phase - lag)) - 1).max() < 1e-3

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.special import j0, j1
 
 from rsgen.cli import main
 from rsgen.describing import derive
@@ -176,3 +177,17 @@ def test_drawing_shows_k_and_c_of_the_law() -> None:
     assert "damping" in damping.get_ylabel()
     assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
     assert "5 N/m at 1 m" in drawing.alternative
+
+
+def test_a_wave_about_a_mean_follows_the_addition_theorem() -> None:
+    # Jacobi-Anger: the sine part of cos(a X sin(phi) + b + a X0) is -2 J1(a X) sin(b + a X0), its mean
+    # J0(a X) cos(b + a X0)
+    derived = derive("F*cos(a*x + b) + k*x")
+    assert derived.closed_form
+    numbers = {"F": 2.0, "a": 1.5, "b": 0.4, "k": 3.0, "X": 0.8, "X0": 0.3}
+    places = {symbol(name): number for name, number in numbers.items()}
+    phase = 0.4 + 1.5 * 0.3
+    stiffness = 3 - 2 * 2 * j1(1.5 * 0.8) * np.sin(phase) / 0.8
+    assert float(derived.stiffness.subs(places)) == pytest.approx(stiffness, rel=1e-12)
+    mean = 3 * 0.3 + 2 * j0(1.5 * 0.8) * np.cos(phase)
+    assert float(derived.mean_balance.subs(places)) == pytest.approx(mean, rel=1e-12)

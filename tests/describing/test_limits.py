@@ -20,6 +20,10 @@ from rsgen.expression import parse, symbol
         ("k*x*abs(x)**(p - 1)", {}),
         ("F + k*x", {("stiffness", 0): "k", ("stiffness", 1): "k"}),
         ("k*x + a*x**2", {("stiffness", 0): "abs(k)"}),
+        (
+            "n*masing(Min(kt*x, Fs))",
+            {("stiffness", 0): "n*kt", ("stiffness", 1): "0", ("damping", 0): "0", ("damping", 1): "0"},
+        ),
     ],
 )
 def test_limits(law, limits):

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.special import j0
 
 from rsgen.describing import derive
+from rsgen.law import make_element
 
 CLOSE = 1e-12  # of the amplitude; the quadrature of the mean force has 1e-13
 EDGE = 1e-6  # the force leaves the range with power 3/2, so that its edge is known to fewer digits
@@ -32,3 +34,18 @@ def test_of_a_range_of_means_the_edge_next_to_rest_counts():
     derived = derive("k*Max(0, x - b) + k*Min(0, x - d)")
     mean = derived.evaluate(0.5, 1.0, {"k": 2.0, "b": 3.0, "d": 1.0}).mean
     assert abs(mean - 1.5) < EDGE
+
+
+def test_of_several_places_of_rest_the_nearest_counts():
+    # mean of sin(a (X0 + X sin phi)) is J0(a X) sin(a X0): a wave of places of rest, pushed aside by F0
+    values = {"F": 2.0, "a": 1.5, "F0": 0.7}
+    X = np.array([0.1, 0.4, 0.8])
+    mean = derive("F*sin(a*x) + F0").evaluate(X, 1.0, values).mean
+    np.testing.assert_allclose(mean, -np.arcsin(0.7 / (2.0 * j0(1.5 * X))) / 1.5, rtol=1e-10)
+
+
+def test_the_mean_of_a_state_counts_as_that_of_a_spring():
+    # the mean of z' = b (x^2 - z) is that of x^2: k X0 + X0^2 + X^2/2 = 0
+    derived = derive(make_element("law", "k*x + z", {"z": "b*(x**2 - z)"}))
+    mean = derived.evaluate(0.3, 1.0, {"k": 2.0, "b": 3.0}).mean
+    assert mean == pytest.approx((-2 + np.sqrt(4 - 2 * 0.3**2)) / 2, rel=1e-8)

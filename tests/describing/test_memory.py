@@ -81,6 +81,20 @@ def test_masing_formulas_of_the_literature():
     assert (linear.stiffness, linear.damping) == (symbol("k1"), 0)
 
 
+def test_a_formula_with_integrals_says_what_is_evaluated():
+    derived = derive("masing(K*x/(1 + x/b))")
+    assert not derived.closed_form
+    found = derived.evaluate(1.3, OMEGA, {"K": 3.0, "b": 0.7})
+    numbers = {"K": 3.0, "b": 0.7, "X": 1.3, "omega": OMEGA}
+    for shown, number in ((derived.stiffness, found.stiffness), (derived.damping, found.damping)):
+        value = shown.subs({symbol(name): size for name, size in numbers.items()}).evalf()
+        assert float(value) == pytest.approx(float(number), rel=1e-9)
+    # integral of n = K b (X - b log(1 + X/b))
+    area = 8 * 3 * 0.7 * (1.3 - 0.7 * np.log(1 + 1.3 / 0.7)) - 4 * 1.3 * 3 * 1.3 / (1 + 1.3 / 0.7)
+    lost = np.pi * OMEGA * 1.3**2 * float(found.damping)
+    assert lost == pytest.approx(area, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["masing(Min(kt*x, Fs))", f"masing({IWAN4})", "masing(F*(1 - exp(-a*x)))"])
 def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):

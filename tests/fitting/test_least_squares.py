@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsgen.fitting.least_squares import Linearisation, fit
-from rsgen.fitting.scaled_columns import solve_scaled
+from rsgen.fitting.scaled_columns import determined, solve_scaled
 
 
 def test_columns_of_any_size_are_solved_exactly() -> None:
@@ -111,3 +111,38 @@ def test_rows_with_less_noise_make_no_outliers(quiet: float) -> None:
         aside.append(np.count_nonzero(~found.used) - 1)
     # chance alone sets a point aside in one fit of a thousand
     assert sum(aside) == 0
+
+
+def test_of_what_is_not_determined_no_covariance_is_known() -> None:
+    known = np.isfinite(determined(np.eye(3), np.array([[1.0], [0.0], [0.0]])))
+    assert known.tolist() == [[False] * 3, [False, True, True], [False, True, True]]
+
+
+def straight(slopes: np.ndarray, seen: np.ndarray):
+    """Readings (n, 2) that are linear in the parameters, beside one nuisance a point that is idle."""
+    count, _, parameters = slopes.shape
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        residual = np.concatenate([seen - slopes @ p, -nuisance], axis=1)
+        by_own, by_parameter = np.zeros((count, 3, 1)), np.zeros((count, 3, parameters))
+        by_own[:, 2], by_parameter[:, :2] = 1.0, slopes
+        return Linearisation(residual, by_own, by_parameter)
+
+    return linearise, np.ones(parameters), np.zeros((count, 1))
+
+
+def test_what_nothing_determines_takes_up_no_freedom() -> None:
+    # two parameters of which only the sum has an effect: of 40 numbers one goes into it
+    seen = np.random.default_rng(5).normal(size=(20, 2))
+    found = fit(*straight(np.ones((20, 2, 2)), seen), reject=False)
+    assert found.freedom == 39
+    assert found.noise == pytest.approx(seen.std(ddof=1), rel=1e-9)
+
+
+def test_errors_are_never_less_than_those_of_equal_noise() -> None:
+    # all noise where the slope is small: the scatter of the scores alone would say a smaller error
+    x = np.linspace(0, 1, 40)
+    seen = np.outer(2 * x, np.ones(2))
+    seen[:10] += 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]] * 5)
+    found = fit(*straight(np.repeat(x[:, None, None], 2, axis=1), seen), reject=False)
+    assert found.covariance[0, 0] == pytest.approx(found.noise**2 / (2 * np.sum(x**2)), rel=1e-9)

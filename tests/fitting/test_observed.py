@@ -109,3 +109,21 @@ def test_without_background_the_sensor_sees_the_mode(points: Points) -> None:
     observed = Observed.of(points)
     assert observed.background.names == ()
     assert observed.mode(np.zeros(0)) is points
+
+
+def test_second_derivatives_by_the_phase_are_those_of_the_residuals(points: Points) -> None:
+    observed = Observed.of(points)
+    made = HarmonicBalance(compile_law(model("cubic").force), points.motion, 5, mass_free=True)
+    nuisance = observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1]))
+    response, compared, h = made(VALUES, MASS, points.amplitude), (3, 5), 1e-3
+    # no force and no fundamental that only the logarithm of a turning number would change
+    rows = [
+        observed.linearise(
+            response, np.zeros(0), nuisance + np.array([0.0, move]), points.amplitude, compared
+        ).residual
+        for move in (-h, 0.0, h)
+    ]
+    difference = -(rows[0] - 2 * rows[1] + rows[2]) / h**2
+    curved = observed.phase_curvature(nuisance, points.amplitude, compared)
+    # of central differences, (5 h)^2 / 12 of the largest
+    assert np.abs(curved - difference).max() < 1e-5 * np.abs(curved).max()

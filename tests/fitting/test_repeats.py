@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rsgen.case import load_case
-from rsgen.fitting.repeats import gather_repeats
+from rsgen.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification import identify
 from rsgen.law.element import make_element
 from rsgen.measurement import read_measurement
@@ -186,3 +186,25 @@ def test_the_beam_with_fifty_readings_a_point(
     # five numbers give a spread within a factor of two; readings in a row drift, which subsets share
     assert np.all(spread < 2 * quoted)
     assert np.all(spread > quoted / 5)
+
+
+def pairs(force: complex, response: complex) -> Repeats:
+    """Two readings of each of three points, as far above their mean as below."""
+    row, sign = np.repeat(np.arange(3), 2), np.tile([1.0, -1.0], 3)
+    return Repeats(row, np.tile([0, 1], 3), np.full(3, 2), force * sign, response * sign, 0)
+
+
+def test_the_noise_of_two_readings_is_that_of_their_difference() -> None:
+    # two numbers a and b have the variance (a - b)^2 / 2, force and response together
+    assert pairs(0.03, 0.0).noise == pytest.approx(np.sqrt(0.06**2 / 2))
+    assert pairs(0.03, 0.04j).noise == pytest.approx(np.sqrt((0.06**2 + 0.08**2) / 2))
+
+
+def test_the_error_of_a_mean_of_two_is_half_of_their_difference() -> None:
+    # an estimate that is the sum of what the real part of the first force and the imaginary part of the
+    # second response deviate by: their variances add, each (a - b)^2 / 4
+    influence = np.zeros((3, 4, 1))
+    influence[0, 0], influence[1, 3] = 1.0, 1.0
+    covariance, freedom = pairs(0.03, 0.04j).covariance(np.arange(3), influence)
+    assert covariance[0, 0] == pytest.approx(0.03**2 + 0.04**2, rel=1e-12)
+    assert freedom[0] == pytest.approx((0.03**2 + 0.04**2) ** 2 / (0.03**4 + 0.04**4), rel=1e-12)

@@ -13,6 +13,7 @@ from scipy.signal import cont2discrete, lfilter
 from rsgen.errors import MeasurementError
 from rsgen.finding import Finding
 from rsgen.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
+from rsgen.history.decay import _scatter
 from rsgen.law.element import make_element
 from rsgen.oscillator import Oscillator
 from tests.oracles.swept import sweep
@@ -273,3 +274,11 @@ def test_a_measured_decay_that_begins_driven(measured_data: Callable[[str], Path
     # misfit 70 %, and a damping ratio of 1e-5, when the drive was taken for the decay
     assert 3e-3 < found.damping_ratio[0] < 1e-2
     assert found.amplitude[0] > 30 * found.amplitude[-1]
+
+
+def test_the_error_of_a_point_is_the_scatter_of_its_neighbours_about_a_line() -> None:
+    # white noise about a straight line: the variance is that of the noise, two numbers go into each line
+    noise = 0.3 * np.random.default_rng(7).standard_normal(20_000)
+    found = _scatter(noise + 0.01 * np.arange(len(noise)))
+    # 20 000 points in overlapping groups of a few: their mean square is good to some per cent
+    assert np.mean(found**2) == pytest.approx(0.3**2, rel=0.04)

@@ -129,3 +129,14 @@ def test_a_sine_fit_scatters_as_the_noise_says() -> None:
     pure = np.cos(omega * np.arange(n))
     found = [fit_sine(pure + 0.1 * random.normal(size=n), omega, 1)[0][1] - 1 for _ in range(200)]
     assert np.mean(np.abs(found) ** 2) == pytest.approx(4 * 0.01 / n, rel=0.25)
+
+
+def test_the_error_of_a_step_is_that_of_its_noise() -> None:
+    # an amplitude of N samples with noise of standard deviation s has the variance 2 s^2/N
+    generator, level = np.random.default_rng(8), 3.0
+    t = np.arange(0, 40, 1 / RATE)
+    force, noise = level * np.cos(2 * np.pi * 10 * t), 0.1 * generator.standard_normal(len(t))
+    surface = from_stepped_sine(TimeHistory(RATE, force, 1e-3 * (np.cos(2 * np.pi * 10 * t - 1) + noise)))
+    assert len(surface) == 1
+    # of the whole step, from which a last part may be taken
+    assert surface.error[0] == pytest.approx(0.1 * np.sqrt(2 / len(t)), rel=0.1)

@@ -66,3 +66,17 @@ def test_bands_hold_the_force() -> None:
 
 def test_too_few_points_draw_nothing() -> None:
     assert invert_curve(curve(lambda X: 5920, lambda V: 3.8, points=10), M) is None
+
+
+def test_points_count_by_the_force_that_held_them() -> None:
+    # one stiffness at resonance and another off it, both at all amplitudes: their mean, weighted by 1/F^2
+    size, k, other, c = np.linspace(1e-3, 0.02, 200), 6000.0, 6300.0, 4.0
+    omega = np.sqrt(k / M) * np.array([1.0, 1.02])
+    force = np.hypot([0.0, other - M * omega[1] ** 2], omega * c)
+    stiffness, frequency = np.repeat([k, other], 200), np.repeat(omega, 200) / 2 / np.pi
+    both = np.tile(size, 2)
+    found = invert_curve(
+        EquivalentCurve(both, frequency, both, stiffness, np.full(400, c), np.ones(400, dtype=bool)), M
+    )
+    mean = float(np.sum(np.array([k, other]) / force**2) / np.sum(1 / force**2))
+    assert found.stiffness_force == pytest.approx(mean * found.displacement, rel=1e-6)

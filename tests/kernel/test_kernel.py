@@ -32,6 +32,7 @@ LAWS = [
     "k*tanh(x/d) + c*v/(1 + abs(x)/d)",
     "k*sin(x/d) + a*sign(x + d*v)",
     "k*exp(x/d)*x + F_f*sign(v - w)",
+    "k*x + cx*x*abs(x)*v*abs(v)",
 ]
 
 
@@ -173,3 +174,25 @@ def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
             points[i : i + 1], np.zeros((2, 1)), force, omega, 1.0, values, steps=48, periods=9
         )
         assert np.array_equal(alone.state[:, 0], together[:, i])
+
+
+def test_peaks_between_two_steps_are_those_of_the_sine() -> None:
+    # free vibration of unit amplitude, 16 steps a period: h^6/9 is lost to damping of the method, h^4/384
+    # to the cubic between two steps
+    kernel, phase = compile_kernel(parse("k*x")), np.linspace(0, 2 * np.pi, 40)
+    moved = kernel.integrate(
+        np.arange(40), np.array([np.cos(phase), -np.sin(phase)]), np.zeros((40, 2)), np.ones(40), 1.0,
+        np.ones(1), steps=16, periods=1, harmonics=1,
+    )  # fmt: skip
+    assert np.abs(moved.peak - [1.0, -1.0]).max() < 1e-3
+
+
+def test_friction_holds_a_mass_where_its_spring_has_left_it() -> None:
+    # a slow force of 0.7 cos(t) N on k x0 = 0.6 N: it lets go below 0.6 - 1 N, slides to k x = 1 - 0.7 N, and
+    # stays there; viscous lag is second order where the force turns
+    kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))
+    moved = kernel.integrate(
+        np.array([0]), np.array([[0.6], [0.0]]), np.array([[0.7, 0.0]]), np.array([0.01]), 1.0,
+        np.array([1.0, 2.0, 1.0]), steps=2000, periods=1,
+    )  # fmt: skip
+    assert moved.state[:, 0] == pytest.approx([0.3, 0.0], abs=1e-3)

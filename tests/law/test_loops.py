@@ -8,8 +8,10 @@ from scipy.integrate import solve_ivp
 
 from rsgen.expression import parse
 from rsgen.law.character import character
+from rsgen.law.masing_loops import find_reversals
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.state_loops import _weight
 from rsgen.motion import Motion, fourier_series, project
 
 STATES = {
@@ -200,3 +202,19 @@ def test_a_state_may_have_any_name(other: str, name: str) -> None:
         for z in (name, "z")
     ]
     np.testing.assert_array_equal(*forces)
+
+
+def test_steps_of_a_state_are_weighed_for_an_exponential() -> None:
+    # theta of Liniger and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47: 1/(1 - exp(-d)) - 1/d; its series is
+    # 1/2 + d/12 - d^3/720
+    decay = np.array([1e-6, 1e-4, 9e-3, 2e-2, 1.0, 30.0])
+    exact = [0.5 + d / 12 - d**3 / 720 if d < 0.1 else 1 / (1 - np.exp(-d)) - 1 / d for d in decay]
+    assert _weight(decay) == pytest.approx(exact, abs=1e-8)
+
+
+def test_reversals_between_samples_are_found_to_fourth_order() -> None:
+    # cos(t + 0.3) turns at +-1, a part of a sample beside the nearest one: a parabola leaves less than h^4/8
+    for samples in (32, 64, 128):
+        motion = Motion(np.ones(1), np.array([[0.0, np.exp(0.3j)]]))
+        places = find_reversals(*motion.waveforms(samples), motion.interval(samples)).place
+        assert np.sort(places) == pytest.approx([-1.0, 1.0], abs=(2 * np.pi / samples) ** 4 / 8)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.measurement import MeasuredTest, Signal, read_measurement
+from rsgen.measurement.signals import BaseRule
 
 CASE = """
 schema = 1
@@ -110,3 +112,24 @@ def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, 
     assert found["by"] * factor == pytest.approx(1, rel=1e-9)
     # what four powers of the amplitude and the digits of the file leave
     assert found["then"] < 1e-5 < found["misfit"]
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base(
+    tmp_path: Path, quantity: str
+) -> None:
+    # 3 and 9 of the unit of the base, held to a hundredth, at 30 frequencies
+    frequency, level = np.tile(np.linspace(11, 22, 30), 2), np.repeat([3.0, 9.0], 30)
+    omega = 2 * np.pi * frequency
+    base = level * (1 + 0.01 * np.sin(np.arange(60.0)))
+    order = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
+    force = -base * (1j * omega) ** (2 - order)
+    z = force / ((2 * np.pi * 17) ** 2 - omega**2 + 10j * omega)
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([frequency, base, z.real, z.imag]), delimiter=",", fmt="%.12g"
+    )
+    test = MeasuredTest(
+        tmp_path / "a.csv", 1, None, Signal(real=3, imaginary=4, phase_sense="lead"), "displacement",
+        base=BaseRule(Signal(amplitude=2), "relative", quantity),
+    )  # fmt: skip
+    assert np.sort(read_measurement(test).levels) == pytest.approx([3.0, 9.0], rel=0.01)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.io import wavfile
+from scipy.io import savemat, wavfile
 
 from rsgen.case import load_case
 from rsgen.errors import MeasurementError
@@ -273,6 +273,25 @@ def test_remarks_gaps_and_special_blocks_of_labview(tmp_path: Path) -> None:
     force, gaps = array(path, 2, "a")
     np.testing.assert_array_equal(force, [1, 2, 3])
     np.testing.assert_array_equal(gaps, [2, np.nan, 4])
+
+
+def test_instants_that_a_labview_file_counts_begin_at_x0(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    text = LVM.replace("Delta_X", "X0\t2.5\t2.5\t\nDelta_X")
+    path.write_text(
+        text.replace("\n0.0\t1", "\n\t1").replace("\n0.1\t2", "\n\t2").replace("\n0.2\t3", "\n\t3")
+    )
+    (instants,) = array(path, "X_Value")
+    np.testing.assert_allclose(instants, [2.5, 2.6, 2.7], rtol=1e-12)
+
+
+def test_members_of_a_struct_array_are_counted_by_columns(tmp_path: Path) -> None:
+    path, run = tmp_path / "a.mat", np.empty((2, 3), dtype=[("f", object)])
+    for place in np.ndindex(2, 3):
+        run[place] = (np.array([[10.0 * place[0] + place[1]]]),)
+    savemat(path, {"run": run})
+    # run(2) of MATLAB is run(2, 1), run(3) is run(1, 2)
+    assert [float(one.item()) for one in array(path, "run/2/f", "run/3/f", "run/6/f")] == [10.0, 1.0, 12.0]
 
 
 @pytest.mark.parametrize(

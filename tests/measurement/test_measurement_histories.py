@@ -101,6 +101,19 @@ def test_histories_come_as_written(tmp_path: Path, ending: str) -> None:
         np.testing.assert_allclose(got.response, ACCELERATION[1] * 9.80665, rtol=1e-15)
 
 
+def test_instants_in_milliseconds_begin_where_they_say(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{2500 + 20 * i},{f:.17g},{a:.17g}" for i, (f, a) in enumerate(zip(FORCE, FORCE, strict=True))]
+    path.write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
+    whole, part = (
+        read_histories(history(path, history=HistoryRule("swept-sine", time="t", unit="ms", start=start)))[0]
+        for start in (None, 2.59)
+    )
+    assert (whole.rate, part.rate) == pytest.approx((50.0, 50.0), rel=1e-9)
+    assert (whole.start, part.start) == pytest.approx((2.5, 2.6), rel=1e-9)
+    assert part.response.tolist() == FORCE[5:].tolist()
+
+
 @pytest.mark.slow
 def test_a_part_is_cut_out(tmp_path: Path) -> None:
     path = write(tmp_path / "a.npz")

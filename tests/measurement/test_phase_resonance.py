@@ -12,6 +12,7 @@ import rsgen
 from rsgen.measurement import MeasuredTest, Signal
 from rsgen.study.foresight import mass_findings, point_faults
 from rsgen.surface import ResponseSurface
+from rsgen.surface.phase_lag import lag_findings
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
 AMPLITUDE = np.linspace(4e-3, 48e-3, 23)
@@ -166,3 +167,25 @@ def test_what_a_backbone_does_not_determine_is_said_before_the_run(
     faults = point_faults(case, surface)
     assert bool(faults) == refused
     assert all("phase resonance" in fault for fault in faults)
+
+
+def at_lags(lag: np.ndarray) -> ResponseSurface:
+    """Points of a linear mode, 90 N s/m and so 0.1 of critical, that a loop held at these lags [degrees]."""
+    omega = np.sqrt(K / MASS) * np.ones(len(lag))
+    level = np.linspace(1.0, 3.0, len(lag))
+    response = 1e-3 * level * np.exp(-1j * np.radians(lag))
+    return ResponseSurface(level, omega / 2 / np.pi, level, response, control="phase")
+
+
+def test_the_shift_of_a_lag_is_that_of_the_stiffness_it_hides():
+    # k - m omega^2 = omega c cot(lag): k/m is off by 2 zeta cot(lag) omega^2, here said over zeta
+    (said,) = [f for f in lag_findings(at_lags(np.full(12, 96.0))) if f.code == "phase-lag-off"]
+    assert said["shift"] == pytest.approx(2 / np.tan(np.radians(84.0)), rel=1e-9)
+    assert said["lag"] == pytest.approx(96.0)
+
+
+def test_the_lag_of_a_loop_is_that_of_most_of_its_points():
+    (said,) = [
+        f for f in lag_findings(at_lags(np.repeat([83.0, 96.0], [12, 4]))) if f.code == "phase-lag-off"
+    ]
+    assert (said["lag"], said["points"], said["others"]) == pytest.approx((83.0, 12, 4))

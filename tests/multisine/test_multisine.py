@@ -184,6 +184,17 @@ def test_best_linear_approximation_of_a_linear_structure_is_its_receptance() -> 
     assert found.distortion_share < 1e-8
 
 
+def test_what_the_response_follows_of_the_force_is_no_noise() -> None:
+    """A force that is another one in every period, and a linear structure that has settled to each."""
+    made, generator = spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES[:1]), np.random.default_rng(6)
+    drawn = generator.standard_normal((2, 1, 6, made.force.shape[2]))
+    force = made.force * (1 + 0.02 * (drawn[0] + 1j * drawn[1]))
+    omega = OMEGA0 * made.lines
+    response = force / (TRUE["k"] - MASS * omega**2 + 1j * TRUE["c"] * omega)
+    (found,) = rsgen.best_linear(rsgen.MultisineSpectra(made.level, OMEGA0, force, response))
+    assert found.noise_share < 1e-6
+
+
 def test_a_best_linear_approximation_prints_in_one_line() -> None:
     (found,) = rsgen.best_linear(spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES[:1]))
     assert re.fullmatch(
@@ -220,6 +231,14 @@ def test_period_and_transient_are_found(quantity: str) -> None:
     assert read.left_out[0] >= 2
     given = from_multisine(histories(12, decay, quantity), period=512, transient=4)
     assert given.periods == 8
+
+
+def test_the_mean_of_a_record_is_that_of_its_samples() -> None:
+    record = histories(4, np.zeros(0))
+    moved = TimeHistory(record.rate, record.force, np.asarray(record.response) + 3e-4)
+    read = from_multisine(moved)
+    assert read.mean_known
+    assert read.mean_response[0, 0].real == pytest.approx(3e-4, rel=1e-9)
 
 
 def test_random_and_unsteady_records_are_refused_with_what_to_record() -> None:

@@ -84,3 +84,17 @@ def test_loops_within_the_loop_of_the_oracle_are_those_of_a_slider() -> None:
         slider = float(np.clip(slider + 3000 * change, -2, 2))
         stepped.append(slider)
     np.testing.assert_allclose(force - 5922 * places, stepped[len(places) :], atol=1e-12)
+
+
+def test_states_of_the_oracle_are_of_fourth_order() -> None:
+    # z' = a v - b z is a spring and a damper in line: receptance 1/(k - m w^2 + i w c + i w a/(i w + b))
+    a, b, k, c, m = 2000.0, 40.0, 5000.0, 4.0, 1.5
+    law = rs.Law("c*v + k*x + z", memory={"z": "a*v - b*z"})
+    f = np.array([8.0, 9.5, 12.0])
+    found = solve_harmonic_balance(
+        Oscillator(m, law, {"a": a, "b": b, "c": c, "k": k}), [1.0, 1.0, 1.0], f, harmonics=1
+    )
+    ahead = 2j * np.pi * f
+    exact = 1 / (k + m * ahead**2 + c * ahead + a * ahead / (ahead + b))
+    # 256 steps a period: (2 pi/256)^4/120 of the state
+    assert np.abs(found.harmonics[:, 1] / exact - 1).max() < 1e-8

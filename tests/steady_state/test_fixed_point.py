@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsgen.steady_state.fixed_point import correction
+from rsgen.steady_state.fixed_point import attraction, correction
 
 
 @pytest.mark.parametrize("size", [2, 3, 4, 5])
@@ -25,3 +25,13 @@ def test_a_singular_point_moves_by_its_residual_and_spoils_no_other() -> None:
     jacobian[:, :, 1] = np.eye(3)
     residual = np.arange(9.0).reshape(3, 3)
     assert np.array_equal(correction(jacobian, residual), residual)
+
+
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_a_point_attracts_where_all_eigenvalues_are_inside_the_unit_circle(size: int) -> None:
+    generator = np.random.default_rng(size)
+    jacobian = generator.normal(size=(size, size, 400)) / np.sqrt(size)
+    largest = np.abs(np.linalg.eigvals(np.moveaxis(jacobian, -1, 0))).max(axis=1)
+    inside = attraction(jacobian) > 0
+    assert 50 < np.count_nonzero(inside) < 350
+    assert np.array_equal(inside, largest < 1)

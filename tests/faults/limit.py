@@ -1,0 +1,38 @@
+"""A pytest plugin: tests that fail are written to a file; those that take too long are left out, not failed.
+
+RSGEN_FAULTS_FAILED names the file, RSGEN_FAULTS_LIMIT the seconds that a test may take.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+
+import pytest
+
+LIMIT = float(os.environ.get("RSGEN_FAULTS_LIMIT", "60"))
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    pytest.skip(f"longer than {LIMIT:g} s")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Set the clock for one test."""
+    signal.signal(signal.SIGALRM, _stop)
+    signal.setitimer(signal.ITIMER_REAL, LIMIT)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note a test that failed."""
+    if report.failed:
+        with Path(os.environ["RSGEN_FAULTS_FAILED"]).open("a", encoding="utf-8") as file:
+            file.write(f"{report.nodeid}\n")

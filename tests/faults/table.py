@@ -1,0 +1,150 @@
+"""The table of faults: small errors that a refactoring might make, each with the test that sees it.
+
+A fault names a function, ``rsgen.module:Qualified.name``, and a text in it that another replaces. Where the
+module has no such function any more, the only one of the package with this name is taken. Templates of
+kernels are no functions: there the name of the file stands alone, and the text is one of the whole file.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+__all__ = ["FAULTS", "GROUPS", "Fault", "FaultError", "Place", "find_place", "load_faults", "test_exists"]
+
+FAULTS = Path(__file__).with_name("faults.toml")
+
+GROUPS = (
+    "describing functions",
+    "kernels",
+    "balances",
+    "least squares",
+    "histories",
+    "readers",
+    "law and units",
+    "prediction and modal",
+)
+
+
+class FaultError(Exception):
+    """The table has gone stale: a function or a text in it is not there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One row of the table.
+
+    Parameters
+    ----------
+    name
+        Short, for the report.
+    group
+        One of ``GROUPS``.
+    function
+        Where: module and qualified name, or the name of a template.
+    old, new
+        A text that occurs once there, and what replaces it.
+    means
+        What goes wrong physically.
+    caught
+        Tests that fail with the fault, the quickest first; three at most.
+    """
+
+    name: str
+    group: str
+    function: str
+    old: str
+    new: str
+    means: str
+    caught: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A file, relative to the folder of the package, and the part of its text that a function is."""
+
+    file: Path
+    text: str
+    start: int
+    stop: int
+
+    def replaced(self, fault: Fault) -> str:
+        """Text of the whole file with the fault in it."""
+        part = self.text[self.start : self.stop]
+        found = part.count(fault.old)
+        if found != 1:
+            raise FaultError(
+                f"{fault.name}: {fault.old!r} occurs {found} times in {fault.function}; once is needed"
+            )
+        return self.text[: self.start] + part.replace(fault.old, fault.new) + self.text[self.stop :]
+
+
+def load_faults(path: Path = FAULTS) -> tuple[Fault, ...]:
+    """All rows of the table."""
+    rows = tomllib.loads(path.read_text(encoding="utf-8"))["fault"]
+    return tuple(Fault(**row | {"caught": tuple(row["caught"])}) for row in rows)
+
+
+@lru_cache(maxsize=1024)
+def _parsed(path: Path) -> tuple[str, ast.Module]:
+    text = path.read_text(encoding="utf-8")
+    return text, ast.parse(text)
+
+
+def _definitions(tree: ast.AST, before: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Qualified name and node of every function and method."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef):
+            yield before + node.name, node
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield from _definitions(node, f"{before}{node.name}.")
+
+
+def _places(root: Path, file: Path, name: str) -> list[Place]:
+    """Where the functions of this qualified name are in a file; properties may have several."""
+    text, tree = _parsed(root / file)
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    return [
+        Place(file, text, starts[node.lineno - 1], starts[node.end_lineno or node.lineno])
+        for found, node in _definitions(tree)
+        if found == name
+    ]
+
+
+def find_place(fault: Fault, root: Path) -> Place:
+    """Where the function of a fault is in a checkout: in its module, else the only one of its name."""
+    module, _, name = fault.function.partition(":")
+    if not name:
+        files = sorted((root / "rsgen").rglob(module))
+        if len(files) != 1:
+            raise FaultError(f"{fault.name}: {len(files)} files are called {module}; one is needed")
+        text = files[0].read_text(encoding="utf-8")
+        return Place(files[0].relative_to(root), text, 0, len(text))
+    file = Path(*module.split(".")).with_suffix(".py")
+    found = _places(root, file, name) if (root / file).is_file() else []
+    if not found:
+        others = sorted(path.relative_to(root) for path in (root / "rsgen").rglob("*.py"))
+        found = [place for other in others for place in _places(root, other, name)]
+    if len(found) != 1:
+        raise FaultError(
+            f"{fault.name}: {len(found)} functions are called {name}; {fault.function} is needed"
+        )
+    return found[0]
+
+
+def test_exists(test: str, root: Path) -> bool:
+    """Whether the file of a test id and its function are there."""
+    file, *names = test.split("::")
+    if not (root / file).is_file():
+        return False
+    wanted = ".".join(name.partition("[")[0] for name in names)
+    return not wanted or any(found == wanted for found, _ in _definitions(_parsed(root / file)[1]))
+
+
+test_exists.__test__ = False  # type: ignore[attr-defined]

@@ -1,0 +1,53 @@
+"""The table of faults fits the package as it is: texts are found once, and the tests that it names exist."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.faults.table import GROUPS, Fault, FaultError, find_place, load_faults, test_exists
+
+ROOT = Path(__file__).parents[2]
+FAULTS = load_faults()
+FEWEST, FEWEST_OF_A_GROUP = 60, 8
+
+
+def test_there_are_enough_of_every_kind() -> None:
+    groups = Counter(fault.group for fault in FAULTS)
+    assert len(FAULTS) >= FEWEST
+    assert set(groups) == set(GROUPS)
+    assert min(groups.values()) >= FEWEST_OF_A_GROUP
+    assert max(Counter(fault.name for fault in FAULTS).values()) == 1
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_a_fault_is_found_once_and_leaves_a_program(fault: Fault) -> None:
+    place = find_place(fault, ROOT)
+    faulty = place.replaced(fault)
+    assert faulty != place.text
+    if place.file.suffix == ".py":
+        assert ast.dump(ast.parse(faulty)) != ast.dump(ast.parse(place.text))
+    assert 1 <= len(fault.caught) <= 3
+    assert [test for test in fault.caught if not test_exists(test, ROOT)] == []
+
+
+def test_a_function_that_moved_is_found_by_its_name(tmp_path: Path) -> None:
+    folder = tmp_path / "rsgen" / "other"
+    folder.mkdir(parents=True)
+    (folder / "place.py").write_text(
+        "class A:\n    def f(self):\n        return 1\n\n\ndef f():\n    return 1\n"
+    )
+    fault = Fault("moved", GROUPS[0], "rsgen.gone:A.f", "return 1", "return 2", "", ())
+    assert find_place(fault, tmp_path).replaced(fault).count("return 2") == 1
+    (folder / "twice.py").write_text("class A:\n    def f(self):\n        return 1\n")
+    with pytest.raises(FaultError, match="2 functions are called"):
+        find_place(fault, tmp_path)
+
+
+def test_a_stale_text_is_named() -> None:
+    fault = Fault("stale", GROUPS[0], FAULTS[0].function, "no such text", "", "", ())
+    with pytest.raises(FaultError, match="stale: 'no such text' occurs 0 times"):
+        find_place(fault, ROOT).replaced(fault)
