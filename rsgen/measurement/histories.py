@@ -26,6 +26,10 @@ from rsgen.measurement.title_units import unit_doubts
 __all__ = ["read_both", "read_histories", "shifted"]
 
 
+_ON_SAMPLE = 1e-6
+"""Of a sample: start and stop as near to one are the instant of it."""
+
+
 def _rows(
     path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
 ) -> dict[int | str, NDArray[Any]]:
@@ -163,8 +167,11 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> tuple[Time
     """One file as the history of its response, and with the motion across in its place."""
     label, record = file_label(test.files[number]), _record(test, rule, number)
     rate, start, length = record.rate, record.start, len(record.samples[-1])
-    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate)))
-    end = length if rule.stop is None else min(length, int(np.floor((rule.stop - start) * rate)) + 1)
+    # a sample that lies on start or stop, but for round-off, is between them
+    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate - _ON_SAMPLE)))
+    end = length
+    if rule.stop is not None:
+        end = min(length, int(np.floor((rule.stop - start) * rate + _ON_SAMPLE)) + 1)
     if end <= begin:
         raise MeasurementError(
             f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"

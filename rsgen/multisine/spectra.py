@@ -274,7 +274,7 @@ def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, 
     if not np.isfinite(noise).all():
         return 1, last
     high = np.flatnonzero(np.sqrt(smooth(size**2)) > _HIDDEN * noise)
-    variance = np.maximum(noise[1:], 1e-300) ** 2
+    variance = np.maximum(noise[1:] ** 2, 1e-300)
     # from below, so that a strong line is not taken for those before it
     hidden = np.cumsum(size[1:] ** 2 / variance) <= _CLEAR**2 * np.arange(1, last + 1)
     # lines below the excited ones, as long as their noise together is not more than that of these

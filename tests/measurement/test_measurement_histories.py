@@ -107,7 +107,7 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path: Path) -> None:
     path.write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
     whole, part = (
         read_histories(history(path, history=HistoryRule("swept-sine", time="t", unit="ms", start=start)))[0]
-        for start in (None, 2.59)
+        for start in (None, 2.6)
     )
     assert (whole.rate, part.rate) == pytest.approx((50.0, 50.0), rel=1e-9)
     assert (whole.start, part.start) == pytest.approx((2.5, 2.6), rel=1e-9)
