@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 import rsgen
 from benchmarks.cramer_rao import cramer_rao
-from rsgen.case import Case
-from rsgen.finding import Finding
-from rsgen.fitting.points import held_out_mask
-from rsgen.output import write_atomic
-from rsgen.simulation.noise import add_noise
-from rsgen.surface import ResponseSurface
+from rsgen.cases import Case
+from rsgen.common.finding import Finding
+from rsgen.common.output import write_atomic
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.identification.fitting.points import held_out_mask
 
 ROOT = Path(__file__).parent.parent
 RUNS = 500
@@ -87,11 +87,11 @@ def identify_once(job: tuple[str, float, int]) -> tuple[tuple[str, ...], tuple[o
     begin = time.perf_counter()
     found = rsgen.identify(table, case.model)
     took = time.perf_counter() - begin
-    comparison = rsgen.compare(found, case.truth, dict.fromkeys(rsgen.comparison.FORCE_KEYS, 1.0))
+    comparison = rsgen.compare(found, case.truth, dict.fromkeys(rsgen.analysis.comparison.FORCE_KEYS, 1.0))
     rows = [
         row
         for row in comparison.rows
-        if len(found.refined) > 6 or row.name not in rsgen.comparison.FORCE_KEYS
+        if len(found.refined) > 6 or row.name not in rsgen.analysis.comparison.FORCE_KEYS
     ]
     true = np.array([case.truth[estimate.name] for estimate in found.refined])
     first = [row.paper_error for row in rows], [row.first_order_error for row in rows]

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 import rsgen
 from benchmarks.cramer_rao import Background, cramer_rao
 from benchmarks.sections import write_section
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.simulation.noise import add_noise
 from rsgen.law import make_element
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
-from rsgen.simulation import SimulatedTest
-from rsgen.simulation.noise import add_noise
 
 RUNS = 200
 NOISE = 0.01

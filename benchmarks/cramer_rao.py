@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import SteadyStates, solve_steady_states
-from rsgen.surface import ResponseSurface
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 
 __all__ = ["Background", "cramer_rao"]
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers import MEASURED, SAMPLES, TRANSIENT
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import solve_steady_states
 from tests.oracles import hysteresis
 
 __all__ = ["table"]

@@ -11,8 +11,8 @@ import sympy
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from rsgen.data.oscillator import Oscillator
 from rsgen.law.element import make_element
-from rsgen.oscillator import Oscillator
 from tests.oracles import motion
 
 TRANSIENT, MEASURED, SAMPLES = 128, 8, 16

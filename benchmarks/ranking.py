@@ -23,13 +23,13 @@ import numpy as np
 
 import rsgen
 from benchmarks.sections import write_section
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.identification.ranking import rank
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_equations
-from rsgen.oscillator import Model, Oscillator
-from rsgen.ranking import rank
-from rsgen.simulation import SimulatedTest
-from rsgen.simulation.noise import add_noise
-from rsgen.surface import ResponseSurface
 
 ROOT = Path(__file__).parent.parent
 CASES = ROOT / "cases"

@@ -19,11 +19,11 @@ import rsgen
 from benchmarks.background import MASS, OTHERS
 from benchmarks.cramer_rao import Background
 from benchmarks.sections import write_section
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.simulation.noise import add_noise
 from rsgen.law import make_element
-from rsgen.observation import Observation
-from rsgen.oscillator import Oscillator
-from rsgen.simulation import SimulatedTest
-from rsgen.simulation.noise import add_noise
 
 RUNS = 50
 NOISES = (0.003, 0.01)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.output import write_atomic
+from rsgen.common.output import write_atomic
 
 REPORT = Path(__file__).parent.parent / "reports" / "accuracy.md"
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from benchmarks import hysteresis, peers, stages
 from benchmarks.peers import JOBS, Job
-from rsgen.kernel import compile_kernel
-from rsgen.output import write_atomic
-from rsgen.simulation import SimulatedTest, simulate
-from rsgen.steady_state import solve_steady_states
-from rsgen.surface import ResponseSurface
+from rsgen.common.output import write_atomic
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.kernel import compile_kernel
+from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles import motion
 
 ROOT = Path(__file__).parent.parent
@@ -162,7 +162,7 @@ def scaling() -> tuple[list[str], float]:
 def processes() -> dict[str, float]:
     """Whole processes: first compile, from the cache, the command line."""
     program = (
-        "import time; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "import time; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "
         "import numba, sympy; law = parse({law!r}); t = time.perf_counter(); compile_kernel(law); "
         "print(time.perf_counter() - t)"
     )

@@ -13,9 +13,9 @@ os.environ["RSGEN_THREADS"] = "1"
 
 import numpy as np
 
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.law import make_element
-from rsgen.oscillator import Oscillator
-from rsgen.simulation import SimulatedTest, simulate
 
 WORDINGS = {
     "two branches": "Piecewise((k*x, abs(x) <= b), ((k + kd)*x - kd*b*sign(x), True))",

@@ -30,30 +30,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsgen import figures, history
-    from rsgen.case import Case, load_case, read
-    from rsgen.comparison import Comparison, compare, verdict_of
+    from rsgen.analysis.comparison import Comparison, compare, verdict_of
+    from rsgen.analysis.export import save_frf
+    from rsgen.cases import Case, load_case, read
+    from rsgen.common.errors import CaseError, ExpressionError, MeasurementError, RsgenError
+    from rsgen.common.finding import Finding
+    from rsgen.common.verdict import Verdict
+    from rsgen.data import history
+    from rsgen.data.multisine import MultisineSpectra, best_linear
+    from rsgen.data.observation import Observation
+    from rsgen.data.oscillator import Model, Oscillator
+    from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import DescribingFunction, derive
-    from rsgen.errors import CaseError, ExpressionError, MeasurementError, RsgenError
-    from rsgen.export import save_frf
-    from rsgen.finding import Finding
-    from rsgen.identification import identify
+    from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
+    from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+    from rsgen.files import MeasuredTest, read_measurement
+    from rsgen.identification.identify import identify
+    from rsgen.identification.modal import ModalTable, modal_table
+    from rsgen.identification.prediction import Prediction, predict
+    from rsgen.identification.ranking import Ranking, rank
+    from rsgen.identification.results import Identification
     from rsgen.law import Element, Law, laws, make_element
-    from rsgen.measurement import MeasuredTest, read_measurement
-    from rsgen.modal import ModalTable, modal_table
-    from rsgen.multisine import MultisineSpectra, best_linear
-    from rsgen.observation import Observation
-    from rsgen.oscillator import Model, Oscillator
-    from rsgen.prediction import Prediction, predict
-    from rsgen.ranking import Ranking, rank
-    from rsgen.report import write_report
+    from rsgen.report import figures, write_report
     from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
-    from rsgen.results import Identification
-    from rsgen.simulation import MultisineTest, SimulatedTest, simulate
-    from rsgen.steady_state import SteadyStates, solve_steady_states
-    from rsgen.surface import ResponseSurface, load_surface, save_surface
-    from rsgen.verdict import Verdict
 
 __version__: str
 """Of the installed package; it comes from the tag of the commit that was built."""
@@ -63,53 +63,53 @@ _NOT_INSTALLED = "0+unknown"
 
 # name -> the package or module that has it
 _PLACES = {
-    "Case": "case",
-    "CaseError": "errors",
-    "Comparison": "comparison",
+    "Case": "cases",
+    "CaseError": "common.errors",
+    "Comparison": "analysis.comparison",
     "DescribingFunction": "describing",
     "Element": "law",
-    "ExpressionError": "errors",
-    "Finding": "finding",
-    "Identification": "results",
+    "ExpressionError": "common.errors",
+    "Finding": "common.finding",
+    "Identification": "identification.results",
     "Law": "law",
-    "MeasuredTest": "measurement",
-    "MeasurementError": "errors",
-    "ModalTable": "modal",
-    "Model": "oscillator",
-    "MultisineSpectra": "multisine",
-    "MultisineTest": "simulation",
-    "Observation": "observation",
-    "Oscillator": "oscillator",
-    "Prediction": "prediction",
-    "Ranking": "ranking",
-    "ResponseSurface": "surface",
-    "RsgenError": "errors",
-    "SimulatedTest": "simulation",
-    "SteadyStates": "steady_state",
-    "Verdict": "verdict",
-    "best_linear": "multisine",
-    "compare": "comparison",
+    "MeasuredTest": "files",
+    "MeasurementError": "common.errors",
+    "ModalTable": "identification.modal",
+    "Model": "data.oscillator",
+    "MultisineSpectra": "data.multisine",
+    "MultisineTest": "dynamics.simulation",
+    "Observation": "data.observation",
+    "Oscillator": "data.oscillator",
+    "Prediction": "identification.prediction",
+    "Ranking": "identification.ranking",
+    "ResponseSurface": "data.surface",
+    "RsgenError": "common.errors",
+    "SimulatedTest": "dynamics.simulation",
+    "SteadyStates": "dynamics.steady_state",
+    "Verdict": "common.verdict",
+    "best_linear": "data.multisine",
+    "compare": "analysis.comparison",
     "derive": "describing",
     "explain": "report.stated_verdict",
-    "identify": "identification",
+    "identify": "identification.identify",
     "laws": "law",
-    "load_case": "case",
-    "load_surface": "surface",
+    "load_case": "cases",
+    "load_surface": "data.surface",
     "make_element": "law",
-    "modal_table": "modal",
-    "predict": "prediction",
-    "rank": "ranking",
-    "read": "case",
-    "read_measurement": "measurement",
-    "save_frf": "export",
-    "save_surface": "surface",
+    "modal_table": "identification.modal",
+    "predict": "identification.prediction",
+    "rank": "identification.ranking",
+    "read": "cases",
+    "read_measurement": "files",
+    "save_frf": "analysis.export",
+    "save_surface": "data.surface",
     "sentence": "report.wording",
-    "simulate": "simulation",
-    "solve_steady_states": "steady_state",
-    "verdict_of": "comparison",
+    "simulate": "dynamics.simulation",
+    "solve_steady_states": "dynamics.steady_state",
+    "verdict_of": "analysis.comparison",
     "write_report": "report",
 }
-_PACKAGES = ("figures", "history")
+_PACKAGES = {"figures": "rsgen.report.figures", "history": "rsgen.data.history"}
 
 __all__ = [
     "Case",
@@ -176,7 +176,7 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         return globals().setdefault(name, _version())
     if name in _PACKAGES:
-        return import_module(f"rsgen.{name}")
+        return import_module(_PACKAGES[name])
     if name not in _PLACES:
         raise AttributeError(f"module 'rsgen' has no attribute {name!r}; it has {', '.join(__all__)}")
     value = getattr(import_module(f"rsgen.{_PLACES[name]}"), name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsgen.cli import main
+from rsgen.app.cli import main
 
 if __name__ == "__main__":
     main()

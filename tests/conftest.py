@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.threads import single_thread
+from rsgen.common.threads import single_thread
 
 # before numpy is loaded, as the program does
 single_thread()
 
-from rsgen.cli import main  # noqa: E402
-from rsgen.ranking.sums import library_terms  # noqa: E402
-from rsgen.surface import ResponseSurface  # noqa: E402
+from rsgen.app.cli import main  # noqa: E402
+from rsgen.data.surface import ResponseSurface  # noqa: E402
+from rsgen.identification.ranking.sums import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
 
 
@@ -42,7 +42,7 @@ def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
     """The library shrinks to ``FEW``."""
     terms = tuple(term for term in library_terms() if term.name in FEW)
     assert len(terms) == len(FEW)
-    monkeypatch.setattr("rsgen.ranking.competitors.library_terms", lambda: terms)
+    monkeypatch.setattr("rsgen.identification.ranking.competitors.library_terms", lambda: terms)
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from rsgen.case import Case
-from rsgen.comparison import Comparison, Row
-from rsgen.expression import parse, symbol
-from rsgen.finding import Finding
+from rsgen.analysis.comparison import Comparison, Row
+from rsgen.cases import Case
+from rsgen.common.finding import Finding
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.formula import parse, symbol
+from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.law.element import Element
-from rsgen.observation import Observation
-from rsgen.oscillator import Model
-from rsgen.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.results import EquivalentCurve, Estimate, Identification, Resonance
-from rsgen.simulation import SimulatedTest
-from rsgen.surface import ResponseSurface
 
 MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
 """A softening cubic spring whose peak shifts by about 4 % at 12 N."""

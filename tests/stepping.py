@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rsgen.motion import Motion, project
-from rsgen.surface import ResponseSurface
+from rsgen.data.surface import ResponseSurface
+from rsgen.law.motion import Motion, project
 
 MASS, DAMPING, SPRING = 2.0, 30.0, 5e4
 STEPS, PERIODS = 192, 32

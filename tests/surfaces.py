@@ -7,11 +7,11 @@ from dataclasses import fields
 
 import numpy as np
 
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
-from rsgen.steady_state import solve_steady_states
-from rsgen.surface import ResponseSurface
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + kn*x**3 + c*v", {"k": 5920.0, "kn": -2.2e5, "c": 3.8}),

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rsgen.comparison import compare
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
-from rsgen.oscillator import Oscillator
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
+from rsgen.analysis.comparison import compare
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.identify import identify
+from rsgen.identification.results import Identification
 from tests.samples import cubic_comparison, cubic_identification, cubic_surface
 from tests.surfaces import model, truth
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeVar, get_origin
 import numpy as np
 from typing_extensions import TypeAliasType
 
-from rsgen.declaration import Rule, read_hint
+from rsgen.common.declaration import Rule, read_hint
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 Named = TypeAliasType("Named", np.ndarray[tuple[Any, ...], np.dtype[Scalar]], type_params=(Scalar,))

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.case import load_case
-from rsgen.export import save_frf
-from rsgen.inspection import list_contents
-from rsgen.measurement import MeasuredTest, read_measurement
-from rsgen.measurement.sandbox import read_binary
+from rsgen.analysis.export import save_frf
+from rsgen.cases import load_case
+from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.inspection import list_contents
+from rsgen.files.sandbox import read_binary
 
 FORMATS = Path(__file__).parents[1] / "cases" / "formats"
 # 13 digits of a response are written, and as many of a frequency as its 13 columns hold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.motion import Motion, fourier_series, project
+from rsgen.law.motion import Motion, fourier_series, project
 
 SERIES = [((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True)]
 

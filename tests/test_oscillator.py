@@ -9,11 +9,11 @@ from dataclasses import fields
 import pytest
 import sympy
 
-from rsgen.errors import RsgenError
-from rsgen.expression import symbol
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.formula import symbol
 from rsgen.law import Element, Law
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
 
 x, v, k, c = sympy.symbols("x v k c", real=True)
 SPRING = Element("spring", k * x, ("k",))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.measurement import sandbox
+from rsgen.files import sandbox
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -110,7 +110,7 @@ import importlib, pkgutil, rsgen
 for module in pkgutil.walk_packages(rsgen.__path__, "rsgen."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
-from rsgen.cli import main
+from rsgen.app.cli import main
 main(['run', 'small.toml', '--out', 'out', '--jobs', '1'])
 """
     done = run_elsewhere(program, tmp_path)
@@ -123,7 +123,7 @@ main(['run', 'small.toml', '--out', 'out', '--jobs', '1'])
 @pytest.mark.slow
 def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
     order = json.dumps({"format": "mat", "wanted": None})
-    program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.measurement.sandbox_worker import main; main()"
+    program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.files.sandbox_worker import main; main()"
     with (ROOT / "cases" / "formats" / "table.mat").open("rb") as file:
         done = run_elsewhere(program, tmp_path, ("scipy.io",), stdin=file)
     ready, header, *_ = done.stdout.split(b"\n")

@@ -1,4 +1,4 @@
-"""A file is whole or not there: the law of rsgen.output."""
+"""A file is whole or not there: the law of rsgen.common.output."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.output import write_atomic
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import write_atomic
 
 KILLS = 6
 
@@ -56,8 +56,8 @@ _FULL = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-from rsgen.errors import RsgenError
-from rsgen.output import write_atomic
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import write_atomic
 try:
     write_atomic(sys.argv[1], "n" * 100000)
 except RsgenError as fault:

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.finding import Finding
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import next_step
-from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import (
+from rsgen.common.finding import Finding
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import (
     LIMITS,
     MISTAKES,
     Sizes,
@@ -23,6 +21,8 @@ from rsgen.surface.plausibility import (
     quantity_findings,
     size_findings,
 )
+from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import next_step
 from tests.samples import cubic_surface
 
 ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
-from rsgen.prediction import Prediction, predict
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.identify import identify
+from rsgen.identification.prediction import Prediction, predict
 from tests.surfaces import changed, model, noisy, surface
 
 EXACT = 1e-5

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.errors import RsgenError
-from rsgen.ranking.competitors import competitors
+from rsgen.common.errors import RsgenError
+from rsgen.identification.ranking.competitors import competitors
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}

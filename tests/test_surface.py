@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import MeasurementError, RsgenError
-from rsgen.finding import Finding, Quantity
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.finding import Finding, Quantity
+from rsgen.data.surface import OUTCOMES, ResponseSurface, load_surface, save_surface
 from rsgen.report.wording import sentence
-from rsgen.surface import OUTCOMES, ResponseSurface, load_surface, save_surface
 
 
 def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.surface import ResponseSurface, load_surface, save_surface
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import ResponseSurface, load_surface, save_surface
 
 FREQUENCY = np.array([8.0, 9.0, 10.0])
 RESPONSE = np.array([1e-3, 2e-3 - 1e-3j, 1e-3j])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.report.wording import sentence
-from rsgen.surface import ResponseSurface, without_copies
 from tests.samples import cubic_surface
 
 LAW = "k1*x + kn1*x**3 + c1*v"

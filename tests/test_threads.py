@@ -7,7 +7,7 @@ import sys
 
 _ENDING = """
 import sys
-from rsgen import threads
+from rsgen.common import threads
 
 class Cycle:
     def __init__(self):

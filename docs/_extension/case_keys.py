@@ -8,7 +8,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from rsgen.case import case_schema
+from rsgen.cases import case_schema
 
 _BOUNDS = {
     "minimum": "at least {}",

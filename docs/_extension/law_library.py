@@ -8,10 +8,10 @@ from sphinx.util.docutils import SphinxDirective
 
 import rsgen
 from rsgen.describing import DescribingFunction, variables_of
-from rsgen.figures import draw_derivation, unit_text
 from rsgen.law import Law
 from rsgen.law.memory import rates_of
 from rsgen.law.notation import latex
+from rsgen.report.figures import draw_derivation, unit_text
 
 from .execution import drawing_node, made_section
 

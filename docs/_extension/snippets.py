@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsgen.cli import main
+from rsgen.app.cli import main
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X0, X
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import MemoryForm
 from rsgen.law.pieces import normal_form
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.describing.arcs import Arc, End, make_arc
 from rsgen.describing.terms import read_addend
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.names import OMEGA, X0, X
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import OMEGA, X0, X
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["ClosedPart", "Triple", "close"]

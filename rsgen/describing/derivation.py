@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from rsgen.common.errors import ExpressionError, require
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, taken_as_positive
 from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limit_at_rest, limit_at_zero
@@ -16,11 +17,10 @@ from rsgen.describing.mean import closed_mean
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
 from rsgen.describing.remembering import add_memory, take_apart
-from rsgen.errors import ExpressionError, require
-from rsgen.expression import symbol
-from rsgen.expression.algebra import algebra_faults
-from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
-from rsgen.expression.renaming import renamed
+from rsgen.formula import symbol
+from rsgen.formula.algebra import algebra_faults
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.formula.renaming import renamed
 from rsgen.law.element import Element, Law, make_element
 from rsgen.law.linear_parameters import vanishes
 from rsgen.law.normal_form import expanded, moves

@@ -10,14 +10,14 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
 from rsgen.describing.closed import ClosedPart
 from rsgen.describing.limits import Limit
 from rsgen.describing.mean import solve_mean
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.errors import RsgenError
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.law.pieces import normal_form
@@ -30,7 +30,7 @@ def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> variables_of(parse("c + 4*Ff/(pi*omega*X)"))
     (X, omega)
     """

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import sympy
 
-from rsgen.expression import symbol
-from rsgen.expression.names import X0, X
+from rsgen.formula import symbol
+from rsgen.formula.names import X0, X
 from rsgen.law.normal_form import is_long
 
 __all__ = ["Limit", "grows_slowly", "limit_at_infinity", "limit_at_rest", "limit_at_zero"]

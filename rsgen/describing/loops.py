@@ -13,12 +13,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
+from rsgen.common.errors import ExpressionError
 from rsgen.describing.stepping import Cycles, System
-from rsgen.errors import ExpressionError
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.names import STATE_V, STATE_X
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import STATE_V, STATE_X
 from rsgen.law.memory import MemoryForm, Rate
 
 __all__ = ["Loop", "is_odd", "try_loops"]

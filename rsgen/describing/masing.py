@@ -17,15 +17,15 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.describing.closed import close
 from rsgen.describing.limits import Limit
 from rsgen.describing.powers import quarter
 from rsgen.describing.regimes import Reading, tidy
 from rsgen.describing.terms import HIGHEST_POWER
 from rsgen.describing.virgin import pieces_of
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.names import OMEGA, PHI, STATE_X, X0, X
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import OMEGA, PHI, STATE_X, X0, X
 from rsgen.law.pieces import NormalForm, Piece
 
 __all__ = ["ClosedMasing", "asymptotes", "close_masing"]

@@ -8,8 +8,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.expression.names import X0
+from rsgen.common.arrays import Array
+from rsgen.formula.names import X0
 
 __all__ = ["closed_mean", "solve_mean"]
 

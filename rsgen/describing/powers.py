@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sympy
 
-from rsgen.errors import ExpressionError
+from rsgen.common.errors import ExpressionError
 
 __all__ = ["over_quarters", "quarter"]
 

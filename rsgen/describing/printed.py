@@ -9,11 +9,11 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
 from rsgen.describing.function import DescribingFunction
-from rsgen.errors import RsgenError
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.notation import readable
 
 __all__ = ["PrintedComparison", "compare_printed"]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.describing.closed import ClosedPart
 from rsgen.describing.quadrature import Cycle, Projections, project
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["LEAST_SETS", "PROOF_TOLERANCE", "Trial", "draw_trial", "worst_error"]

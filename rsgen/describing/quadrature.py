@@ -13,9 +13,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.pieces import NormalForm
 
 __all__ = ["Cycle", "Projections", "project", "switching_angles"]

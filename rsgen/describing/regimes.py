@@ -9,7 +9,7 @@ import sympy
 from rsgen.describing.arcs import Arc, End
 from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import ClosedPart
-from rsgen.expression.names import OMEGA, X
+from rsgen.formula.names import OMEGA, X
 
 __all__ = ["Reading", "read", "tidy"]
 

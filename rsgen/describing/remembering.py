@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.describing.branches import Branches, loop_of, on_cycle
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
 from rsgen.describing.limits import Limit
@@ -22,10 +22,10 @@ from rsgen.describing.masing import ClosedMasing, asymptotes, close_masing
 from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE
 from rsgen.describing.regimes import Reading
 from rsgen.describing.virgin import decisive_in
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.memory import Masing, State
-from rsgen.expression.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.memory import Masing, State
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import Inner, MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable

@@ -13,10 +13,10 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import Numeric, compiled
-from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X0, X
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.memory import Inner, Rate
 from rsgen.law.pieces import Switch, normal_form
 

@@ -10,7 +10,7 @@ import sympy
 from rsgen.describing.arcs import Arc, integral_over
 from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
 from rsgen.describing.powers import over_quarters
-from rsgen.expression.names import OMEGA, STATE_V, STATE_X, X
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X
 
 __all__ = ["HIGHEST_POWER", "Addend", "read_addend"]
 

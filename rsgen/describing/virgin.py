@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import sympy
 
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.names import STATE_X
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import STATE_X
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.pieces import NormalForm, normal_form, normal_form_at
 

@@ -1,7 +1,6 @@
-"""From a response surface and laws without values to parameters with intervals; truth is never seen."""
+"""From a test to parameters with intervals; the truth is never seen.
 
-from __future__ import annotations
-
-from rsgen.identification.identify import identify
-
-__all__ = ["identify"]
+``fitting`` is the least squares, ``starting`` its initial values, ``results`` what comes out; ``lines`` is
+the same for multisines, ``modal`` a mode without a law, ``ranking`` the choice among laws, ``prediction``
+what a result says of other levels, held-out ones among them.
+"""

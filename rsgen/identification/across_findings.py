@@ -15,15 +15,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray
-from rsgen.finding import Finding, Severity, quantities
-from rsgen.fitting.fit import Fit, fit_balance
-from rsgen.fitting.forward import following_harmonics, hold_amplitude
-from rsgen.fitting.noise_across import pull_of_noise
-from rsgen.fitting.problem import Problem
-from rsgen.law.numeric import ForceLaw
-from rsgen.motion import Motion, project
-from rsgen.tolerances import (
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.finding import Finding, Severity, quantities
+from rsgen.common.tolerances import (
     ERRORS,
     EXCESS,
     LARGE,
@@ -35,6 +29,12 @@ from rsgen.tolerances import (
     SAMPLES_SWITCHED,
     TAKEN,
 )
+from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
+from rsgen.identification.fitting.noise_across import pull_of_noise
+from rsgen.identification.fitting.problem import Problem
+from rsgen.law.motion import Motion, project
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["left_out_findings", "noise_across_findings"]
 

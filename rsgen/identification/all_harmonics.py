@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsgen.arrays import Array
-from rsgen.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
-from rsgen.fitting.problem import Problem
+from rsgen.common.arrays import Array
+from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
+from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.soundness import feeds_exciter, runs_away
-from rsgen.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
 
 __all__ = ["fit_all_harmonics"]
 

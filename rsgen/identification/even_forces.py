@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsgen.distributions import t_quantile
-from rsgen.finding import Finding, Quantity, quantities
-from rsgen.fitting.fit import Fit
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.problem import Problem
+from rsgen.common.distributions import t_quantile
+from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.tolerances import CONFIDENCE, QUICK, SAME_NUMBER, SIGNIFICANT, START_ORDER
+from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.misfit import fit_near, law_with
-from rsgen.starting.asymmetric import is_hidden, records_even
-from rsgen.tolerances import CONFIDENCE, QUICK, SAME_NUMBER, SIGNIFICANT, START_ORDER
+from rsgen.identification.starting.asymmetric import is_hidden, records_even
 
 __all__ = ["even_findings", "explain_hidden", "mirror_findings", "widen_squares"]
 

@@ -7,25 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsgen.finding import Finding, Quantity, Severity, quantities
-from rsgen.fitting.fit import Fit
-from rsgen.fitting.phase_resonance import gap_of
-from rsgen.fitting.points import Points
-from rsgen.fitting.repeats import Repeats
+from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.tolerances import ERRORS, EXCESS, LARGE
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.even_forces import even_findings
+from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.phase_resonance import gap_of
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.repeats import Repeats
 from rsgen.identification.misfit import misfit_findings
+from rsgen.identification.results import Resonance
+from rsgen.identification.results.agreement import Agreement
+from rsgen.identification.results.estimates import phase_findings
 from rsgen.identification.soundness import (
     aside_findings,
     feeds_exciter,
     limit_findings,
     sign_findings,
 )
-from rsgen.results import Resonance
-from rsgen.results.agreement import Agreement
-from rsgen.results.estimates import phase_findings
-from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import plausibility_findings
-from rsgen.tolerances import ERRORS, EXCESS, LARGE
 
 __all__ = [
     "Findings",

@@ -7,21 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsgen.errors import require
-from rsgen.fitting.points import per_unit_mass
+from rsgen.common.errors import require
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, join_model
+from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.identification.all_harmonics import fit_all_harmonics
+from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge
+from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.mass_ratios import identify_ratios
+from rsgen.identification.prediction import judge_held_out
 from rsgen.identification.prepare import prepare
+from rsgen.identification.results import Identification
+from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
-from rsgen.lines.identify_multisine import identify_multisine
-from rsgen.multisine import MultisineSpectra
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, join_model
-from rsgen.prediction import judge_held_out
-from rsgen.results import Identification
-from rsgen.starting.start import start_fit
-from rsgen.surface import ResponseSurface, without_copies
 
 __all__ = ["identify"]
 

@@ -8,30 +8,30 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.errors import RsgenError
-from rsgen.finding import Finding, quantities
-from rsgen.fitting.fit import Fit, fit_balance
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.observed import Observed, shape_of
-from rsgen.fitting.phase_resonance import loop_error
-from rsgen.fitting.points import Points
-from rsgen.fitting.problem import Problem
-from rsgen.fitting.repeats import Repeats
-from rsgen.fitting.systematic import is_systematic
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding, quantities
+from rsgen.common.tolerances import QUICK, SAME_NUMBER
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
 from rsgen.identification.across_findings import left_out_findings, noise_across_findings
 from rsgen.identification.even_forces import explain_hidden, mirror_findings, widen_squares
 from rsgen.identification.findings import Findings, repeat_findings
+from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.observed import Observed, shape_of
+from rsgen.identification.fitting.phase_resonance import loop_error
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.repeats import Repeats
+from rsgen.identification.fitting.systematic import is_systematic
 from rsgen.identification.mass_ratios import resonance_findings
 from rsgen.identification.prepare import Prepared
 from rsgen.identification.resonance import fit_resonances
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
-from rsgen.identification.soundness import feeding_findings
-from rsgen.law.remarks import law_remarks
-from rsgen.oscillator import Model
-from rsgen.results import Background, EquivalentCurve, Estimate, Identification, RestoringForce
-from rsgen.results.agreement import Agreement
-from rsgen.results.estimates import (
+from rsgen.identification.results import Background, EquivalentCurve, Estimate, Identification, RestoringForce
+from rsgen.identification.results.agreement import Agreement
+from rsgen.identification.results.estimates import (
     make_estimates,
     names_of,
     parameter_finding,
@@ -39,9 +39,9 @@ from rsgen.results.estimates import (
     units_of,
     with_combinations,
 )
-from rsgen.starting.start import with_phase
-from rsgen.surface import ResponseSurface
-from rsgen.tolerances import QUICK, SAME_NUMBER
+from rsgen.identification.soundness import feeding_findings
+from rsgen.identification.starting.start import with_phase
+from rsgen.law.remarks import law_remarks
 
 __all__ = ["judge"]
 

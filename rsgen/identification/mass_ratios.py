@@ -14,26 +14,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, quantities
-from rsgen.fitting.across import law_of
-from rsgen.fitting.phase_resonance import (
+from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.tolerances import DAMPED, LIGHT, samples_for
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.formula.units import per_mass_unit
+from rsgen.identification.fitting.across import law_of
+from rsgen.identification.fitting.phase_resonance import (
     assumed_mass,
     at_resonance_alone,
     mass_sure,
     near_resonance,
 )
-from rsgen.fitting.points import Points, select_points
-from rsgen.fitting.repeats import gather_repeats
-from rsgen.fitting.scaled_columns import solve_scaled
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.identification.fitting.scaled_columns import solve_scaled
+from rsgen.identification.results import Estimate, Identification
+from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw
-from rsgen.motion import project, sine_motion
-from rsgen.oscillator import Model
-from rsgen.results import Estimate, Identification
-from rsgen.surface import ResponseSurface
-from rsgen.surface.plausibility import plausibility_findings
-from rsgen.tolerances import DAMPED, LIGHT, samples_for
-from rsgen.units import per_mass_unit
 
 __all__ = ["identify_ratios", "resonance_findings"]
 

@@ -7,22 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.fitting.across import law_of
-from rsgen.fitting.fit import Fit, fit_balance
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points
-from rsgen.fitting.problem import Problem
-from rsgen.fitting.scaled_columns import solve_scaled
-from rsgen.fitting.systematic import is_systematic
-from rsgen.law.element import make_element
-from rsgen.law.numeric import ForceLaw
-from rsgen.observation import OFFSET
-from rsgen.results import Resonance
-from rsgen.surface import ResponseSurface
-from rsgen.tolerances import (
+from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.common.tolerances import (
     APART,
     ERRORS,
     LARGE,
@@ -38,6 +25,19 @@ from rsgen.tolerances import (
     START_ORDER,
     TAKEN,
 )
+from rsgen.data.observation import OFFSET
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.across import law_of
+from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.scaled_columns import solve_scaled
+from rsgen.identification.fitting.systematic import is_systematic
+from rsgen.identification.results import Resonance
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["fit_near", "free_curves_leave", "law_with", "misfit_findings"]
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsgen.errors import RsgenError
-from rsgen.fitting.across import law_of
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points, select_points
-from rsgen.fitting.problem import Problem
-from rsgen.fitting.repeats import Repeats, gather_repeats
-from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.across import law_of
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 
 __all__ = ["Prepared", "prepare"]
 

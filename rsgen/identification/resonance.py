@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.fitting.fit import Solution
-from rsgen.fitting.points import Points
-from rsgen.fitting.repeats import JUMP
+from rsgen.common.arrays import Array
+from rsgen.identification.fitting.fit import Solution
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.repeats import JUMP
+from rsgen.identification.results import Resonance
+from rsgen.identification.starting.equations import Equations
+from rsgen.identification.starting.start import solve_equations
 from rsgen.law.numeric import ForceLaw
-from rsgen.results import Resonance
-from rsgen.starting.equations import Equations
-from rsgen.starting.start import solve_equations
 
 __all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
 

@@ -26,16 +26,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array, ComplexArray, blocks
-from rsgen.distributions import normal_quantile, t_quantile
-from rsgen.fitting.fit import Fit
-from rsgen.fitting.points import Points
-from rsgen.fitting.scaled_columns import solve_scaled
-from rsgen.motion import Motion, project, sine_motion
-from rsgen.results import EquivalentCurve, Resonance, RestoringForce
-from rsgen.splines import b_splines, spline_values
-from rsgen.surface import ResponseSurface, typical_amounts
-from rsgen.tolerances import (
+from rsgen.common.arrays import Array, ComplexArray, blocks
+from rsgen.common.distributions import normal_quantile, t_quantile
+from rsgen.common.splines import b_splines, spline_values
+from rsgen.common.tolerances import (
     CHANCE,
     CONFIDENCE,
     EXCESS,
@@ -47,6 +41,12 @@ from rsgen.tolerances import (
     SIGNIFICANT,
     STIFFENING,
 )
+from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.scaled_columns import solve_scaled
+from rsgen.identification.results import EquivalentCurve, Resonance, RestoringForce
+from rsgen.law.motion import Motion, project, sine_motion
 
 __all__ = ["equivalent_curve", "force_levels", "invert_curve", "invert_motion"]
 

@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.fitting.across import motions_of
-from rsgen.fitting.fit import Fit
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.points import Points
+from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.common.tolerances import APART, CHANCE, FEW, NOTICEABLE, ROUND_OFF, SAMPLES_SWITCHED, samples_for
+from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
+from rsgen.identification.fitting.across import motions_of
+from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.results import Estimate
+from rsgen.identification.results.estimates import damping_findings, takes_energy
 from rsgen.law.force_sample import ForceSample
+from rsgen.law.motion import Motion, cycle_work, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
-from rsgen.motion import Motion, cycle_work, project, sine_motion
-from rsgen.results import Estimate
-from rsgen.results.estimates import damping_findings, takes_energy
-from rsgen.surface.columns import DERIVATIVE, QUANTITIES
-from rsgen.tolerances import APART, CHANCE, FEW, NOTICEABLE, ROUND_OFF, SAMPLES_SWITCHED, samples_for
 
 __all__ = [
     "aside_findings",

@@ -8,14 +8,14 @@ from html import escape
 
 import sympy
 
-from rsgen.errors import ExpressionError, RsgenError
-from rsgen.expression import check_name, parse, symbol, write
-from rsgen.expression.algebra import algebra_faults
+from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.common.text_table import TextTable
+from rsgen.formula import check_name, parse, symbol, write
+from rsgen.formula.algebra import algebra_faults
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
 from rsgen.law.remarks import refuse_library_names
-from rsgen.text_table import TextTable
 
 __all__ = ["Element", "Law", "LawLike", "Parameter", "Range", "Search", "as_elements", "make_element"]
 
@@ -102,7 +102,7 @@ def make_element(
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))
     if foreign:
         raise ExpressionError(
-            f"{name}: {', '.join(foreign)}: not a symbol of rsgen; make symbols with rsgen.expression.symbol"
+            f"{name}: {', '.join(foreign)}: not a symbol of rsgen; make symbols with rsgen.formula.symbol"
         )
     reserved = [free for free in names if free in NOT_PARAMETERS]
     if reserved:

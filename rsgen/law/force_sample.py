@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 
 if TYPE_CHECKING:
-    from rsgen.motion import FourierSeries
+    from rsgen.law.motion import FourierSeries
 
 __all__ = ["Follow", "ForceSample"]
 

@@ -16,9 +16,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
-from rsgen.finding import Finding
+from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding
+from rsgen.formula import symbol
 from rsgen.law.numeric import compile_law
 
 __all__ = ["Combination", "combinations_of"]
@@ -80,7 +80,7 @@ def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> combinations_of(parse("a*b*x + c*v"))
     (Combination(parameters=('a', 'b'), determined=('a*b',)),)
     >>> combinations_of(parse("k*x + k3*x**3"))

@@ -8,7 +8,7 @@ from itertools import combinations, permutations
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.law.normal_form import STATES
 from rsgen.law.numeric import ForceLaw
 
@@ -30,7 +30,7 @@ def equal_terms(force: sympy.Expr) -> tuple[Group, ...]:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> equal_terms(parse("k*x + masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"))
     ((('Fa', 'ka'), ('Fb', 'kb')),)
     >>> equal_terms(parse("k*x + c*v"))
@@ -88,7 +88,7 @@ def in_order(force: sympy.Expr, values: Mapping[str, float]) -> dict[str, float]
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> law = parse("masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))")
     >>> in_order(law, {"Fa": 9.0, "ka": 1.0, "Fb": 4.0, "kb": 2.0})
     {'Fa': 4.0, 'ka': 2.0, 'Fb': 9.0, 'kb': 1.0}

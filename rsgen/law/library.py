@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
+from rsgen.common.text_table import TextTable
 from rsgen.law.element import Law, Parameter, Range, Search
-from rsgen.text_table import TextTable
 
 __all__ = ["Library", "laws"]
 

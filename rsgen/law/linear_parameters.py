@@ -10,9 +10,9 @@ from itertools import combinations, combinations_with_replacement, product
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece
 

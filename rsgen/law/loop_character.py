@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.law.loops import compile_loops
 from rsgen.law.memory import MemoryForm
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
 from rsgen.law.force_sample import Follow, ForceSample
 from rsgen.law.masing_loops import make_loops
 from rsgen.law.memory import MemoryForm, real_powers

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.law.switched_sum import SwitchedSum
 
 __all__ = ["Loop", "Reversals", "find_reversals", "make_loops"]

@@ -13,9 +13,9 @@ from functools import lru_cache
 
 import sympy
 
-from rsgen.errors import ExpressionError
-from rsgen.expression import check_name, parse, symbol, write
-from rsgen.expression.memory import Inner, Masing, State, Structural, remembers
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import check_name, parse, symbol, write
+from rsgen.formula.memory import Inner, Masing, State, Structural, remembers
 from rsgen.law.virgin_curves import check_virgin
 
 __all__ = [

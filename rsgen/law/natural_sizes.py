@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsgen.arrays import Array
-from rsgen.errors import RsgenError
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
+from rsgen.formula.units.deduction import parameter_units
+from rsgen.formula.units.unit_text import read_unit
 from rsgen.law.numeric import ForceLaw
-from rsgen.units.deduction import parameter_units
-from rsgen.units.unit_text import read_unit
 
 __all__ = ["DECADES", "natural_sizes"]
 

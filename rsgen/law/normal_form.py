@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import sympy
 
-from rsgen.errors import ExpressionError
-from rsgen.expression.memory import Inner
-from rsgen.expression.names import STATE_V, STATE_X
+from rsgen.common.errors import ExpressionError
+from rsgen.formula.memory import Inner
+from rsgen.formula.names import STATE_V, STATE_X
 
 __all__ = [
     "ALWAYS",

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import sympy
 
-from rsgen.expression.ordering import depends_on_state, split_sum
-from rsgen.expression.printing import Level, Printer, decimal_text
-from rsgen.expression.writing import TextPrinter
+from rsgen.formula.ordering import depends_on_state, split_sum
+from rsgen.formula.printing import Level, Printer, decimal_text
+from rsgen.formula.writing import TextPrinter
 
 __all__ = ["latex", "mathml", "readable"]
 
@@ -253,7 +253,7 @@ def readable(expr: sympy.Expr) -> str:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> print(readable(parse("X**2*kn1*3/4 + k1")))
     k1 + 3/4 kn1 X^2
     >>> print(readable(parse("c*v + Piecewise((k4*x, abs(x) <= b), (k5*x, True))")))
@@ -293,7 +293,7 @@ def latex(expr: sympy.Expr) -> str:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> latex(parse("X**2*kn1*3/4 + k1"))
     'k_{1} + \\\\frac{3}{4}\\\\,k_{n1} X^{2}'
     """

@@ -11,9 +11,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.expression import symbol
-from rsgen.expression.algebra import algebra_faults
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
+from rsgen.formula.algebra import algebra_faults
 from rsgen.law.character import Character, character
 from rsgen.law.force_sample import ForceSample
 from rsgen.law.loops import Loops, compile_loops, from_rest
@@ -118,7 +118,7 @@ class ForceLaw(Character):
         Parameters
         ----------
         motion
-            A ``rsgen.motion.Motion``.
+            A ``rsgen.law.motion.Motion``.
         values
             (p,) SI values of the parameters.
         samples

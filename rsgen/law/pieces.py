@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from rsgen.errors import ExpressionError
-from rsgen.expression import symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import MOST_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
@@ -153,7 +153,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> [(str(p.term), [str(s.function) for s in p.switches]) for p in normal_form(parse("sign(v)")).pieces]
     [('-1', []), ('2', ['v'])]
     """
@@ -195,7 +195,7 @@ def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> gap = parse("Piecewise((x - b, x > b), (x + b, x < -b), (0, True))")
     >>> [str(s.function) for s in normal_form(gap).switches]
     ['b + x', '-b + x', 'x - Max(-b, b)']

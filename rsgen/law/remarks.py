@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
-from rsgen.errors import ExpressionError
-from rsgen.expression import symbol, write
-from rsgen.expression.evaluation import Numeric, compiled
-from rsgen.finding import Finding
+from rsgen.common.arrays import Array
+from rsgen.common.errors import ExpressionError
+from rsgen.common.finding import Finding
+from rsgen.formula import symbol, write
+from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.interchangeable import equal_terms
 from rsgen.law.memory import memory_form
 
@@ -41,7 +41,7 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
 
     Examples
     --------
-    >>> from rsgen.expression import parse
+    >>> from rsgen.formula import parse
     >>> [finding.code for finding in law_remarks(parse("k*x + z"))]
     ['constant-force']
     >>> [finding.code for finding in law_remarks(parse("k*x + masing(kt*x**3)"))]

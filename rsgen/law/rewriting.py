@@ -12,7 +12,7 @@ import sympy
 from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
-from rsgen.errors import ExpressionError
+from rsgen.common.errors import ExpressionError
 from rsgen.law.normal_form import (
     ALWAYS,
     STATE_V,

@@ -12,7 +12,7 @@ def slope_between_jumps(expression: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
 
     Examples
     --------
-    >>> from rsgen.expression import parse, symbol
+    >>> from rsgen.formula import parse, symbol
     >>> slope_between_jumps(parse("k*x + Ff*sign(v)"), symbol("v"))
     0
     """

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 from rsgen.law.switched_sum import SwitchedSum
 
 __all__ = ["StateLoops", "close_loops"]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
-from rsgen.expression.evaluation import Numeric, compiled
+from rsgen.common.arrays import Array
+from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.pieces import normal_form
 from rsgen.law.slopes import slope_between_jumps
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import sympy
 
-from rsgen.expression.bounds import EXPONENT
+from rsgen.formula.bounds import EXPONENT
 from rsgen.law.normal_form import (
     STATE_V,
     STATE_X,

@@ -6,11 +6,11 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.arrays import Array
-from rsgen.errors import ExpressionError
-from rsgen.expression import symbol, write
-from rsgen.expression.evaluation import Numeric, compiled
-from rsgen.expression.memory import remembers
+from rsgen.common.arrays import Array
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import symbol, write
+from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.memory import remembers
 
 __all__ = ["check_virgin", "positive_in"]
 

@@ -7,7 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from rsgen.figures.cycles import (
+from rsgen.common.finding import Finding, Quantity
+from rsgen.common.tolerances import NORMAL
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.results import Identification
+from rsgen.law.element import Element
+from rsgen.report.figures.cycles import (
     Energy,
     dissipated_energy,
     identified_slips,
@@ -15,12 +20,7 @@ from rsgen.figures.cycles import (
     mode_surface,
     small_stiffness,
 )
-from rsgen.figures.equivalent import solution_of
-from rsgen.finding import Finding, Quantity
-from rsgen.law.element import Element
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
-from rsgen.tolerances import NORMAL
+from rsgen.report.figures.equivalent import solution_of
 
 __all__ = ["dissipation_entry", "dissipation_findings", "slip_findings"]
 

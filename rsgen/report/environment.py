@@ -16,7 +16,7 @@ _MOST_CHARACTERS = 2000
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 
 
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 """Package data; the folder of this name beside the package is a link to it."""
 
 

@@ -10,12 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from rsgen import kernel
-from rsgen.case import Case
-from rsgen.comparison import Comparison, compare
-from rsgen.errors import RsgenError, require
-from rsgen.expression.memory import Structural, remembers
-from rsgen.figures import (
+from rsgen.analysis.comparison import Comparison, compare
+from rsgen.cases import Case
+from rsgen.common.errors import RsgenError, require
+from rsgen.common.output import write_atomic
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.dynamics import kernel
+from rsgen.formula.memory import Structural, remembers
+from rsgen.identification.fitting.points import held_out_mask
+from rsgen.identification.prediction import Prediction, predict
+from rsgen.identification.prediction.measured_across import acts_across
+from rsgen.identification.ranking import Ranking
+from rsgen.identification.results import Identification
+from rsgen.report.figures import (
     Drawing,
     choose_levels,
     draw_collapse,
@@ -33,14 +41,8 @@ from rsgen.figures import (
     draw_thumbnail,
     draw_time_history,
 )
-from rsgen.figures.cycles import shows_loops
-from rsgen.figures.drawing import project_style
-from rsgen.fitting.points import held_out_mask
-from rsgen.multisine import MultisineSpectra
-from rsgen.output import write_atomic
-from rsgen.prediction import Prediction, predict
-from rsgen.prediction.measured_across import acts_across
-from rsgen.ranking import Ranking
+from rsgen.report.figures.cycles import shows_loops
+from rsgen.report.figures.drawing import project_style
 from rsgen.report.inline import THUMBNAIL, picture_svg
 from rsgen.report.interpretation import mean_finding
 from rsgen.report.modal_section import NO_MODAL, Modal, tabulate_mode
@@ -51,8 +53,6 @@ from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface, save_surface, typical_amounts
 
 __all__ = ["draw_all", "write_report"]
 

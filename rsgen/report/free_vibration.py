@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
 
 __all__ = ["free_frequency"]
 

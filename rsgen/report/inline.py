@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup, escape
 
 if TYPE_CHECKING:
-    from rsgen.figures import Drawing
+    from rsgen.report.figures import Drawing
 
 __all__ = ["THUMBNAIL", "inline_svg", "picture_svg"]
 

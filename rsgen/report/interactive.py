@@ -11,12 +11,12 @@ import numpy as np
 from markupsafe import Markup
 
 import rsgen
-from rsgen.errors import RsgenError
-from rsgen.figures.overview import largest_answer
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.formula.units.scale import SWEEPS, choose_scale
 from rsgen.report.environment import page_environment
+from rsgen.report.figures.overview import largest_answer
 from rsgen.report.result_reading import read_result
-from rsgen.surface import ResponseSurface, load_surface
-from rsgen.units.scale import SWEEPS, choose_scale
 
 __all__ = ["render_interactive"]
 

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
+from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity
+from rsgen.common.tolerances import CHANCE, NORMAL
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.expression import symbol
-from rsgen.expression.memory import remembers
-from rsgen.figures.equivalent import evaluated, standard_errors
-from rsgen.finding import Finding, Quantity
+from rsgen.formula import symbol
+from rsgen.formula.memory import remembers
+from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
 from rsgen.report.dissipation import slip_findings
+from rsgen.report.figures.equivalent import evaluated, standard_errors
 from rsgen.report.wording import sentence
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
-from rsgen.tolerances import CHANCE, NORMAL
 
 __all__ = ["describe_elements", "element_findings", "mean_finding"]
 

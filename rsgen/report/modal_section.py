@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rsgen.errors import RsgenError
-from rsgen.modal import ModalTable, modal_table
-from rsgen.modal.modal_result import MODAL_COLUMNS
-from rsgen.prediction import HeldOutLevel, predict
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import ResponseSurface
+from rsgen.formula.units.scale import choose_scale, number_text
+from rsgen.identification.modal import ModalTable, modal_table
+from rsgen.identification.modal.modal_result import MODAL_COLUMNS
+from rsgen.identification.prediction import HeldOutLevel, predict
+from rsgen.identification.results import Identification
 from rsgen.report.page_tables import Cell, Table, TableRow
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
-from rsgen.units.scale import choose_scale, number_text
 
 __all__ = ["NO_MODAL", "Modal", "modal_entry", "modal_page_table", "score_held_out", "tabulate_mode"]
 

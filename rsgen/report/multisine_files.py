@@ -11,17 +11,19 @@ from typing import Any, cast
 import numpy as np
 from markupsafe import Markup
 
-from rsgen import kernel
-from rsgen.case import Case
-from rsgen.comparison import Comparison
-from rsgen.expression.memory import Structural
-from rsgen.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record
+from rsgen.analysis.comparison import Comparison
+from rsgen.cases import Case
+from rsgen.common.output import write_atomic
+from rsgen.data.multisine import BestLinear, MultisineSpectra
+from rsgen.dynamics import kernel
+from rsgen.formula.memory import Structural
+from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.prediction.multisine import MultisinePrediction, predict_multisine
+from rsgen.identification.results import Identification
 from rsgen.law.notation import mathml
-from rsgen.lines import MultisineIdentification
-from rsgen.multisine import BestLinear, MultisineSpectra
-from rsgen.output import write_atomic
-from rsgen.prediction.multisine import MultisinePrediction, predict_multisine
 from rsgen.report.environment import page_environment
+from rsgen.report.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record
 from rsgen.report.multisine_notebook import write_multisine_notebook
 from rsgen.report.notebook_cells import KnownResults
 from rsgen.report.page import common_context
@@ -36,8 +38,6 @@ from rsgen.report.result_json import (
 )
 from rsgen.report.subject import Subject
 from rsgen.report.wording.page_sentences import error_text, share_text
-from rsgen.results import Identification
-from rsgen.units.scale import choose_scale, count_text, number_text, quantity_text
 
 __all__ = ["write_multisine_files"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsgen.case import Case
-from rsgen.measurement import MeasuredTest
-from rsgen.multisine import MultisineSpectra
+from rsgen.cases import Case
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.files import MeasuredTest
 from rsgen.report.notebook import render_lesson, save_lesson
 from rsgen.report.notebook_cells import KnownResults
 

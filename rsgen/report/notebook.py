@@ -12,19 +12,19 @@ import jinja2
 import nbformat
 
 import rsgen
-from rsgen.case import Case
-from rsgen.comparison import Comparison
-from rsgen.errors import RsgenError
-from rsgen.figures import Drawing
-from rsgen.output import write_atomic
-from rsgen.prediction import Prediction
+from rsgen.analysis.comparison import Comparison
+from rsgen.cases import Case
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import write_atomic
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.identification.prediction import Prediction
+from rsgen.identification.results import Identification
 from rsgen.report.environment import TEMPLATES, plain_text
+from rsgen.report.figures import Drawing
 from rsgen.report.lesson_mark import lesson_mark
 from rsgen.report.modal_section import NO_MODAL, Modal
 from rsgen.report.notebook_cells import KnownResults, execute_cells
-from rsgen.results import Identification
-from rsgen.simulation import SimulatedTest
-from rsgen.surface import ResponseSurface
 
 __all__ = [
     "build_notebook",

@@ -17,8 +17,8 @@ from typing import Any
 import nbformat
 
 import rsgen
-from rsgen import figures
-from rsgen.case import Case
+from rsgen.cases import Case
+from rsgen.report import figures
 from rsgen.report.environment import plain_text
 
 __all__ = ["KnownResults", "execute_cells"]
@@ -39,7 +39,7 @@ class KnownResults:
         self._known: dict[str, list[tuple[tuple[object, ...], object]]] = {}
 
     def add(self, function: str, *inputs: object, result: object) -> None:
-        """Add the result of a function of ``rsgen`` or ``rsgen.figures``, named without its module."""
+        """Add the result of a function of ``rsgen`` or ``rsgen.report.figures``, named without its module."""
         self._known.setdefault(function, []).append((inputs, result))
 
     def offered(self, module: ModuleType) -> _Offered:

@@ -8,16 +8,18 @@ from typing import Any
 from markupsafe import Markup
 
 import rsgen
-from rsgen.comparison import Comparison, verdict_of
+from rsgen.analysis.comparison import Comparison, verdict_of
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.expression import parse
-from rsgen.figures import Drawing
+from rsgen.formula import parse
+from rsgen.identification.prediction import Prediction
+from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
-from rsgen.prediction import Prediction
 from rsgen.report.dissipation import dissipation_findings
 from rsgen.report.environment import page_environment
+from rsgen.report.figures import Drawing
 from rsgen.report.inline import inline_svg
 from rsgen.report.interpretation import describe_elements, mean_finding
 from rsgen.report.modal_section import NO_MODAL, Modal, modal_page_table
@@ -35,8 +37,6 @@ from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.page_sentences import proof_sentence, surface_sentence
 from rsgen.report.wording.verdict_sentences import MARKED
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
 
 __all__ = ["common_context", "render_page"]
 

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rsgen.comparison import Comparison, Row
-from rsgen.force_keys import FORCE_KEYS
-from rsgen.prediction import HeldOutLevel
+from rsgen.analysis.comparison import Comparison, Row
+from rsgen.formula.units.scale import choose_scale, number_text, quantity_text, unit_text
+from rsgen.identification.prediction import HeldOutLevel
+from rsgen.identification.results import Estimate, Identification
+from rsgen.law.force_keys import FORCE_KEYS
 from rsgen.report.wording import sentence
 from rsgen.report.wording.page_sentences import error_text
-from rsgen.results import Estimate, Identification
-from rsgen.units.scale import choose_scale, number_text, quantity_text, unit_text
 
 __all__ = [
     "Cell",

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 
 import rsgen
-from rsgen.case import Case
-from rsgen.measurement import MeasuredTest
-from rsgen.multisine import MultisineSpectra
-from rsgen.simulation import MultisineTest, SimulatedTest
-from rsgen.surface import ResponseSurface
+from rsgen.cases import Case
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
+from rsgen.files import MeasuredTest
 
 __all__ = ["collect_provenance"]
 

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rsgen.arrays import Array
-from rsgen.comparison import Comparison, Row, verdict_of
+from rsgen.analysis.comparison import Comparison, Row, verdict_of
+from rsgen.common.arrays import Array
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.expression import write
-from rsgen.force_keys import FORCE_KEYS
-from rsgen.prediction import HeldOutLevel, Prediction
-from rsgen.ranking import Ranking
+from rsgen.formula import write
+from rsgen.identification.prediction import HeldOutLevel, Prediction
+from rsgen.identification.ranking import Ranking
+from rsgen.identification.results import Estimate, Identification, Resonance
+from rsgen.law.force_keys import FORCE_KEYS
 from rsgen.report.dissipation import dissipation_entry
 from rsgen.report.modal_section import NO_MODAL, Modal, modal_entry
 from rsgen.report.source_formulas import PrintedFormula
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
-from rsgen.results import Estimate, Identification, Resonance
-from rsgen.surface import ResponseSurface
 
 __all__ = [
     "SCHEMA",

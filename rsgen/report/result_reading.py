@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rsgen.common.verdict import StatedVerdict
 from rsgen.report.result_json import SCHEMA
 from rsgen.report.stated_verdict import read_verdict
-from rsgen.verdict import StatedVerdict
 
 __all__ = ["Entry", "read_result", "read_results"]
 

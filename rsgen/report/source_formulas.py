@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
+from rsgen.data.oscillator import Model
 from rsgen.describing import DescribingFunction, compare_printed, derive
-from rsgen.expression import symbol
-from rsgen.figures import force_function, number_text, quantity_text
-from rsgen.oscillator import Model
+from rsgen.formula import symbol
+from rsgen.identification.results import Identification
+from rsgen.report.figures import force_function, number_text, quantity_text
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.subject import Subject
-from rsgen.results import Identification
 
 __all__ = ["PrintedFormula", "check_printed"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.common.verdict import STATES, StatedVerdict, Verdict, reach_verdict, verdict_lines
 from rsgen.report.wording.sentences import full_sentence, next_step
 from rsgen.report.wording.verdict_sentences import headline
-from rsgen.verdict import STATES, StatedVerdict, Verdict, reach_verdict, verdict_lines
 
 __all__ = ["explain", "read_verdict", "state_verdict"]
 

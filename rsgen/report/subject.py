@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 import sympy
 
-from rsgen.case import Case
-from rsgen.comparison import Comparison, Row
+from rsgen.analysis.comparison import Comparison, Row
+from rsgen.cases import Case
+from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
-from rsgen.results import Estimate, Identification
 
 __all__ = ["Subject"]
 

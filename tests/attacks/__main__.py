@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from rsgen.output import write_atomic
+from rsgen.common.output import write_atomic
 from tests.attacks.program import Row, print_rows
 
 COUNTS = {

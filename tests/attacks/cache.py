@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from rsgen.expression import parse
-from rsgen.kernel import generate, private_folder
-from rsgen.kernel.machine_code import compile_source
-from rsgen.kernel.private_folder import open_private_folder
+from rsgen.dynamics.kernel import generate, private_folder
+from rsgen.dynamics.kernel.machine_code import compile_source
+from rsgen.dynamics.kernel.private_folder import open_private_folder
+from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, count_and_seed, environment, print_rows, row, temporary
 from tests.kernel.test_store import DAMAGES
 
@@ -26,8 +26,8 @@ LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
 
 PROGRAM = f"""
 import numpy as np
-from rsgen.expression import parse
-from rsgen.kernel import compile_kernel
+from rsgen.formula import parse
+from rsgen.dynamics.kernel import compile_kernel
 kernel = compile_kernel(parse({LAW!r}))
 state = kernel.integrate(
     np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, np.array([0.3, 40.0]),

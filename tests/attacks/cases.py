@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.random import Generator
 
-from rsgen.case import load_case
-from rsgen.errors import RsgenError
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
 from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from rsgen.cli.derive_command import derive_command
-from rsgen.cli.law_notes import read_memory
-from rsgen.errors import RsgenError
+from rsgen.app.cli.derive_command import derive_command
+from rsgen.app.cli.law_notes import read_memory
+from rsgen.common.errors import RsgenError
+from rsgen.formula.units import parameter_units
 from rsgen.law.element import make_element
-from rsgen.units import parameter_units
 from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
 from tests.attacks.texts import TEXTS, grown
 

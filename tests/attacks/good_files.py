@@ -13,8 +13,8 @@ import scipy.io
 import scipy.io.wavfile
 from numpy.random import Generator
 
-from rsgen.measurement import HistoryRule, LevelRule, MeasuredTest, Signal
-from rsgen.surface import ResponseSurface, save_surface
+from rsgen.data.surface import ResponseSurface, save_surface
+from rsgen.files import HistoryRule, LevelRule, MeasuredTest, Signal
 
 __all__ = ["ENDINGS", "arrays", "good", "history_plan", "power_of_ten", "table_plan", "universal"]
 

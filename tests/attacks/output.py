@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rsgen.study import read_manifest
+from rsgen.app.study import read_manifest
 from tests.attacks.program import (
     ORPHAN_SECONDS,
     Ended,

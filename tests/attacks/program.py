@@ -13,9 +13,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsgen.study import MANIFEST, read_manifest
+from rsgen.app.study import MANIFEST, read_manifest
 
-COMMAND = (sys.executable, "-c", "from rsgen.cli import main; main()")
+COMMAND = (sys.executable, "-c", "from rsgen.app.cli import main; main()")
 
 HANG_SECONDS = 180.0
 """A command of these cases that is not at its end by then hangs; on a quiet machine they take 4 s."""

@@ -16,10 +16,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from rsgen.errors import RsgenError
-from rsgen.inspection import list_contents, propose
-from rsgen.measurement import read_measurement
-from rsgen.surface import load_surface
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import load_surface
+from rsgen.files import read_measurement
+from rsgen.files.inspection import list_contents, propose
 from tests.attacks.child import Outcome, attempts, command, judged, kind_of, measured, tally
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan

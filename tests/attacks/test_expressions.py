@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import sympy
 
+from rsgen.common.errors import ExpressionError
 from rsgen.describing import derive
-from rsgen.errors import ExpressionError
-from rsgen.expression import parse, symbol
-from rsgen.expression.algebra import algebra_faults
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import parse, symbol
+from rsgen.formula.algebra import algebra_faults
+from rsgen.formula.evaluation import compiled
 from rsgen.law import Law
 from rsgen.law.normal_form import expanded, is_long
 from tests.attacks.child import allowed

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.errors import MeasurementError
-from rsgen.inspection import list_contents
-from rsgen.measurement import Layout, read_measurement
-from rsgen.measurement.file_table import _stars
-from rsgen.measurement.sandbox import list_binary, read_binary
-from rsgen.measurement.text_cells import LONGEST_NUMBER
-from rsgen.measurement.text_columns import read_columns
-from rsgen.surface import load_surface
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import load_surface
+from rsgen.files import Layout, read_measurement
+from rsgen.files.file_table import _stars
+from rsgen.files.inspection import list_contents
+from rsgen.files.sandbox import list_binary, read_binary
+from rsgen.files.text_cells import LONGEST_NUMBER
+from rsgen.files.text_columns import read_columns
 from tests.attacks import readers
 from tests.attacks.child import allowed
 from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 from numpy.random import Generator
 
-from rsgen.surface.columns import COLUMN_UNITS
+from rsgen.data.surface.columns import COLUMN_UNITS
 from tests.attacks.good_files import good, power_of_ten
 
 __all__ = ["SECRET", "hdf5_declared", "hdf5_outside", "hdf5_tree", "surface"]

@@ -17,14 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rsgen
-from rsgen.case import case_schema, find_cases, load_case, name_clashes
-from rsgen.case.data_paths import path_fault
-from rsgen.errors import CaseError, RsgenError
-from rsgen.expression import check_name
-from rsgen.expression import write as write_formula
+from rsgen.cases import case_schema, find_cases, load_case, name_clashes
+from rsgen.cases.data_paths import path_fault
+from rsgen.common.errors import CaseError, RsgenError
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.files import MeasuredTest
+from rsgen.formula import check_name
+from rsgen.formula import write as write_formula
 from rsgen.law import Law, make_element
-from rsgen.measurement import MeasuredTest
-from rsgen.simulation import SimulatedTest
 from tests.case.faults import FAULTS, HISTORY, SIMULATED, TABLE, Fault, changed
 
 ROOT = Path(__file__).parents[2]
@@ -143,7 +143,7 @@ def test_misprints_stay_as_printed() -> None:
 
 def test_published_schema_is_current() -> None:
     published = json.loads((ROOT / "cases" / "case.schema.json").read_text(encoding="utf-8"))
-    assert published == case_schema(), "write it anew: python -m rsgen.case > cases/case.schema.json"
+    assert published == case_schema(), "write it anew: python -m rsgen.cases > cases/case.schema.json"
     for path in CASES:
         assert path.read_text(encoding="utf-8").startswith("#:schema case.schema.json\n")
 
@@ -184,7 +184,7 @@ def test_memory_is_declared_beside_the_force_or_comes_with_a_law(
 ) -> None:
     formula = "a*v - b*abs(v)*z - d*v*abs(z)"
     library = Law("c*v + z", "joint-law", memory={"z": formula})
-    monkeypatch.setattr("rsgen.case.building.laws", {"joint-law": library})
+    monkeypatch.setattr("rsgen.cases.building.laws", {"joint-law": library})
     other = """\n[[element]]\nname = "joint"\nlaw = "joint-law"\nparameters = { a = "a2", z = "w" }\n"""
     text = good(force="k1*x + z", truth="k1 = 1\na = 1\na2 = 1\nb = 1\nc = 1\nd = 1\n")
     text = text.replace('z"\n', f'z"\nmemory = {{ z = "{formula}" }}\n{other}', 1)

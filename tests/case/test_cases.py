@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import rsgen
-from rsgen.comparison import Comparison
-from rsgen.prediction import Prediction
+from rsgen.analysis.comparison import Comparison
+from rsgen.identification.prediction import Prediction
 from rsgen.report.index import table_of_results
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.result_reading import read_results

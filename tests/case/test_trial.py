@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.case import load_case
-from rsgen.case.trial import law_faults
+from rsgen.cases import load_case
+from rsgen.cases.trial import law_faults
 
 CASE = """\
 schema = 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.study import run_case
+from rsgen.app.study import run_case
 
 ROOT = Path(__file__).parents[2]
 

@@ -19,14 +19,14 @@ from pathlib import Path
 import pytest
 
 from rsgen import __version__
-from rsgen.cli import main
-from rsgen.expression import parse
-from rsgen.study import read_manifest
-from rsgen.threads import ALGEBRA
+from rsgen.app.cli import main
+from rsgen.app.study import read_manifest
+from rsgen.common.threads import ALGEBRA
+from rsgen.formula import parse
 from tests.case.faults import FAULTS, Fault
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = [sys.executable, "-c", "from rsgen.cli import main; main()"]
+PROGRAM = [sys.executable, "-c", "from rsgen.app.cli import main; main()"]
 HELP_SECONDS = 1.0
 """Of the processor: the promise is 0.3 s on a quiet machine; a busy one gets air."""
 COMMANDS = (
@@ -73,7 +73,7 @@ def test_help_is_quick_and_teaches() -> None:
 
 
 def test_linear_algebra_stays_in_one_thread_unless_the_user_says_more() -> None:
-    show = "import atexit, os, sys; from rsgen.cli import main; before = 'numpy' in sys.modules; " + (
+    show = "import atexit, os, sys; from rsgen.app.cli import main; before = 'numpy' in sys.modules; " + (
         "atexit.register(lambda: print(before, *map(os.environ.get, sys.argv[1:]))); main(['--version'])"
     )
     others = {name: value for name, value in os.environ.items() if name not in ALGEBRA}
@@ -104,7 +104,7 @@ def test_the_shell_completes_commands_and_options() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["rsgen", "rsgen.cli"])
+@pytest.mark.parametrize("module", ["rsgen", "rsgen.app.cli"])
 def test_python_runs_it_as_a_module(module: str) -> None:
     words = [sys.executable, "-m", module]
     run = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
@@ -542,8 +542,8 @@ def test_a_cache_that_others_can_write_is_named_once_and_not_used(tmp_path: Path
 
 _LOST = """
 import os, signal, time
-import rsgen.cli
-from rsgen.cli import application
+import rsgen.app.cli
+from rsgen.app.cli import application
 
 class Interrupts:
     def __del__(self):
@@ -555,14 +555,14 @@ def run(**arguments):
     time.sleep(20)
 
 application.application = run
-rsgen.cli.main()
+rsgen.app.cli.main()
 """
 
 
 _LATE = """
 import os, signal
-import rsgen.cli
-from rsgen.cli import application
+import rsgen.app.cli
+from rsgen.app.cli import application
 
 class Ends:
     def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):
@@ -575,7 +575,7 @@ def run(**arguments):
     os.kill(os.getpid(), signal.SIGINT)
 
 application.application = run
-rsgen.cli.main()
+rsgen.app.cli.main()
 """
 
 
@@ -628,7 +628,7 @@ def test_short_commands_load_neither_figures_nor_compiler(
     for file in ("cubic.toml", "formats/table.csv", "formats/steps.h5"):
         shutil.copy(ROOT / "cases" / file, tmp_path)
     code = (
-        "import sys\nfrom rsgen.cli import main\n"
+        "import sys\nfrom rsgen.app.cli import main\n"
         "try:\n    main(sys.argv[2:])\nexcept SystemExit as end:\n    assert end.code == 0\n"
         "print([name for name in sys.argv[1].split() if name in sys.modules])"
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.expression import parse
+from rsgen.formula import parse
 
 BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
 

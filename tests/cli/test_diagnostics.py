@@ -12,18 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.diagnostics import keep_from_terminal
+from rsgen.common.diagnostics import keep_from_terminal
 
 PROGRAM = """
 import logging, sys, warnings
-import rsgen.cli.laws_command as command
+import rsgen.app.cli.laws_command as command
 def odd(*words):
     warnings.warn("raw text of a library", RuntimeWarning)
     logging.getLogger("matplotlib").warning("message of a library")
     {act}
     return 0
 command.laws_command = odd
-from rsgen.cli import main
+from rsgen.app.cli import main
 main(["laws"])
 """
 
@@ -75,7 +75,7 @@ def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(
             raise ZeroDivisionError("odd")
         return []
 
-    monkeypatch.setattr("rsgen.cli.check_command.law_faults", odd)
+    monkeypatch.setattr("rsgen.app.cli.check_command.law_faults", odd)
     cases = Path(__file__).parents[2] / "cases"
     checked = run_cli("check", cases / "cubic.toml", cases / "quintic.toml")
     assert checked.code == 2

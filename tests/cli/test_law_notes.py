@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.case import load_case
-from rsgen.cli import main
+from rsgen.app.cli import main
+from rsgen.cases import load_case
 
 CASE = """\
 schema = 1

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import pytest
 
-from rsgen.cli import streams
-from rsgen.diagnostics import program_fault
+from rsgen.app.cli import streams
+from rsgen.common.diagnostics import program_fault
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
 
@@ -70,7 +70,7 @@ def test_errors_that_nobody_reads_stop_nothing(broken: Callable[[int, str], Brok
 
 
 def _shell(redirections: str, words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    line = f"{sys.executable} -c 'from rsgen.cli import main; main()' {words} {redirections}"
+    line = f"{sys.executable} -c 'from rsgen.app.cli import main; main()' {words} {redirections}"
     return subprocess.run(
         ["bash", "-c", line],
         capture_output=True,
@@ -109,7 +109,7 @@ def test_a_reader_that_left_does_not_change_the_code() -> None:
 
 
 def test_letters_that_an_output_does_not_have_are_escaped() -> None:
-    program = "from rsgen.cli import streams; streams.open_streams(); streams.write_output('10 \u03a9')"
+    program = "from rsgen.app.cli import streams; streams.open_streams(); streams.write_output('10 \u03a9')"
     done = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
@@ -123,7 +123,7 @@ def test_letters_that_an_output_does_not_have_are_escaped() -> None:
 @posix
 def test_a_limit_that_would_end_the_process_is_refused() -> None:
     limited = subprocess.run(
-        ["bash", "-c", f"ulimit -v 300000; {sys.executable} -c 'from rsgen.cli import main; main()' laws"],
+        ["bash", "-c", f"ulimit -v 300000; {sys.executable} -m rsgen laws"],
         capture_output=True,
         text=True,
         check=False,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rsgen.cli.terminal import plain
-from rsgen.finding import Finding, Quantity
+from rsgen.app.cli.terminal import plain
+from rsgen.common.finding import Finding, Quantity
 from rsgen.report.wording import sentence
 
 

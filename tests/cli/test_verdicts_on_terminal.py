@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cli.progress_bar import case_progress
-from rsgen.cli.run_command import exit_code
-from rsgen.finding import Finding
+from rsgen.app.cli.progress_bar import case_progress
+from rsgen.app.cli.run_command import exit_code
+from rsgen.app.study import CaseRun
+from rsgen.common.finding import Finding
+from rsgen.common.verdict import STATES, Verdict
 from rsgen.report.stated_verdict import state_verdict
-from rsgen.study import CaseRun
-from rsgen.verdict import STATES, Verdict
 from tests.cli.test_cli import call
 from tests.surfaces import noisy, surface
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.special import j0, j1
 
-from rsgen.cli import main
+from rsgen.app.cli import main
 from rsgen.describing import derive
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.figures.law_figure import draw_derivation, telling_amplitude
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.report.figures.law_figure import draw_derivation, telling_amplitude
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
 SAME = 1e-12  # a formula that was written and read back, in numbers

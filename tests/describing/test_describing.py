@@ -8,10 +8,10 @@ import sympy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.describing import compare_printed, derive
-from rsgen.errors import ExpressionError, RsgenError
-from rsgen.expression import parse, symbol, write
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import parse, symbol, write
+from rsgen.formula.evaluation import compiled
 from rsgen.law.notation import latex, mathml, readable
 from tests.oracles.cycle import relative_errors
 

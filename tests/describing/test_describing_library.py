@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
-from rsgen.errors import RsgenError
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.memory import remembers
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.memory import remembers
 from rsgen.law import laws
 from tests.oracles.cycle import relative_errors
 

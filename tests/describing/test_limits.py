@@ -5,7 +5,7 @@ import sympy
 
 from rsgen.describing import derive
 from rsgen.describing.limits import grows_slowly, limit_at_rest
-from rsgen.expression import parse, symbol
+from rsgen.formula import parse, symbol
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import gamma, i1
 
+from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.describing import derive
-from rsgen.errors import ExpressionError, RsgenError
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
-from rsgen.expression.memory import remembers
-from rsgen.figures.law_figure import draw_derivation
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.memory import remembers
 from rsgen.law import laws, make_element
+from rsgen.report.figures.law_figure import draw_derivation
 from tests.oracles.loop import equivalent, with_states
 
 ASKED = 1e-9

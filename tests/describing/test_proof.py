@@ -6,7 +6,7 @@ import pytest
 from rsgen.describing import derive, terms
 from rsgen.describing.powers import over_quarters
 from rsgen.describing.proof import LEAST_SETS, draw_trial
-from rsgen.expression import parse, symbol
+from rsgen.formula import parse, symbol
 from rsgen.law.pieces import normal_form
 
 # the fault is put into one integral; the law is in no other test, for derivations are remembered

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rsgen.describing.quadrature import Cycle, switching_angles
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.pieces import normal_form
 
 ZERO = 1e-12  # of a switch function of size one

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from docs._extension.snippets import ROOT, SnippetError, Workspace, find_snippets
-from rsgen.case import case_schema
+from rsgen.cases import case_schema
 
 PAGES = [
     ROOT / "README.md",

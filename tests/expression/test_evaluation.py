@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import sympy
 
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
 
 TEXTS = (
     "k*x*sqrt(1 + x**2) + b*sqrt(1 + x**2)",

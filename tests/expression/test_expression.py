@@ -10,8 +10,8 @@ import sympy
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import ExpressionError
-from rsgen.expression import check_name, parse, symbol, write
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import check_name, parse, symbol, write
 
 CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "expressions.json").read_text(encoding="utf-8"))
 REFUSAL_SECONDS = 0.05  # what an expression may cost, best of three so that a busy machine does not decide

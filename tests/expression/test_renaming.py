@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from rsgen.expression import parse, symbol
-from rsgen.expression.renaming import free_symbols, renamed
+from rsgen.formula import parse, symbol
+from rsgen.formula.renaming import free_symbols, renamed
 
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
 

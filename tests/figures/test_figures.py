@@ -18,16 +18,16 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from rsgen import figures
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.errors import RsgenError
-from rsgen.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
-from rsgen.figures.equivalent import backbone, refined_band, values_of
-from rsgen.finding import Finding
+from rsgen.identification.modal import modal_table
+from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
-from rsgen.modal import modal_table
-from rsgen.oscillator import Model
-from rsgen.results import Estimate, Identification
-from rsgen.surface import ResponseSurface
+from rsgen.report.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
+from rsgen.report.figures.equivalent import backbone, refined_band, values_of
 from tests.samples import (
     C1,
     K1,

@@ -11,9 +11,14 @@ import pytest
 
 import rsgen as rs
 from rsgen import figures
-from rsgen.errors import RsgenError
-from rsgen.expression import parse
-from rsgen.figures.cycles import (
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.formula import parse
+from rsgen.law.memory import Curve, memory_form
+from rsgen.law.motion import Motion, project
+from rsgen.report.dissipation import slip_findings
+from rsgen.report.figures.cycles import (
     branch_mean,
     dissipated_energy,
     estimate_mass,
@@ -26,11 +31,6 @@ from rsgen.figures.cycles import (
     small_stiffness,
     stiffness_ratio,
 )
-from rsgen.law.memory import Curve, memory_form
-from rsgen.motion import Motion, project
-from rsgen.oscillator import Model
-from rsgen.report.dissipation import slip_findings
-from rsgen.simulation.noise import add_noise
 from tests.oracles.masing import slider
 from tests.samples import cubic_identification, cubic_surface
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.least_squares import Linearisation, fit, remove_bias
+from rsgen.identification.fitting.least_squares import Linearisation, fit, remove_bias
 
 NOISE, TRUE, COUNT = 0.15, 2.0, 160
 

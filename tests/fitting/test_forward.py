@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.expression import parse
-from rsgen.fitting.forward import following_harmonics, hold_amplitude
+from rsgen.formula import parse
+from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
 from rsgen.law.numeric import compile_law
 
 OMEGA = 2 * np.pi * np.linspace(8, 12, 7)

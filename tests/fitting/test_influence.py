@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.fitting.fit import fit_balance
-from rsgen.fitting.least_squares import Regression
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points, select_points
-from rsgen.fitting.problem import Problem
+from rsgen.identification.fitting.fit import fit_balance
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.fitting.problem import Problem
 from rsgen.law.numeric import compile_law
 from tests.surfaces import LAWS, MASS, model, surface
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.forward import HarmonicBalance, following_harmonics
-from rsgen.fitting.least_squares import Linearisation, eliminate
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points, select_points
-from rsgen.fitting.problem import Problem
-from rsgen.fitting.simulator import Simulator
+from rsgen.data.observation import BACKGROUNDS
+from rsgen.identification.fitting.forward import HarmonicBalance, following_harmonics
+from rsgen.identification.fitting.least_squares import Linearisation, eliminate
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.simulator import Simulator
+from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion
-from rsgen.observation import BACKGROUNDS
 from tests.surfaces import MASS, model, surface
 
 VALUES = np.array([3.8, 5920.0, -2.2e5])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import rsgen as rs
-from rsgen.fitting.across import law_of
+from rsgen.data.oscillator import total_force
+from rsgen.identification.fitting.across import law_of
+from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion
-from rsgen.oscillator import total_force
 
 FORCES = ("k*x + k3*x**3 + c*v", "k*x*0.5 + Fs*sign(v) + masing(Min(kt*x, 2))")
 VALUES = np.array([0.3, 1.5, 40.0, 9.0, 7.0])

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.fitting.repeats import Repeats, gather_repeats
-from rsgen.identification import identify
+from rsgen.cases import load_case
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import read_measurement
+from rsgen.identification.fitting.repeats import Repeats, gather_repeats
+from rsgen.identification.identify import identify
+from rsgen.identification.results.agreement import Agreement
 from rsgen.law.element import make_element
-from rsgen.measurement import read_measurement
-from rsgen.oscillator import Model
-from rsgen.results.agreement import Agreement
-from rsgen.surface import ResponseSurface
 from tests.surfaces import changed, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01

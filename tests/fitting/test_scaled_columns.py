@@ -3,8 +3,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from rsgen.arrays import blocks
-from rsgen.fitting.scaled_columns import solve_scaled
+from rsgen.common.arrays import blocks
+from rsgen.identification.fitting.scaled_columns import solve_scaled
 
 
 def drawn(rows: int) -> tuple[np.ndarray, np.ndarray]:

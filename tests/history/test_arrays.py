@@ -1,4 +1,4 @@
-"""From arrays to a surface in two lines, through the public ``rsgen.history`` alone."""
+"""From arrays to a surface in two lines, through the public ``rsgen.data.history`` alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import rsgen as rs
-from rsgen.surface.columns import QUANTITIES
+from rsgen.data.surface.columns import QUANTITIES
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0
@@ -137,7 +137,7 @@ def test_no_record_ends_in_a_traceback(seed: int) -> None:
                 outcome = str(type(surface_of(history)))
             except rs.RsgenError as fault:
                 outcome = str(fault)
-            assert outcome.startswith(("time history: ", "<class 'rsgen.surface"))
+            assert outcome.startswith(("time history: ", "<class 'rsgen.data.surface"))
 
 
 @pytest.mark.slow

@@ -10,12 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter
 
-from rsgen.errors import MeasurementError
-from rsgen.finding import Finding
-from rsgen.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
-from rsgen.history.decay import _scatter
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
+from rsgen.data.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
+from rsgen.data.history.decay import _scatter
+from rsgen.data.oscillator import Oscillator
 from rsgen.law.element import make_element
-from rsgen.oscillator import Oscillator
 from tests.oracles.swept import sweep
 
 MASS, STIFFNESS = 1.5, 1.5 * (2 * np.pi * 10) ** 2

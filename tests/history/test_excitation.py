@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, lfilter, sosfilt
 
-from rsgen.errors import MeasurementError
-from rsgen.finding import Finding
-from rsgen.history import TimeHistory, from_stepped_sine, from_swept_sine
-from rsgen.history.envelope import mean_square, place_windows
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
+from rsgen.data.history import TimeHistory, from_stepped_sine, from_swept_sine
+from rsgen.data.history.envelope import mean_square, place_windows
 
 RATE = 500.0
 TIME = np.arange(0, 120, 1 / RATE)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rsgen import identify, predict
-from rsgen.case import load_case
-from rsgen.measurement import read_measurement
+from rsgen.cases import load_case
+from rsgen.files import read_measurement
 
 CASES = Path(__file__).parents[1] / "cases"
 

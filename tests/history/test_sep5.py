@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.errors import MeasurementError
-from rsgen.history import TimeHistory, from_sep5, to_sep5
+from rsgen.common.errors import MeasurementError
+from rsgen.data.history import TimeHistory, from_sep5, to_sep5
 
 ROUND_OFF = 1e-15
 TIME = np.arange(400) / 200

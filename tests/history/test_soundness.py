@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.finding import Finding
-from rsgen.history import TimeHistory, record_findings
+from rsgen.common.finding import Finding
+from rsgen.data.history import TimeHistory, record_findings
 
 RATE = 1024.0
 TIME = np.arange(60 * 1024) / RATE

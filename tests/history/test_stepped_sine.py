@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete, lfilter
 
-from rsgen.errors import MeasurementError
-from rsgen.history import TimeHistory, from_stepped_sine
-from rsgen.history.sine import fit_sine, refine_frequency
+from rsgen.common.errors import MeasurementError
+from rsgen.data.history import TimeHistory, from_stepped_sine
+from rsgen.data.history.sine import fit_sine, refine_frequency
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.history import SweepLaw, TimeHistory, from_swept_sine
-from rsgen.history.envelope import NOISE_WIDTH, demodulate, place_windows
-from rsgen.history.tracking import find_sweeps
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine
+from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
+from rsgen.data.history.tracking import find_sweeps
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import OUTCOMES, ResponseSurface
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import solve_steady_states
-from rsgen.surface import OUTCOMES, ResponseSurface
 from tests.oracles.swept import driven, sweep
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsgen.identification.restoring_force import invert_curve
-from rsgen.results.result import EquivalentCurve
+from rsgen.identification.results.result import EquivalentCurve
 
 M = 1.5
 SPLINE = 1e-2

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.errors import RsgenError
-from rsgen.motion import Motion, project
+from rsgen.common.errors import RsgenError
+from rsgen.law.motion import Motion, project
 
 MASS, FAR = 3.0, 1.2
 TRUE = {"k": 2e4, "c": 5.0, "kj": 8e3, "k3": 4e8, "cj": 3.0}

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
-from rsgen.measurement import read_measurement
-from rsgen.observation import Observation
-from rsgen.oscillator import Model
-from rsgen.prediction.amplitude_balance import AmplitudeBalance
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import read_measurement
+from rsgen.identification.identify import identify
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}

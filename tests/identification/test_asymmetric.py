@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.identification import identify
-from rsgen.observation import Observation
-from rsgen.oscillator import Oscillator
-from rsgen.ranking import rank
-from rsgen.steady_state import solve_steady_states
-from rsgen.surface import ResponseSurface
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.identify import identify
+from rsgen.identification.ranking import rank
 from tests.surfaces import changed, noisy
 
 QUADRATIC = "k*x + k2*x**2 + k3*x**3 + c*v"

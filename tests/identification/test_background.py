@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
-from rsgen.measurement import read_measurement
-from rsgen.observation import Observation
-from rsgen.prediction import predict
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import read_measurement
+from rsgen.identification.identify import identify
+from rsgen.identification.prediction import predict
 from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = 2e-5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.motion import Motion, project
+from rsgen.law.motion import Motion, project
 
 MASS, TRUE = 2.0, {"k": 2e4, "k3": 5e9, "c": 4.0}
 LAW = "k*x + k3*x**3 + c*v"

@@ -6,12 +6,12 @@ from math import isnan
 import numpy as np
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.finding import Finding
-from rsgen.identification import identify
-from rsgen.observation import Observation
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.data.observation import Observation
+from rsgen.identification.identify import identify
+from rsgen.identification.results import Identification
 from rsgen.report.wording import sentence
-from rsgen.results import Identification
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
 
 EXACT = 1e-6
@@ -155,8 +155,8 @@ def test_what_is_not_identifiable_is_no_number() -> None:
 
 
 def test_confounded_parameters_are_named() -> None:
+    from rsgen.data.oscillator import Model
     from rsgen.law.element import make_element
-    from rsgen.oscillator import Model
 
     both = Model((make_element("one", "k*x + kn*x**3 + c*v"), make_element("two", "ka*x")))
     found = {e.name: e for e in identify(surface("cubic"), both).refined}

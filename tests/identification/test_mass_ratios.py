@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.figures import draw_resonance, draw_stiffness
-from rsgen.measurement import MeasuredTest, Signal
+from rsgen.files import MeasuredTest, Signal
+from rsgen.report.figures import draw_resonance, draw_stiffness
 from tests.surfaces import noisy
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import CaseError
-from rsgen.measurement import MeasuredTest
+from rsgen.cases import load_case
+from rsgen.common.errors import CaseError
+from rsgen.files import MeasuredTest
 
 MEASURED = """\
 schema = 1

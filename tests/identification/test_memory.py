@@ -7,17 +7,17 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from rsgen.fitting.fit import fit_balance, fit_simulator
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import select_points
-from rsgen.fitting.problem import Problem
-from rsgen.identification import identify
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.fit import fit_balance, fit_simulator
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import select_points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.identify import identify
+from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
 from rsgen.law.library import laws
 from rsgen.law.numeric import compile_law
-from rsgen.oscillator import Model
-from rsgen.results import Identification
-from rsgen.surface import ResponseSurface
 from tests.stepping import DAMPING, MASS, SPRING, stepped
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.identify import identify
 from rsgen.law.character import character
 from rsgen.law.element import make_element
-from rsgen.observation import Observation
-from rsgen.surface import ResponseSurface
 from tests.surfaces import surface
 
 CUBIC = "k*x + k3*x**3 + c*v"

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.fitting.points import select_points
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances, mass_from_slices
-from rsgen.surface import ResponseSurface
 from tests.surfaces import model
 
 SurfaceOf = Callable[..., ResponseSurface]

@@ -7,21 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.expression import parse
-from rsgen.finding import Finding, Quantity
-from rsgen.fitting.fit import Fit
-from rsgen.fitting.points import Points
-from rsgen.identification import identify, misfit
+from rsgen.common.finding import Finding, Quantity
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
+from rsgen.formula import parse
+from rsgen.identification import misfit
+from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.identify import identify
+from rsgen.identification.results import Estimate
+from rsgen.identification.results.estimates import damping_findings
 from rsgen.identification.soundness import _negative, aside_findings
+from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.motion import sine_motion
-from rsgen.observation import Observation
-from rsgen.oscillator import Oscillator
 from rsgen.report.wording import sentence
-from rsgen.results import Estimate
-from rsgen.results.estimates import damping_findings
-from rsgen.simulation import MultisineTest, SimulatedTest, simulate
-from rsgen.surface import ResponseSurface
 from tests.oracles.masing import slider
 from tests.surfaces import MASS, changed, model, noisy, surface
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.points import select_points
-from rsgen.identification import identify
+from rsgen.identification.fitting.points import select_points
+from rsgen.identification.identify import identify
 from rsgen.identification.restoring_force import invert_motion
 from rsgen.law.numeric import compile_law
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.cli.inspect_command import proposal_text
-from rsgen.cli.trial_reading import Trial, try_proposal
-from rsgen.inspection import list_contents, propose
-from rsgen.measurement.tree import Contents, Entry, facts
-from rsgen.surface import ResponseSurface
+from rsgen.app.cli.inspect_command import proposal_text
+from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.data.surface import ResponseSurface
+from rsgen.files.inspection import list_contents, propose
+from rsgen.files.tree import Contents, Entry, facts
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
 FREQUENCY = np.linspace(6.0, 14.0, 17)

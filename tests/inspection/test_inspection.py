@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.case import load_case
-from rsgen.cli.inspect_command import proposal_text
-from rsgen.errors import MeasurementError
-from rsgen.inspection import Proposal, list_contents, propose
-from rsgen.measurement import Layout, MeasuredTest, read_measurement
-from rsgen.measurement.text_columns import read_columns
-from rsgen.measurement.text_lines import TextLines
-from rsgen.surface import ResponseSurface
+from rsgen.app.cli.inspect_command import proposal_text
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import Layout, MeasuredTest, read_measurement
+from rsgen.files.inspection import Proposal, list_contents, propose
+from rsgen.files.text_columns import read_columns
+from rsgen.files.text_lines import TextLines
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -194,7 +194,7 @@ def test_universal_files_of_others(name: str, measured_data: Callable[[str], Pat
 
 @pytest.mark.slow
 def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Path]) -> None:
-    from rsgen.measurement.sandbox import read_binary
+    from rsgen.files.sandbox import read_binary
 
     first, second = (
         read_binary(measured_data(f"uff/{name}"), "uff", ["1/abscissa", "1/ordinate"])

@@ -12,12 +12,12 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from rsgen.cli.inspect_command import proposal_text
-from rsgen.cli.trial_reading import Trial, try_proposal
-from rsgen.export import save_frf
-from rsgen.inspection import list_contents, propose
-from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
-from rsgen.surface import ResponseSurface
+from rsgen.analysis.export import save_frf
+from rsgen.app.cli.inspect_command import proposal_text
+from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.files.inspection import list_contents, propose
 
 MASS, DAMPING, STIFFNESS = 1.5, 8.0, 6000.0
 FREQUENCY = np.linspace(7.0, 13.0, 25)

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.inspection.clues import complex_parts
-from rsgen.inspection.offset import has_levels, offset_findings
-from rsgen.measurement import MeasuredTest, read_measurement
-from rsgen.measurement.tree import Entry
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.inspection.clues import complex_parts
+from rsgen.files.inspection.offset import has_levels, offset_findings
+from rsgen.files.tree import Entry
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
 FREQUENCY = np.linspace(6.0, 14.0, 33)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import sympy
 
-from rsgen.errors import RsgenError
-from rsgen.expression import parse, symbol
-from rsgen.kernel import compile_kernel, generate, parameter_order
-from rsgen.kernel.store import load_kernel
+from rsgen.common.errors import RsgenError
+from rsgen.dynamics.kernel import compile_kernel, generate, parameter_order
+from rsgen.dynamics.kernel.store import load_kernel
+from rsgen.formula import parse, symbol
 from rsgen.law.pieces import normal_form
 
 # the same arithmetic in another order

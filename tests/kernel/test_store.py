@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.expression import parse
-from rsgen.kernel import Kernel, generate, private_folder, store
-from rsgen.kernel.machine_code import compile_source
-from rsgen.kernel.memory_rows import MemoryRows
-from rsgen.kernel.private_folder import UntrustedFolderError, open_private_folder
-from rsgen.kernel.store import load_kernel
+from rsgen.dynamics.kernel import Kernel, generate, private_folder, store
+from rsgen.dynamics.kernel.machine_code import compile_source
+from rsgen.dynamics.kernel.memory_rows import MemoryRows
+from rsgen.dynamics.kernel.private_folder import UntrustedFolderError, open_private_folder
+from rsgen.dynamics.kernel.store import load_kernel
+from rsgen.formula import parse
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
 
@@ -210,7 +210,7 @@ def test_without_a_place_for_the_cache_kernels_still_work(
 @pytest.mark.slow
 def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_cache: Path) -> None:
     program = (
-        "import sys; from rsgen.expression import parse; from rsgen.kernel import compile_kernel; "
+        "import sys; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "
         "print(compile_kernel(parse('c*v + k*x')).parameters, 'numba' in sys.modules)"
     )
     words = [sys.executable, "-c", program]

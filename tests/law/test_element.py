@@ -6,9 +6,9 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import ExpressionError
-from rsgen.expression import parse, symbol
-from rsgen.expression.evaluation import compiled
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import parse, symbol
+from rsgen.formula.evaluation import compiled
 from rsgen.law.element import Law, make_element
 from rsgen.law.pieces import normal_form, normal_form_at
 

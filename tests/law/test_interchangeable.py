@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.expression import parse
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.formula import parse
 from rsgen.law.interchangeable import equal_terms
-from rsgen.oscillator import Oscillator
-from rsgen.simulation import SimulatedTest
 
 SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
 

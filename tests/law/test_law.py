@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import ExpressionError, RsgenError
-from rsgen.expression import parse
+from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.formula import parse
 from rsgen.law import Law, as_elements, laws, make_element
 
 

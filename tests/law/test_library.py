@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.cli import main
+from rsgen.app.cli import main
 from rsgen.describing import derive
-from rsgen.figures.law_figure import draw_derivation
 from rsgen.law import Law, laws
+from rsgen.report.figures.law_figure import draw_derivation
 
 
 def call(*words: str | Path) -> int:

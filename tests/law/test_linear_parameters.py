@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from rsgen.expression import parse
+from rsgen.formula import parse
 from rsgen.law.character import character
 from rsgen.law.linear_parameters import jointly_linear
 from rsgen.law.pieces import Piece

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rsgen.describing import derive
-from rsgen.expression import parse
+from rsgen.formula import parse
 from rsgen.law import Law, laws
+from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion, project
 
 TEXTS = {
     "cubic": "k*x + kn*x**3 + c*v",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import rsgen
-from rsgen.errors import ExpressionError
-from rsgen.expression import parse
+from rsgen.common.errors import ExpressionError
+from rsgen.formula import parse
 from rsgen.law.remarks import law_remarks
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rsgen.expression import parse
+from rsgen.formula import parse
 from rsgen.law.character import character
 
 

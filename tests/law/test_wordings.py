@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.expression import parse
-from rsgen.kernel import generate
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.kernel import generate
+from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.formula import parse
 from rsgen.law import make_element
 from rsgen.law.character import character
 from rsgen.law.pieces import normal_form_at
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import solve_steady_states
 
 VALUES = {"b": 5e-3, "b2": 9e-3, "k4": 5900.0, "k5": 14800.0, "k6": 3000.0, "ks": 5900.0, "Fm": 30.0}
 VALUES |= {"Ff": 2.0, "cq": 20.0}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.errors import CaseError, MeasurementError
-from rsgen.measurement import HistoryRule
-from rsgen.measurement.histories import shifted
-from rsgen.measurement.signals import BaseRule, NamedChannel, Signal, combination
+from rsgen.common.errors import CaseError, MeasurementError
+from rsgen.files import HistoryRule
+from rsgen.files.histories import shifted
+from rsgen.files.signals import BaseRule, NamedChannel, Signal, combination
 
 F = np.linspace(6.0, 9.0, 25)
 OMEGA = 2 * np.pi * F

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from rsgen.measurement.column_titles import is_angular, unit_in
+from rsgen.files.column_titles import is_angular, unit_in
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.errors import MeasurementError
-from rsgen.measurement import MeasuredTest, Signal, SweepRule, read_measurement
-from rsgen.measurement.consistency import tell_branches_apart
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.files.consistency import tell_branches_apart
 
 FREQUENCY = np.linspace(8, 12, 41)
 OMEGA = 2 * np.pi * FREQUENCY

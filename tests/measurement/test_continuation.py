@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.measurement import LevelRule, MeasuredTest, Signal
-from rsgen.simulation.response_control import ControlledStates, solve_response_control
-from rsgen.surface import ResponseSurface
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation.response_control import ControlledStates, solve_response_control
+from rsgen.files import LevelRule, MeasuredTest, Signal
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
 LAW = "k*x + k3*x**3 + c*v"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.measurement import MeasuredTest, Signal, read_measurement
-from rsgen.measurement.signals import BaseRule
+from rsgen.files import MeasuredTest, Signal, read_measurement
+from rsgen.files.signals import BaseRule
 
 CASE = """
 schema = 1

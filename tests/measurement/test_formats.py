@@ -17,18 +17,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import savemat, wavfile
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.inspection import list_contents
-from rsgen.measurement import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
-from rsgen.measurement.address import find
-from rsgen.measurement.data_files import recognise_format
-from rsgen.measurement.histories import read_histories
-from rsgen.measurement.lvm import walk_lvm
-from rsgen.measurement.sandbox import read_binary
-from rsgen.measurement.tree import LARGEST_BYTES
-from rsgen.measurement.wav import walk_wav
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files.address import find
+from rsgen.files.data_files import recognise_format
+from rsgen.files.histories import read_histories
+from rsgen.files.inspection import list_contents
+from rsgen.files.lvm import walk_lvm
+from rsgen.files.sandbox import read_binary
+from rsgen.files.tree import LARGEST_BYTES
+from rsgen.files.wav import walk_wav
 
 # what float64 keeps of a product of two factors
 ROUND_OFF = 1e-14

@@ -10,14 +10,14 @@ import pytest
 import scipy.io
 
 import rsgen
-from rsgen.errors import MeasurementError, RsgenError
-from rsgen.fitting.points import held_out_mask
-from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement
-from rsgen.multisine import MultisineSpectra
-from rsgen.multisine.records import held_out_records
-from rsgen.observation import Observation
-from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.records import held_out_records
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts
+from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.identification.fitting.points import held_out_mask
 
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5

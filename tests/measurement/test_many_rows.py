@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import MeasurementError
-from rsgen.measurement import Layout, text_lines
-from rsgen.measurement.text_columns import Columns, read_columns
+from rsgen.common.errors import MeasurementError
+from rsgen.files import Layout, text_lines
+from rsgen.files.text_columns import Columns, read_columns
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False).map(repr) | st.sampled_from(
     ["0", "-0", "+1.", ".5", "1E3", "007", " 2 ", "\t3", "1e-400", "4.9e-324", "9" * 30]
@@ -50,7 +50,7 @@ def found(path: Path, layout: Layout, bytes_at_once: int, plain: bool) -> Column
         try:
             if plain:
                 return read_columns(path, layout, [2, 1])
-            with patch("rsgen.measurement.text_columns.plain_rows", lambda *_: None):
+            with patch("rsgen.files.text_columns.plain_rows", lambda *_: None):
                 return read_columns(path, layout, [2, 1])
         except MeasurementError as fault:
             return str(fault)
@@ -102,7 +102,7 @@ def long_table(tmp_path: Path) -> Iterator[Path]:
 
 def test_rows_of_numbers_are_read_at_once(long_table: Path) -> None:
     """Only the header and the first row are taken line by line."""
-    with patch("rsgen.measurement.text_columns._Table.row", autospec=True) as row:
+    with patch("rsgen.files.text_columns._Table.row", autospec=True) as row:
         # the first row is there
         row.side_effect = lambda table, line, text: (
             table.values.append(0.0), table.lines.append(line), table.blocks.append(0)

@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import MeasurementError
-from rsgen.measurement import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
-from rsgen.measurement.text_columns import read_columns
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.files.text_columns import read_columns
 
 # numbers are written with 17 digits; what remains is the round-off of the conversions
 ROUND_OFF = 1e-13
@@ -205,7 +205,7 @@ def test_written_numbers_come_back(
 
 
 def _directions(frequency: list[float], blocks: str = "") -> list[str]:
-    from rsgen.surface import recognise_directions
+    from rsgen.data.surface import recognise_directions
 
     numbers = np.array([int(b) for b in blocks] if blocks else [0] * len(frequency))
     return [str(d)[0] for d in recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)]
@@ -358,7 +358,7 @@ def test_signal_needs_a_pair_of_columns() -> None:
 def test_rows_in_no_order_are_no_sweeps() -> None:
     rng = np.random.default_rng(1)
     order = rng.permutation(200)
-    from rsgen.surface import recognise_directions
+    from rsgen.data.surface import recognise_directions
 
     frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
     assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}

@@ -21,15 +21,15 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.measurement import LevelRule, MeasuredTest, Signal, read_measurement, sandbox
-from rsgen.measurement.data_files import recognise_format
-from rsgen.measurement.npy import walk_npy, walk_npz
-from rsgen.measurement.sandbox import list_binary, read_binary
-from rsgen.measurement.tree import LARGEST_BYTES
-from rsgen.measurement.uff import walk_universal
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files.data_files import recognise_format
+from rsgen.files.npy import walk_npy, walk_npz
+from rsgen.files.sandbox import list_binary, read_binary
+from rsgen.files.tree import LARGEST_BYTES
+from rsgen.files.uff import walk_universal
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -516,9 +516,9 @@ def test_changed_files_never_break_the_program(tmp_path: Path, name: str) -> Non
 
 def test_the_reading_process_loads_no_more_than_it_needs() -> None:
     """Each file starts one: what it imports in vain is time that every reading takes."""
-    program = "import sys, rsgen.measurement.sandbox_worker; print(*sys.modules)"
+    program = "import sys, rsgen.files.sandbox_worker; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    unneeded = {"sympy", "pint", "pydantic", "scipy", "numba", "rsgen.surface", "rsgen.measurement.plan"}
+    unneeded = {"sympy", "pint", "pydantic", "scipy", "numba", "rsgen.data.surface", "rsgen.files.plan"}
     assert not unneeded & set(done.stdout.split())
 
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.measurement import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, read_measurement
-from rsgen.measurement.histories import read_histories
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.files import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.files.histories import read_histories
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -205,8 +205,8 @@ def test_histories_give_the_curves_they_were_made_with(name: str, damping: float
 PROGRAM = """
 import resource, sys, time
 from pathlib import Path
-from rsgen.measurement import HistoryRule, MeasuredTest, Signal
-from rsgen.measurement.histories import read_histories
+from rsgen.files import HistoryRule, MeasuredTest, Signal
+from rsgen.files.histories import read_histories
 test = MeasuredTest(
     (Path(sys.argv[1]),), None, Signal(samples="F"), Signal(samples="a", factor=9.81), "acceleration",
     history=HistoryRule("swept-sine", rate_column="fs"),

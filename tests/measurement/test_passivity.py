@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.finding import Finding
-from rsgen.measurement import MeasuredTest, Signal, read_measurement
-from rsgen.measurement.passivity import passivity_findings
+from rsgen.common.finding import Finding
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import MeasuredTest, Signal, read_measurement
+from rsgen.files.passivity import passivity_findings
 from rsgen.report.wording import sentence
-from rsgen.surface import ResponseSurface
 
 MASS, STIFFNESS, DAMPING = 2.0, 2e4, 6.0
 FREQUENCY = np.arange(13.0, 20.0, 0.1)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.measurement import MeasuredTest, Signal
-from rsgen.study.foresight import mass_findings, point_faults
-from rsgen.surface import ResponseSurface
-from rsgen.surface.phase_lag import lag_findings
+from rsgen.app.study.foresight import mass_findings, point_faults
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.files import MeasuredTest, Signal
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
 AMPLITUDE = np.linspace(4e-3, 48e-3, 23)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.errors import MeasurementError
-from rsgen.measurement import Layout, MeasuredTest, Signal, read_measurement
-from rsgen.measurement.text_columns import read_columns
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import Layout, MeasuredTest, Signal, read_measurement
+from rsgen.files.text_columns import read_columns
 
 
 def read(path: Path, frequency: int | str = "f", **more: Any) -> ResponseSurface:

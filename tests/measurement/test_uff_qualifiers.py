@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.inspection import list_contents, propose
-from rsgen.measurement import MeasuredTest, read_measurement
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.inspection import list_contents, propose
 
 pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import MeasurementError
-from rsgen.inspection import list_contents, propose
-from rsgen.measurement import MeasuredTest, read_measurement
-from rsgen.measurement.uff_units import unit_system
-from rsgen.surface import ResponseSurface
+from rsgen.cases import load_case
+from rsgen.common.errors import MeasurementError
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.inspection import list_contents, propose
+from rsgen.files.uff_units import unit_system
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
 OMEGA = 2 * np.pi * FREQUENCY

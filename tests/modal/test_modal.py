@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import RsgenError
-from rsgen.modal.modal_result import MODAL_COLUMNS
-from rsgen.observation import Observation
-from rsgen.surface import ResponseSurface
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.modal.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import noisy
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points, select_points
-from rsgen.modal.modal_fit import ModeProblem, SeenMode
-from rsgen.modal.modal_splines import ModalSplines, SplineBasis
-from rsgen.modal.modal_table import _left_out
-from rsgen.oscillator import Model
-from rsgen.surface import ResponseSurface
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.modal.modal_fit import ModeProblem, SeenMode
+from rsgen.identification.modal.modal_splines import ModalSplines, SplineBasis
+from rsgen.identification.modal.modal_table import _left_out
 
 SIZES = np.geomspace(1e-3, 2e-2, 30)
 TESTED = (1e-3, 2e-2)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.arrays import ComplexArray
-from rsgen.history import TimeHistory, from_multisine
+from rsgen.common.arrays import ComplexArray
+from rsgen.data.history import TimeHistory, from_multisine
+from rsgen.data.multisine.spectra import scatter
+from rsgen.data.multisine.steady import periodic_response
 from rsgen.law.numeric import compile_law
-from rsgen.multisine.spectra import scatter
-from rsgen.multisine.steady import periodic_response
 
 LAWS = {
     "smooth": ("k*x + k2*x**2 + k3*x**3 + c*v", {"k": 5000.0, "k2": 6e4, "k3": 4e6, "c": 4.0}),

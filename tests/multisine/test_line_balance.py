@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
+from rsgen.identification.lines.line_fit import errors_of, fit_lines
+from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.lines.line_fit import errors_of, fit_lines
-from rsgen.motion import harmonics_of, waveform
 
 MASS, OMEGA0, LINES, PERIODS = 1.5, np.pi, 24, 4
 STIFFNESS, DAMPING, SQUARE = 5000.0, 4.0, 6e4

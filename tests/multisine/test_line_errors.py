@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import least_squares
 
 import rsgen
+from rsgen.data.oscillator import join_model
+from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
+from rsgen.identification.lines.line_fit import LineFit, blocks_left_out, errors_of, fit_lines, parts_of_band
+from rsgen.identification.lines.line_start import start_values
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.lines.line_balance import Balance, Lines, lines_of
-from rsgen.lines.line_fit import LineFit, blocks_left_out, errors_of, fit_lines, parts_of_band
-from rsgen.lines.line_start import start_values
-from rsgen.oscillator import join_model
 
 MASS = 1.5
 TRUE = {"k": 5000.0, "k3": 4e6, "c": 4.0, "c2": 1.0}

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.arrays import Array
-from rsgen.errors import MeasurementError, RsgenError
-from rsgen.history import TimeHistory, from_multisine
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.data.history import TimeHistory, from_multisine
 
 OMEGA0 = 2 * np.pi * 0.5
 LINES = 256

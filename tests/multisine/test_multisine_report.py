@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.data.multisine.steady import periodic_response
 from rsgen.law.numeric import compile_law
-from rsgen.multisine.steady import periodic_response
 
 TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}
 MASS, RATE, PERIOD, PERIODS = 1.5, 256.0, 512, 6

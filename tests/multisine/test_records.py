@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import MeasurementError, RsgenError
-from rsgen.history import TimeHistory, from_multisine
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.report.wording import sentence
 
 RATE, PERIOD = 256.0, 512

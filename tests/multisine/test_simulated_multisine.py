@@ -12,7 +12,7 @@ import pytest
 
 import rsgen
 from rsgen import figures
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0}),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsgen.kernel import compile_kernel
-from rsgen.oscillator import Oscillator
-from rsgen.surface import ResponseSurface
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.kernel import compile_kernel
 
 _STEPS = 256
 """Steps a period: errors of fourth order below 1e-8."""

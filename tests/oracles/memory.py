@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rsgen.surface import ResponseSurface
+from rsgen.data.surface import ResponseSurface
 
 Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

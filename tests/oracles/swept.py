@@ -10,8 +10,8 @@ import numba
 import numpy as np
 import sympy
 
-from rsgen.history import SweepLaw, TimeHistory
-from rsgen.oscillator import Oscillator
+from rsgen.data.history import SweepLaw, TimeHistory
+from rsgen.data.oscillator import Oscillator
 
 STEPS = 512
 """Integration steps a period of the highest frequency: corners and friction are passed over, not located."""

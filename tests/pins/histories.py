@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 import rsgen
-from rsgen.history import (
+from rsgen.data.history import (
     SweepLaw,
     TimeHistory,
     follow_decay,
@@ -17,7 +17,7 @@ from rsgen.history import (
     from_swept_sine,
     record_findings,
 )
-from rsgen.history.tracking import find_sweeps
+from rsgen.data.history.tracking import find_sweeps
 from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
 from tests.history.test_stepped_sine import stepped
 from tests.oracles.swept import sweep

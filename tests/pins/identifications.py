@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import rsgen
-from rsgen.observation import Observation
+from rsgen.data.observation import Observation
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = Path(__file__).with_name("numbers.json")

@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 
 import rsgen
-from rsgen.figures.cycles import SAMPLES, loop_force, measured_loops
+from rsgen.data.oscillator import Model
+from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion
-from rsgen.oscillator import Model
 from rsgen.report.dissipation import dissipation_entry
+from rsgen.report.figures.cycles import SAMPLES, loop_force, measured_loops
 from tests.pins import pinned, trees
 from tests.pins.grids import JOINT_MASS, JOINTS, LEVELS, NOISE, joint, joint_law, small_joint
 from tests.pins.pinned import ACCURACY, SMOOTH, SWITCHED, Pin, Tree

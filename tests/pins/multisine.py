@@ -8,9 +8,9 @@ from functools import cache, partial
 import numpy as np
 
 import rsgen
-from rsgen.lines import MultisineIdentification
-from rsgen.multisine import BestLinear
-from rsgen.prediction.multisine import MultisinePrediction
+from rsgen.data.multisine import BestLinear
+from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.prediction.multisine import MultisinePrediction
 from tests.multisine.test_multisine import LAW, SIZES, duffing, histories, spectra
 from tests.multisine.test_simulated_multisine import LAWS, simulated
 from tests.pins import pinned, trees

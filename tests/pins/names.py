@@ -17,16 +17,16 @@ import h5py
 import numpy as np
 
 import rsgen
-from rsgen.comparison import Row
+from rsgen.analysis.comparison import Row
+from rsgen.common.finding import Quantity
+from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.describing import Equivalent, Limit
-from rsgen.finding import Quantity
-from rsgen.lines import MultisineIdentification
-from rsgen.modal.modal_result import MODAL_COLUMNS, ModalTest
-from rsgen.multisine.linear import BestLinear, Distortion
-from rsgen.prediction import HeldOutLevel, ResonanceCurve
-from rsgen.prediction.multisine import MultisinePrediction, PredictedRecord
-from rsgen.ranking.ranking_result import Candidate
-from rsgen.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
+from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTest
+from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
+from rsgen.identification.prediction.multisine import MultisinePrediction, PredictedRecord
+from rsgen.identification.ranking.ranking_result import Candidate
+from rsgen.identification.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses
 from tests.pins import pinned
@@ -45,7 +45,7 @@ CLASSES: tuple[type, ...] = (
     MultisinePrediction, PredictedRecord, rsgen.SteadyStates, rsgen.DescribingFunction, Equivalent, Limit,
     rsgen.Comparison, Row, rsgen.Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
     rsgen.Model, rsgen.Law, rsgen.Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
-    rsgen.history.FreeDecay, rsgen.history.SweepLaw, rsgen.history.TimeHistory,
+    rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,
 )  # fmt: skip
 
 

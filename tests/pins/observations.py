@@ -12,8 +12,8 @@ from functools import cache, partial
 import numpy as np
 
 import rsgen
-from rsgen.observation import BACKGROUNDS, OFFSET
-from rsgen.surface import ResponseSurface
+from rsgen.data.observation import BACKGROUNDS, OFFSET
+from rsgen.data.surface import ResponseSurface
 from tests.fitting.test_repeats import repeated
 from tests.identification.test_across import ELEMENTS, driven_by_a_sine, two_masses
 from tests.pins import pinned, trees

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 import rsgen
-from rsgen.prediction import HeldOutLevel, ResonanceCurve
+from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from tests.identification.test_across import ELEMENTS, two_masses
 from tests.pins import pinned, trees
 from tests.pins.controls import simulated

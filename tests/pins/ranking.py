@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 import rsgen
-from rsgen.expression.memory import remembers
-from rsgen.ranking import Ranking
-from rsgen.ranking.sums import library_terms
+from rsgen.formula.memory import remembers
+from rsgen.identification.ranking import Ranking
+from rsgen.identification.ranking.sums import library_terms
 from tests.conftest import FEW
 from tests.identification.test_across import ELEMENTS
 from tests.identification.test_across import two_masses as across

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import rsgen
-from rsgen.finding import Finding
-from rsgen.results import Background, Estimate
+from rsgen.common.finding import Finding
+from rsgen.identification.results import Background, Estimate
 from tests.pins.pinned import Tree
 
 ENTRIES = 3

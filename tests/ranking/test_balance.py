@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.forward import following_harmonics, hold_amplitude
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import select_points
+from rsgen.common.tolerances import ORDER
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import select_points
+from rsgen.identification.ranking.balance import make_rows, predicted_motion
 from rsgen.law.numeric import compile_law
-from rsgen.ranking.balance import make_rows, predicted_motion
-from rsgen.surface import ResponseSurface
-from rsgen.tolerances import ORDER
 from tests.surfaces import LAWS, MASS, model
 
 LAW = compile_law(model("quintic").force)

@@ -14,29 +14,29 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.case import load_case
-from rsgen.errors import RsgenError
-from rsgen.expression import parse
-from rsgen.expression.memory import remembers
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import Points, select_points
-from rsgen.identification import identify
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface, save_surface
+from rsgen.files import read_measurement
+from rsgen.formula import parse
+from rsgen.formula.memory import remembers
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.identify import identify
+from rsgen.identification.ranking import Ranking, identify_best, rank
+from rsgen.identification.ranking.balance import Rows
+from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.identification.ranking.reference import follow
+from rsgen.identification.ranking.selection import search_sums
+from rsgen.identification.ranking.sums import Sum, library_terms, terms_of
+from rsgen.identification.ranking.verdict import Judgement, judge
 from rsgen.law import laws
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
-from rsgen.measurement import read_measurement
-from rsgen.observation import Observation
-from rsgen.oscillator import Model
-from rsgen.ranking import Ranking, identify_best, rank
-from rsgen.ranking.balance import Rows
-from rsgen.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.ranking.reference import follow
-from rsgen.ranking.selection import search_sums
-from rsgen.ranking.sums import Sum, library_terms, terms_of
-from rsgen.ranking.verdict import Judgement, judge
 from rsgen.report.wording import sentence
-from rsgen.surface import ResponseSurface, save_surface
 from tests.conftest import FEW, Answer
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.stepping import stepped
@@ -154,7 +154,7 @@ def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: p
         seen.append((best.guess.name, rest[2][0].name))
         return judge(best, *rest, **more)
 
-    monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spy)
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.judge", spy)
     if structure == "hysteresis":
         ranking = rank(bouc_wen(), MEMORYLESS)
     else:

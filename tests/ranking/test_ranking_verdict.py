@@ -11,24 +11,24 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.errors import RsgenError
-from rsgen.finding import Finding
-from rsgen.fitting.observed import Observed
-from rsgen.fitting.points import select_points
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import select_points
+from rsgen.identification.ranking import Ranking, rank
+from rsgen.identification.ranking.balance import Rows
+from rsgen.identification.ranking.fitting import Fitted, Guess
+from rsgen.identification.ranking.rank_laws import _unconfirmed
+from rsgen.identification.ranking.reference import follow
+from rsgen.identification.ranking.verdict import Judgement, implausible, judge
 from rsgen.law.element import make_element
-from rsgen.observation import Observation
-from rsgen.oscillator import Model, Oscillator
-from rsgen.ranking import Ranking, rank
-from rsgen.ranking.balance import Rows
-from rsgen.ranking.fitting import Fitted, Guess
-from rsgen.ranking.rank_laws import _unconfirmed
-from rsgen.ranking.reference import follow
-from rsgen.ranking.verdict import Judgement, implausible, judge
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step
-from rsgen.simulation import SimulatedTest
-from rsgen.simulation.noise import add_noise
-from rsgen.surface import ResponseSurface
 from tests.ranking.test_ranking import BASE, MEMORYLESS, NOISE, measured, ranked
 from tests.surfaces import MASS, changed, model, truth
 
@@ -204,7 +204,7 @@ def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
         first = replace(candidates[0], held_out_error=error)
         return judge(best, points, noise, [first, *candidates[1:]], aside, **more)
 
-    monkeypatch.setattr("rsgen.ranking.rank_laws.judge", spoil)
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.judge", spoil)
     ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
     (worse,) = [finding for finding in ranking.findings if finding.code == "levels-predicted-worse"]
     assert worse.severity == severity

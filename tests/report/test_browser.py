@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from rsgen.expression import parse
-from rsgen.figures import draw_thumbnail
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.formula import parse
 from rsgen.report import draw_all, write_index
 from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.environment import plain_text
+from rsgen.report.figures import draw_thumbnail
 from rsgen.report.inline import THUMBNAIL, picture_svg
 from rsgen.report.page import render_page
 from rsgen.report.result_json import build_result, result_text

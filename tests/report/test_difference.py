@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.stated_verdict import read_verdict

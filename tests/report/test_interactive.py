@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import save_surface
 from rsgen.report.interactive import render_interactive
-from rsgen.surface import save_surface
 from tests.report.test_difference import write_result
 from tests.samples import cubic_surface
 

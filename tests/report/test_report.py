@@ -24,14 +24,16 @@ from matplotlib.figure import Figure
 from scipy.special import ellipk
 
 import rsgen
-from rsgen.comparison import Comparison
-from rsgen.expression import parse, write
-from rsgen.figures import Drawing, draw_thumbnail
-from rsgen.finding import Finding
+from rsgen.analysis.comparison import Comparison
+from rsgen.common.finding import Finding
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.formula import parse, write
+from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
-from rsgen.oscillator import Model
 from rsgen.report import draw_all, write_index
 from rsgen.report.environment import TEMPLATES, page_environment, plain_text, verbatim
+from rsgen.report.figures import Drawing, draw_thumbnail
 from rsgen.report.free_vibration import free_frequency
 from rsgen.report.index import table_of_results
 from rsgen.report.inline import THUMBNAIL, picture_svg
@@ -42,8 +44,6 @@ from rsgen.report.result_reading import read_results
 from rsgen.report.source_formulas import PrintedFormula, check_printed
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
-from rsgen.results import Estimate, Identification
-from rsgen.surface import ResponseSurface
 from tests.samples import (
     C1,
     K1,

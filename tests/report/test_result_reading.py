@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
 from rsgen.report.difference import compare_results
 from rsgen.report.index import write_index
 from rsgen.report.result_json import build_result, result_text

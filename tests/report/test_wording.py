@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import rsgen
-from rsgen.finding import Finding, Quantity
+from rsgen.common.finding import Finding, Quantity
 from rsgen.report.wording import CODES, NEXT_STEPS, full_sentence, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent

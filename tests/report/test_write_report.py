@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import rsgen
-from rsgen.errors import RsgenError
+from rsgen.common.errors import RsgenError
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 SURFACE = cubic_surface()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.fitting.least_squares import Linearisation, Regression, fit
-from rsgen.identification import identify
-from rsgen.oscillator import Model
-from rsgen.results.agreement import compare_parts, jackknife
-from rsgen.surface import ResponseSurface
-from rsgen.verdict import reach_verdict
+from rsgen.common.verdict import reach_verdict
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
+from rsgen.identification.identify import identify
+from rsgen.identification.results.agreement import compare_parts, jackknife
 from tests.surfaces import model, noisy, surface
 
 NOISE = 0.01

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.identification import identify
-from rsgen.oscillator import Model
-from rsgen.ranking import Candidate, Ranking
-from rsgen.results import Identification
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
+from rsgen.identification.identify import identify
+from rsgen.identification.ranking import Candidate, Ranking
+from rsgen.identification.results import Identification
 from tests.samples import cubic_model, cubic_surface
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.errors import CaseError, RsgenError
-from rsgen.figures import draw_held_out
-from rsgen.study.run_case import obtain_surface
+from rsgen.app.study.run_case import obtain_surface
+from rsgen.common.errors import CaseError, RsgenError
+from rsgen.report.figures import draw_held_out
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUE = {"k": 2e4, "k3": 5e9, "c": 4.0}

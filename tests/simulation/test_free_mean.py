@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.case import load_case
-from rsgen.case.trial import law_faults
-from rsgen.errors import RsgenError
+from rsgen.cases import load_case
+from rsgen.cases.trial import law_faults
+from rsgen.common.errors import RsgenError
+from rsgen.dynamics.simulation.noise import add_noise
 from rsgen.law.numeric import compile_law
-from rsgen.simulation.noise import add_noise
 
 CASES = Path(__file__).parents[2] / "cases"
 DAHL = rsgen.Law("c*v + z", memory={"z": "sigma*v*(1 - z*sign(v)/Fc)"})

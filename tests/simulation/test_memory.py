@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.oscillator import Oscillator
-from rsgen.simulation import SimulatedTest, simulate
-from rsgen.simulation.harmonic_balance import solve_harmonic_balance
-from rsgen.simulation.memory_balance import MemoryLoops
-from rsgen.simulation.response_control import solve_response_control
-from rsgen.steady_state import solve_steady_states
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation.harmonic_balance import solve_harmonic_balance
+from rsgen.dynamics.simulation.memory_balance import MemoryLoops
+from rsgen.dynamics.simulation.response_control import solve_response_control
+from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles.long_transients import largest_difference
 
 LINEAR = {"c": 3.8, "k": 5922.0}

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from rsgen import load_case, predict
-from rsgen.errors import RsgenError
-from rsgen.figures import draw_map, draw_responses, draw_surface
-from rsgen.identification import identify
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import load_surface, save_surface
+from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation.response_control import solve_response_control
+from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
-from rsgen.oscillator import Model, Oscillator
-from rsgen.simulation import SimulatedTest, simulate
-from rsgen.simulation.response_control import solve_response_control
-from rsgen.steady_state import solve_steady_states
-from rsgen.surface import load_surface, save_surface
+from rsgen.report.figures import draw_map, draw_responses, draw_surface
 
 CASES = Path(__file__).parents[2] / "cases"
 

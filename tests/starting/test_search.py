@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.expression import parse
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.formula import parse
+from rsgen.identification.starting.equations import Equations
+from rsgen.identification.starting.start import solve_equations
 from rsgen.law.element import make_element
 from rsgen.law.library import laws
+from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
-from rsgen.motion import Motion, project
-from rsgen.oscillator import Model, Oscillator
-from rsgen.simulation import SimulatedTest
-from rsgen.simulation.noise import add_noise
-from rsgen.starting.equations import Equations
-from rsgen.starting.start import solve_equations
 from tests.oracles.masing import slider
 
 MASS = 1.5

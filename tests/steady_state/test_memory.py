@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.kernel import compile_kernel, generate
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import solve_steady_states
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.kernel import compile_kernel, generate
+from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles import hysteresis
 
 BOUC_WEN = rs.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})

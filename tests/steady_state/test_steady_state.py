@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rsgen import load_case
-from rsgen.errors import RsgenError
-from rsgen.kernel import compile_kernel
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.kernel import compile_kernel
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.oscillator import Oscillator
-from rsgen.steady_state import solve_steady_states
 from tests.oracles import motion
 from tests.oracles.motion import Law
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.errors import RsgenError
-from rsgen.study import read_manifest, run_cases
+from rsgen.app.study import read_manifest, run_cases
+from rsgen.common.errors import RsgenError
 from tests.study.test_study import write_case
 
 pytest.importorskip("distributed", reason="dask.distributed is an extra: rsgen[cluster]")
@@ -21,7 +21,7 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from rsgen.study import run_cases
+from rsgen.app.study import run_cases
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.case import Case, load_case
-from rsgen.kernel import compile_kernel
-from rsgen.steady_state.solver import LOCATED
-from rsgen.study import expect, progress
-from rsgen.surface import ResponseSurface
+from rsgen.app.study import expect, progress
+from rsgen.cases import Case, load_case
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.kernel import compile_kernel
+from rsgen.dynamics.steady_state.solver import LOCATED
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,7 +41,7 @@ def test_a_slow_machine_and_a_busy_one_take_longer(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.slow
 def test_a_law_that_was_compiled_before_is_simulated_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rsgen.kernel.store._loaded", {})
+    monkeypatch.setattr("rsgen.dynamics.kernel.store._loaded", {})
     case = cubic()
     first = expect(case).seconds["surface"]
     assert case.oscillator is not None

@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.case import load_case
-from rsgen.errors import RsgenError
-from rsgen.measurement import read_measurement
-from rsgen.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
-from rsgen.study.folder import recover, replaced_folder
-from rsgen.study.manifest import UNFINISHED, write_manifest
-from rsgen.study.run_case import _failed_notebook, _temporary_in, current_result
-from rsgen.study.workers import local_workers
+from rsgen.app.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
+from rsgen.app.study.folder import recover, replaced_folder
+from rsgen.app.study.manifest import UNFINISHED, write_manifest
+from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_result
+from rsgen.app.study.workers import local_workers
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.files import read_measurement
 
 ROOT = Path(__file__).parents[2]
 NO_PROCESS = 4_194_303
@@ -443,7 +443,7 @@ def test_a_finished_folder_is_not_cleared_before_it_is_moved(
         others[-1].join(0.1)
         assert folder.exists()
 
-    monkeypatch.setattr("rsgen.study.folder.sync_folder", sync)
+    monkeypatch.setattr("rsgen.app.study.folder.sync_folder", sync)
     with replaced_folder(tmp_path, "case") as part:
         (part / "report.html").write_text("done")
         write_manifest(part, {}, None, [])
@@ -495,8 +495,8 @@ import sys
 import time
 from pathlib import Path
 
-from rsgen.cli import main
-from rsgen.study import run_case
+from rsgen.app.cli import main
+from rsgen.app.study import run_case
 
 step, marker, *words = sys.argv[1:]
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rsgen.errors import RsgenError
-from rsgen.expression import parse
-from rsgen.units import (
+from rsgen.common.errors import RsgenError
+from rsgen.formula import parse
+from rsgen.formula.units import (
     Dimension,
     parameter_units,
     quantity,
@@ -284,7 +284,8 @@ def test_a_power_law_has_the_unit_that_makes_it_a_force(i: int, j: int, q: Fract
 
 
 def test_pint_is_loaded_only_where_a_rare_unit_is_read() -> None:
-    script = "import sys, rsgen.units as u; u.quantity('5 kN/mm^3', None); print('pint' in sys.modules)"
+    script = "import sys; from rsgen.formula import units; units.quantity('5 kN/mm^3', None)"
+    script += "; print('pint' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

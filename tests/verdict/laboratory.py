@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 import rsgen
-from rsgen.errors import RsgenError
-from rsgen.finding import Finding
-from rsgen.simulation.noise import add_noise
-from rsgen.verdict import Verdict
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.common.verdict import Verdict
+from rsgen.dynamics.simulation.noise import add_noise
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -1,7 +1,7 @@
 """Every sentence that rsgen says about a result: a file a layer, with a table of texts and a few functions.
 
-The numerical layers make findings (``rsgen.finding``); pages, notebooks, ``result.json`` and the command line
-take their sentences from here. Nothing reads a sentence back.
+The numerical layers make findings (``rsgen.common.finding``); pages, notebooks, ``result.json`` and the
+command line take their sentences from here. Nothing reads a sentence back.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.formula.units.scale import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-from rsgen.units.scale import number_text, quantity_text
 
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.formula.units.scale import number_text, quantity_text
 from rsgen.report.wording.sentences import say_plainly, says
-from rsgen.units.scale import number_text, quantity_text
 
 say_plainly(
     {

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from rsgen.surface import ResponseSurface
-from rsgen.units.scale import count_text, number_text, quantity_text
+from rsgen.data.surface import ResponseSurface
+from rsgen.formula.units.scale import count_text, number_text, quantity_text
 
 __all__ = ["error_text", "proof_sentence", "share_text", "surface_sentence"]
 

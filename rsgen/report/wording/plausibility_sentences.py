@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.formula.units.scale import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, says
-from rsgen.units.scale import number_text, quantity_text
 
 _REASONS = {
     "frequency": (
@@ -19,7 +19,7 @@ _REASONS = {
     "stiffness": ("a cube of steel of a metre is softer", "the softest cantilever is stiffer"),
     "damping": ("with more there is no resonance to identify", "no material has less"),
 }
-"""Why nothing lies outside the bounds of ``rsgen.surface.plausibility``: above, and below."""
+"""Why nothing lies outside the bounds of ``rsgen.data.surface.plausibility``: above, and below."""
 
 _WHAT = {
     "frequency": "the frequency of resonance",
@@ -53,7 +53,7 @@ _MISTAKES = {
     "rpm": "a speed in rpm that was read as Hz",
     "radian": "a frequency in rad/s that was read as Hz",
 }
-"""What the mistakes of ``rsgen.surface.plausibility`` are."""
+"""What the mistakes of ``rsgen.data.surface.plausibility`` are."""
 
 
 def _size(found: Finding, name: str) -> str:

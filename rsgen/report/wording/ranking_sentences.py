@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.formula.units.scale import number_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-from rsgen.units.scale import number_text
 
 _LISTED = 5
 """Names in a list; the others are counted."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Self
 
-from rsgen.finding import Finding, Quantity
-from rsgen.units.scale import number_text, quantity_text
+from rsgen.common.finding import Finding, Quantity
+from rsgen.formula.units.scale import number_text, quantity_text
 
 __all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "say_plainly", "says", "sentence"]
 

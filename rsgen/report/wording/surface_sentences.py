@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(

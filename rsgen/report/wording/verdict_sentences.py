@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rsgen.finding import Finding
+from rsgen.common.finding import Finding
+from rsgen.common.verdict import State, Verdict
+from rsgen.formula.units.scale import number_text
 from rsgen.report.wording.sentences import says, sentence
-from rsgen.units.scale import number_text
-from rsgen.verdict import State, Verdict
 
 __all__ = ["MARKED", "headline"]
 

@@ -1,0 +1,1 @@
+"""Commands and runs: the only place that prints or exits."""

@@ -1,0 +1,191 @@
+"""What `rsgen check` prints: every fault in case files, and what a run will do."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsgen.app.cli.law_notes import sentences_of_elements
+from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
+from rsgen.app.study import STAGES, expect
+from rsgen.app.study.foresight import mass_findings, point_faults
+from rsgen.cases import Case, find_cases, load_case, name_clashes
+from rsgen.cases.trial import law_faults, law_notes
+from rsgen.common.diagnostics import program_fault
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError
+from rsgen.common.finding import Finding
+from rsgen.data.multisine import MultisineSpectra, implausible
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
+from rsgen.files import MeasuredTest, read_measurement
+
+__all__ = ["check_command"]
+
+
+_BUSY = 1.5
+"""Times longer than on a free processor: less is within what the estimate promises."""
+
+
+def _processor_seconds() -> float:
+    """Of this process and of those that opened binary files for it."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+def _refuse(faults: list[str]) -> None:
+    if faults:
+        raise CaseError(faults)
+
+
+def _plan(case: Case) -> dict[str, Any]:
+    """What a run of a case will do.
+
+    Raises
+    ------
+    CaseError
+        It would refuse the points of the test.
+    """
+    test, surface, reading = case.test, None, 0.0
+    warnings = [*case.warnings, *sentences_of_elements(case.model.elements), *law_notes(case)]
+    if isinstance(test, SimulatedTest):
+        _refuse(point_faults(case))
+        kind = {
+            "kind": "simulated",
+            "levels": len(test.level),
+            "frequencies": len(test.frequency),
+            "points": len(test.level) * test.per_level,
+            "control": test.control,
+        }
+    elif isinstance(test, MultisineTest):
+        _refuse(point_faults(case))
+        kind = {
+            "kind": "simulated",
+            "levels": len(test.level),
+            "records": len(test.level) * test.realisations,
+            "periods": test.periods,
+            "points": len(test.level) * test.realisations * len(test.excited),
+            "lowest_frequency": float(test.excited[0] / test.period),
+            "highest_frequency": float(test.excited[-1] / test.period),
+            "sweeps": [],
+        }
+    else:
+        # imports the figures with the package; a simulated case needs neither
+        from rsgen.report.wording import sentence
+
+        started = _processor_seconds()
+        surface = read_measurement(test)
+        reading = _processor_seconds() - started
+        _refuse(point_faults(case, surface))
+        odd: list[Finding] = []
+        if isinstance(surface, ResponseSurface):
+            odd += plausibility_findings(surface, calibrated=case.observation.calibrated)
+            odd += mass_findings(case, surface)
+        elif case.observation.calibrated:
+            odd += implausible(surface)
+        warnings += map(sentence, (*surface.findings, *odd))
+        kind = _measured(surface, test)
+    expected = expect(case, surface, reading)
+    return {
+        "case": case.name,
+        "title": case.title,
+        "parameters": list(case.model.parameters),
+        "identifies": [*(["m"] if _finds_mass(case, surface) else []), *case.model.parameters],
+        "warnings": warnings,
+        **kind,
+        "seconds": {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()},
+        "seconds_processor": round(expected.total),
+        "seconds_total": round(expected.total * expected.crowding),
+        "megabytes": expected.megabytes,
+    }
+
+
+def _measured(table: ResponseSurface | MultisineSpectra, test: MeasuredTest) -> dict[str, Any]:
+    """What a measured test consists of."""
+    sines = isinstance(table, ResponseSurface)
+    lines = table.excited().any(axis=0) if isinstance(table, MultisineSpectra) else np.array([True])
+    frequency = table.frequency if sines else table.frequency[lines]
+    kind: dict[str, Any] = {
+        "kind": "measured",
+        "file": test.file.name,
+        "levels": len(table.levels),
+        "points": len(table) if sines else int(lines.sum()) * len(table),
+        "sweeps": sorted({str(s) for s in table.sweep}) if isinstance(table, ResponseSurface) else [],
+        "lowest_frequency": float(frequency.min()),
+        "highest_frequency": float(frequency.max()),
+    }
+    if isinstance(table, MultisineSpectra):
+        kind |= {"records": len(table), "periods": table.periods}
+    return kind
+
+
+def _finds_mass(case: Case, surface: object) -> bool:
+    """Whether the mass is identified: where it is not given, and neither base nor phase resonance hide it."""
+    if not isinstance(surface, ResponseSurface):
+        return case.model.mass is None
+    return case.model.mass is None and not (surface.per_mass or mass_findings(case, surface))
+
+
+def _takes(plan: dict[str, Any]) -> str:
+    surface, identification, report = (f"{plan['seconds'][stage]:.0f} s" for stage in STAGES)
+    work = "simulation" if plan["kind"] == "simulated" else "reading"
+    busy = ""
+    if plan["seconds_total"] > _BUSY * plan["seconds_processor"]:
+        busy = f", beside other programs about {plan['seconds_total']} s"
+    return (
+        f"about {plan['seconds_processor']} s ({work} {surface}, identification {identification}, report "
+        f"{report}){busy}, and {plan['megabytes']} MB"
+    )
+
+
+def _describe(plan: dict[str, Any]) -> str:
+    names = ", ".join(plan["identifies"])
+    levels = f"{plan['levels']} level{'' if plan['levels'] == 1 else 's'}"
+    if "frequencies" in plan:
+        each = plan["points"] // plan["levels"]
+        across = "lags" if plan["control"] == "phase" else "frequencies"
+        what = f"{levels} x {each} {across} = {plan['points']} points to simulate"
+    else:
+        band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
+        what = f"{plan['points']} measured points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
+        if "periods" in plan:
+            records = f"{plan['records']} records of {plan['periods']} periods"
+            what = f"{plan['points']} excited lines of {records} at {levels}, {band}"
+    return f"{plan['case']}: {what}; {_takes(plan)}; identifies {names}"
+
+
+def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
+    """Load cases and measured files and try the laws; the code is 2 if anything is faulty."""
+    plans: list[dict[str, Any]] = []
+    loaded: list[Case] = []
+    faults: list[str] = []
+    for path in find_cases(cases):
+        try:
+            case = load_case(path, data)
+            loaded.append(case)
+            odd = law_faults(case)
+            faults += odd
+            if not odd:
+                plans.append(_plan(case))
+        except CaseError as fault:
+            faults += fault.faults
+        except MeasurementError as fault:
+            faults.append(f"{path.name}: test.file: {fault}")
+        except RsgenError as fault:
+            faults.append(f"{path.name}: test: {' '.join(str(fault).split())}")
+        except Exception as fault:
+            # a fault of the program must not hide those of other cases
+            faults.append(program_fault(fault, path.name))
+    faults += name_clashes(loaded).values()
+    if json:
+        print_json({"cases": plans, "faults": faults})
+    else:
+        for plan in plans:
+            print_line(_describe(plan))
+            for warning in plan["warnings"]:
+                print_line(f"  note: {warning}")
+    print_faults(faults)
+    return FAULTY if faults else ACCEPTED

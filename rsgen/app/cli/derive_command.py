@@ -1,0 +1,231 @@
+"""What `rsgen derive` prints, and how a describing function is shown as text."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsgen.app.cli.law_notes import law_sentences, read_memory
+from rsgen.app.cli.terminal import print_block, print_json, print_line
+from rsgen.common.errors import ExpressionError, RsgenError
+
+if TYPE_CHECKING:
+    import sympy
+
+    from rsgen.describing import DescribingFunction
+
+__all__ = ["PICTURE_ONLY", "derive_command", "describe", "read_settings", "spell", "write_picture"]
+
+FORMULAS = ("stiffness", "damping", "mean_balance", "mean")
+KINDS = ("svg", "png", "pdf")
+PICTURE_ONLY = "--set and --amplitude are for a picture: add --plot FILE"
+
+
+def derive_command(
+    expression: str,
+    memory: Sequence[str],
+    assume: Sequence[str],
+    plot: Path | None,
+    settings: Sequence[str],
+    largest: str | None,
+    json: bool,
+    latex: bool,
+) -> int:
+    """Print law, stiffness, damping, mean balance, regimes, limits and proof."""
+    from rsgen.describing import derive
+    from rsgen.law.element import make_element
+
+    if plot is None and (settings or largest):
+        raise RsgenError(PICTURE_ONLY)
+    element = make_element("law", expression, read_memory(memory))
+    started = time.perf_counter()
+    function = derive(element, assume)
+    seconds = time.perf_counter() - started
+    if plot is not None:
+        values, omega, top = read_settings(function, settings, largest)
+        write_picture(function, plot, values, omega, top)
+    notes = law_sentences(function.force, full=True)
+    if json:
+        print_json(spell(function, seconds) | ({"notes": notes} if notes else {}))
+    else:
+        describe(function, latex, plot, notes)
+    return 0
+
+
+def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
+    """Spell a describing function for a program; every text is in the expression language and parses back.
+
+    A formula with an integral is None, for the language has none; then ``closed_part`` holds what is closed
+    of each formula and ``quadrature`` the part of the law that is integrated by numbers. A closed formula
+    that is longer than ``rsgen.formula.parse`` reads is None as well.
+    """
+    from sympy import Integral, S
+
+    from rsgen.formula import write
+    from rsgen.formula.memory import remembers
+
+    remembering = remembers(function.force)
+    names = (*FORMULAS, "energy") if remembering else FORMULAS
+    formulas = {name: getattr(function, name) for name in names}
+    answer: dict[str, Any] = {"force": write(function.force)}
+    if remembering:
+        answer["memory"] = function.memory
+    answer |= {name: _written(formula) for name, formula in formulas.items()}
+    answer |= {
+        "closed_form": bool(function.closed_form),
+        "checked_to": function.checked_to,
+        "parameters": list(function.parameters),
+        "seconds": round(seconds, 4),
+    }
+    if not function.closed_form:
+        gone = {part: S.Zero for f in formulas.values() if f is not None for part in f.atoms(Integral)}
+        answer["closed_part"] = {
+            name: None if formula is None else _written(formula.xreplace(gone))
+            for name, formula in formulas.items()
+        }
+        answer["quadrature"] = write(function.remainder)
+    return answer
+
+
+def _written(formula: sympy.Expr | None) -> str | None:
+    """Write a formula in rsgen's language; None where an integral remains, or where it is too long."""
+    from sympy import Integral
+
+    from rsgen.formula import parse, write
+
+    if formula is None or formula.has(Integral):
+        return None
+    text = write(formula)
+    try:
+        parse(text)
+    except ExpressionError:
+        return None
+    return text
+
+
+def describe(
+    function: DescribingFunction, latex: bool, picture: Path | None, notes: Sequence[str] = ()
+) -> None:
+    """Print a describing function line by line, with further notes."""
+    from rsgen.describing import variables_of
+    from rsgen.formula.memory import remembers
+    from rsgen.law import notation
+    from rsgen.law.memory import rates_of
+
+    show = notation.latex if latex else notation.readable
+
+    def head(name: str, formula: sympy.Expr) -> str:
+        return f"{name}({', '.join(map(show, variables_of(formula)))})"
+
+    equations = rates_of(function.force)
+    rows = [
+        ("force", f"n({', '.join(('x', 'v', *map(show, equations)))})", function.force),
+        *(("" if n else "memory", f"{show(z)}'", equations[z]) for n, z in enumerate(equations)),
+        ("stiffness", head("k", function.stiffness), function.stiffness),
+        ("damping", head("c", function.damping), function.damping),
+    ]
+    if remembers(function.force):
+        rows.append(("energy", head("D", function.energy), function.energy))
+    if function.mean is not None:
+        rows.append(("mean", head("X0", function.mean) if function.mean != 0 else "X0", function.mean))
+    if function.mean != 0:
+        rows.append(("balance", "0", function.mean_balance))
+    width = max(len(name) for _, name, _ in rows)
+    for what, name, formula in rows:
+        print_block(f"{what:<9}  {name:<{width}} = ", show(formula))
+    for number, regime in enumerate(function.regimes):
+        print_block(f"{'' if number else 'regimes':<9}  ", show(regime))
+    ends = [
+        f"{'k' if limit.quantity == 'stiffness' else 'c'}(X -> {show(limit.place)})"
+        for limit in function.limits
+    ]
+    width = max((len(name) for name in ends), default=0)
+    for number, (name, limit) in enumerate(zip(ends, function.limits, strict=True)):
+        print_block(f"{'' if number else 'limits':<9}  {name:<{width}} = ", _limit(limit.value, show))
+    for number, remark in enumerate((*notes, *function.remarks)):
+        print_block(f"{'' if number else 'notes':<9}  ", remark)
+    print_block(f"{'proof':<9}  ", _proof(function))
+    if picture is not None:
+        print_line(f"{'picture':<9}  {picture}")
+
+
+def _proof(function: DescribingFunction) -> str:
+    agrees = f"agrees with an independent quadrature to {function.checked_to or 0:.1e}"
+    numeric = "the integral is evaluated by quadrature, split at the switching angles"
+    if function.memory and function.checked_to is not None:
+        return (
+            "the loop is solved until it closes, every switch located; all agrees with quadrature, and with "
+            f"loops stepped through time, to {function.checked_to:.1e}"
+        )
+    if function.closed_form:
+        return f"the closed form {agrees}"
+    if function.checked_to is not None:
+        return f"the closed part {agrees}; {numeric}"
+    return f"no closed form is known; {numeric}"
+
+
+def _limit(value: sympy.Expr, show: Callable[[sympy.Expr], str]) -> str:
+    # oo*sign(k): infinite, with the sign of k
+    if value.is_Mul and value.args[0].is_infinite:
+        return f"{show(value.args[0])}, with the sign of {show(value.args[1].args[0])}"
+    return show(value)
+
+
+def read_settings(
+    function: DescribingFunction, settings: Sequence[str], largest: str | None
+) -> tuple[dict[str, float], float, float | None]:
+    """Read ``name=value`` of a picture; give parameters, omega [rad/s] and largest amplitude [m]."""
+    from rsgen.formula.units import parameter_units
+
+    try:
+        units = parameter_units(function.force)
+    except RsgenError:
+        # a law that adds metres to newtons can be drawn as well
+        units = {}
+    values: dict[str, float] = {}
+    known = (*function.parameters, "omega")
+    for setting in settings:
+        name, sign, text = (part.strip() for part in setting.partition("="))
+        if not sign or name not in known:
+            raise RsgenError(f"--set {setting!r}: must be name=value; names: {', '.join(known)}")
+        values[name] = _number(f"--set {name}", text, "rad/s" if name == "omega" else units.get(name) or None)
+    omega = values.pop("omega", 1.0)
+    top = None if largest is None else _number("--amplitude", largest, "m")
+    for option, number in (("--set omega", omega), ("--amplitude", 1.0 if top is None else top)):
+        if not number > 0:
+            raise RsgenError(f"{option}: {number:g} is not positive")
+    return values, omega, top
+
+
+def _number(option: str, text: str, unit: str | None) -> float:
+    from rsgen.formula.units import quantity
+
+    try:
+        number: float | None = float(text)
+    except ValueError:
+        number = None
+    try:
+        return quantity(text if number is None else number, unit)
+    except RsgenError as fault:
+        raise RsgenError(f"{option}: {fault}") from None
+
+
+def write_picture(
+    function: DescribingFunction,
+    path: Path,
+    values: dict[str, float],
+    omega: float,
+    largest: float | None,
+) -> None:
+    """Draw a law with k(X) and c(X) into a file; its name says which kind."""
+    from rsgen.common.output import write_atomic
+
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in KINDS:
+        raise RsgenError(f"--plot {path}: the name must end in .{', .'.join(KINDS)}")
+    # matplotlib is slow to import
+    from rsgen.report.figures import draw_derivation
+
+    write_atomic(path, draw_derivation(function, values, omega, largest).render(kind))

@@ -1,0 +1,190 @@
+"""What `rsgen init` writes: a case file with a comment on every line that a beginner will change."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import jinja2
+import sympy
+
+import rsgen
+from rsgen.app.cli.law_notes import read_memory
+from rsgen.app.cli.terminal import print_json, print_line
+from rsgen.cases import DATA_VARIABLE
+from rsgen.cases.data_paths import path_fault
+from rsgen.cases.naming import name_fault
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import write_atomic
+from rsgen.formula import symbol, write
+from rsgen.formula.memory import remembers
+from rsgen.formula.units import parameter_units
+from rsgen.law.element import make_element
+from rsgen.law.memory import equations_of
+
+__all__ = ["case_text", "init_command"]
+
+_LAW = "k1*x + kn1*x**3 + c1*v"
+
+# a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped
+_VALUES = {
+    "N/m": "5.92 kN/m",
+    "N/m^3": "2e5 N/m^3",
+    "N/m^5": "1e8 N/m^5",
+    "N*s/m": "3.8 N*s/m",
+    "N*s^2/m^2": "1 N*s^2/m^2",
+    "N": "0.5 N",
+    "m": "20 mm",
+}
+
+
+def _value(unit: str) -> str:
+    if unit in ("", "1"):
+        return "1"
+    return f'"{_VALUES.get(unit, f"1 {unit}")}"'
+
+
+def _elements(law: str, memory: Mapping[str, str]) -> tuple[list[tuple[str, sympy.Expr]], dict[str, str]]:
+    force = make_element("law", law, memory).force
+    terms = sympy.Add.make_args(force)
+    damper = [term for term in terms if term.has(symbol("v")) or remembers(term)]
+    spring = [term for term in terms if term not in damper]
+    parts = [("spring", spring), ("damper", damper)]
+    units = dict(parameter_units(force))
+    return [(name, sympy.Add(*part)) for name, part in parts if part], units
+
+
+def case_text(
+    name: str,
+    law: str,
+    measured: str | None = None,
+    test: str | None = None,
+    memory: Mapping[str, str] | None = None,
+) -> str:
+    """Give the text of a case to begin with.
+
+    Parameters
+    ----------
+    name
+        The case's name.
+    law
+        A force law in x and v; terms with v or a memory go to the damper, the others to the spring.
+    measured
+        The data file of a measured case; None for a simulated one.
+    test
+        The [test] tables as TOML, if they are known.
+    memory
+        g(x, v, z) of z' = g for every state z of the law.
+
+    Raises
+    ------
+    RsgenError
+        Name, law or path are not legal, or a law to be simulated has no damper.
+    """
+    fault = name_fault(name)
+    if fault:
+        raise RsgenError(f"name: {fault}")
+    fault = measured and path_fault(measured)
+    if fault:
+        raise RsgenError(f"--measured: {fault}")
+    elements, units = _elements(law, memory or {})
+    if measured is None and all(element != "damper" for element, _ in elements):
+        raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
+    names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
+    width = max(map(len, names), default=0)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(rsgen.__file__).parent / "templates"),
+        autoescape=False,  # noqa: S701 - no HTML; name, law and path are checked
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("init/case.toml").render(
+        name=name,
+        elements=[(element, write(part), equations_of(part)) for element, part in elements],
+        truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
+        measured=measured,
+        tables=test,
+        variable=DATA_VARIABLE,
+    )
+
+
+def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str | None]:
+    """Ask for what was not given, on a terminal only: a program would wait for ever."""
+    if not sys.stdin.isatty():
+        raise RsgenError("NAME: is missing; rsgen init gearbox")
+    import typer
+
+    name = str(typer.prompt("Name of the case", default="my-case", err=True))
+    if force is None:
+        force = str(typer.prompt("Force law in x and v", default=_LAW, err=True))
+    if measured is None:
+        text = typer.prompt("Measured file (none: simulate)", default="", show_default=False, err=True)
+        measured = str(text).strip() or None
+    return name.strip(), force, measured
+
+
+def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
+    """Give path and [test] tables for a data file as the case's folder sees it, and what they read."""
+    from rsgen.app.cli.inspect_command import proposal_text, trial_lines
+    from rsgen.app.cli.trial_reading import try_proposal
+    from rsgen.files.inspection import list_contents, propose
+
+    contents = list_contents(data)
+    proposal = propose(contents)
+    if proposal is None:
+        raise RsgenError(
+            f"{data.name}: no frequency, force and response were recognised in it; see rsgen inspect, "
+            "then rsgen init --measured"
+        )
+    folder = target.parent.resolve()
+    try:
+        inside = data.resolve().relative_to(folder).as_posix()
+    except ValueError:
+        # elsewhere: RSGEN_DATA or --data must name its folder
+        inside = data.name
+    trial = try_proposal(contents, proposal)
+    trial.proposal.tables["test"]["file"] = inside
+    return inside, proposal_text(trial.proposal), trial_lines(trial)
+
+
+def init_command(
+    name: str | None,
+    law: str | None,
+    memory: Sequence[str],
+    measured: str | None,
+    data: Path | None,
+    out: Path | None,
+    json: bool,
+) -> int:
+    """Write the case; a file that is there is left alone."""
+    if data is not None and measured is not None:
+        raise RsgenError("--from: does not go with --measured; --from guesses what stands where")
+    if name is None and data is not None:
+        name = data.stem
+    if name is None:
+        name, law, measured = _ask(law, measured)
+    file = Path(name)
+    if file.suffix == ".toml":
+        # a file was named: the case is called like it
+        name, out = file.stem, out or file
+    target = out or Path(f"{name}.toml")
+    test = None
+    said: list[str] = []
+    if data is not None:
+        measured, test, said = _guessed(data, target)
+    text = case_text(name, law or _LAW, measured, test, read_memory(memory))
+    if target.exists():
+        raise RsgenError(f"{target}: is there already; choose another name or --out")
+    write_atomic(target, text)
+    if json:
+        print_json({"case": name, "file": str(target)} | ({"trial": said} if said else {}))
+        return 0
+    for line in said:
+        print_line(line)
+    print_line(f"{target}: change what you need, then `rsgen check {target}`")
+    if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
+        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
+    return 0

@@ -1,0 +1,152 @@
+"""What `rsgen inspect` shows: the tree of a data file, and the [test] table of a case that would read it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rsgen.app.cli.terminal import print_json, print_line, print_reading_fault
+from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
+from rsgen.files.tree import TEXT
+from rsgen.report.wording import next_step, sentence
+
+__all__ = ["inspect_command", "proposal_text", "trial_lines"]
+
+MOST = 60
+"""Arrays shown in a table; --all and --json list all."""
+_UNITS_OF_DOUBT = 60
+
+
+def _text(value: str) -> str:
+    """Write a text as a TOML string; a file's names may hold any sign."""
+    # half a surrogate pair is no Unicode, and a file may hold it
+    legal = "".join("\ufffd" if 0xD800 <= ord(sign) <= 0xDFFF else sign for sign in value)
+    escaped = legal.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(s if s.isprintable() else f"\\U{ord(s):08x}" for s in escaped) + '"'
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return _text(value) if isinstance(value, str) else str(value)
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """Write a proposal as TOML, with a comment where the user must look."""
+    lines: list[str] = []
+    for name, table in proposal.tables.items():
+        lines.append(f"[{name}]")
+        width = max((len(key) for key in table), default=0)
+        for key, value in table.items():
+            doubt = proposal.doubts.get(f"{name}.{key}", "")
+            line = f"{key:<{width}} = {_value(value)}"
+            plain = "".join(sign if sign.isprintable() else "?" for sign in doubt)
+            lines.append(f"{line:<36} # {plain}" if doubt else line)
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _shape(entry: Entry) -> str:
+    return " x ".join(map(str, entry.shape)) or ("1" if entry.dtype else "-")
+
+
+def _unit(entry: Entry) -> str:
+    return f"{entry.unit} ({entry.unit_source})" if entry.unit and entry.unit_source else entry.unit or "-"
+
+
+def _row(entry: Entry) -> tuple[str, ...]:
+    if entry.dtype == TEXT:
+        return entry.path, "-", TEXT, "-", repr(entry.remark)
+    if entry.fault:
+        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
+    more = ", ..." if entry.size > len(entry.first) else ""
+    values = ", ".join(entry.first) + more
+    title = "" if entry.path.endswith(entry.title) or entry.title in entry.remark else entry.title
+    about = ", ".join(filter(None, (title, entry.remark)))
+    if about:
+        values += f"  ({about[:_UNITS_OF_DOUBT]})"
+    return entry.path, _shape(entry), entry.dtype, _unit(entry), values
+
+
+def _show(contents: Contents, trial: Trial | None, everything: bool) -> None:
+    usable = [entry for entry in contents.entries if entry.dtype and not entry.fault]
+    shown = list(contents.entries)
+    if len(shown) > MOST and not everything:
+        # rows of numbers say more than the settings of an instrument
+        shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MOST]
+    print_line(f"{contents.file.name}: {contents.format}, {len(usable)} arrays of numbers")
+    header = ("path", "shape", "kind", "unit", "values")
+    rows = [_row(entry) for entry in shown]
+    widths = [max(len(row[place]) for row in (header, *rows)) for place in range(4)]
+    for row in (header, *rows):
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        print_line("  ".join([*cells, row[4]]).rstrip())
+    # a fault of many arrays is printed once, and in full
+    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
+    for fault, path in reversed(long.items()):
+        print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
+    if contents.remark:
+        print_line(contents.remark)
+    if len(contents.entries) > len(shown):
+        print_line(f"... and {len(contents.entries) - len(shown)} more: --all lists them")
+    print_line()
+    if trial is None:
+        print_line(
+            "No frequency, force and response were recognised in it; name them in a [test] table yourself."
+        )
+        return
+    print_line("# a guess by names, units and order, for a case file: rsgen init --from writes it")
+    for line in proposal_text(trial.proposal).split("\n"):
+        print_line(line)
+    for line in trial_lines(trial):
+        print_line(line)
+
+
+def trial_lines(trial: Trial) -> list[str]:
+    """Say what a proposed case reads, and what is odd about it."""
+    if trial.fault:
+        return [f"Read so, the file is refused: {trial.fault}"]
+    surface = trial.surface
+    if surface is None:
+        return []
+    levels = f"{len(surface.levels)} level{'' if len(surface.levels) == 1 else 's'}"
+    frequency, points = surface.frequency, f"{len(surface)} points"
+    if isinstance(surface, MultisineSpectra):
+        frequency = frequency[surface.excited().any(axis=0)]
+        points = f"{len(frequency)} lines of {surface.periods} periods"
+    band = f"{frequency.min():.5g} to {frequency.max():.5g} Hz"
+    lines = [f"Read so, the file gives {points} at {levels}, {band}"]
+    lines += [f"  {finding.severity}: {sentence(finding)}" for finding in trial.findings]
+    lines += [f"  next: {next_step(f)}" for f in trial.findings if f.severity == "doubt"]
+    if trial.not_found:
+        lines.append(f"  looked for and not found: {', '.join(trial.not_found)}")
+    return lines
+
+
+def inspect_command(file: Path, everything: bool, json: bool) -> int:
+    """Show what is in a data file and propose the [test] table."""
+    contents = list_contents(file)
+    print_reading_fault(contents.format)
+    proposal = propose(contents)
+    trial = try_proposal(contents, proposal) if proposal else None
+    if json:
+        print_json(
+            {
+                "file": str(file),
+                "format": contents.format,
+                "remark": contents.remark,
+                "entries": [asdict(entry) for entry in contents.entries],
+                "test": trial.proposal.tables if trial else None,
+                "doubts": trial.proposal.doubts if trial else {},
+                "trial": trial_lines(trial) if trial else [],
+                "findings": [finding.to_dict() for finding in trial.findings] if trial else [],
+            }
+        )
+    else:
+        _show(contents, trial, everything)
+    return 0

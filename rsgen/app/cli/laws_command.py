@@ -1,0 +1,81 @@
+"""What `rsgen laws` prints: the library of force laws, or one law of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsgen.app.cli.derive_command import PICTURE_ONLY, describe, read_settings, spell, write_picture
+from rsgen.app.cli.terminal import print_json, print_line
+from rsgen.common.errors import RsgenError
+
+if TYPE_CHECKING:
+    from rsgen.law.element import Law
+    from rsgen.law.library import Library
+
+__all__ = ["laws_command"]
+
+
+def laws_command(
+    name: str | None, plot: Path | None, settings: Sequence[str], largest: str | None, json: bool
+) -> int:
+    """Print the library, or the formula, parameters, describing function and source of one law."""
+    from rsgen.describing import derive
+    from rsgen.law.library import laws
+
+    if name is None:
+        if plot is not None or settings or largest:
+            raise RsgenError("--plot, --set and --amplitude are for one law: give its name")
+        if json:
+            print_json([_entry(law) for law in laws])
+        else:
+            _print_all(laws)
+        return 0
+    law = laws[name]
+    if plot is None and (settings or largest):
+        raise RsgenError(PICTURE_ONLY)
+    started = time.perf_counter()
+    function = derive(law)
+    seconds = time.perf_counter() - started
+    if plot is not None:
+        values, omega, top = read_settings(function, settings, largest)
+        write_picture(function, plot, law.example | values, omega, top)
+    if json:
+        print_json(_entry(law) | {"describing": spell(function, seconds)})
+    else:
+        _print_law(law)
+        describe(function, latex=False, picture=plot)
+    return 0
+
+
+def _entry(law: Law) -> dict[str, Any]:
+    return {
+        "name": law.name,
+        "title": law.title,
+        "force": law.formula,
+        "parameters": [
+            {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit} for entry in law.table
+        ],
+        **({"memory": law.memory} if law.memory else {}),
+        "source": law.source,
+        "own": law.own,
+    }
+
+
+def _print_all(laws: Library) -> None:
+    width = max(len(law.name) for law in laws)
+    for law in laws:
+        print_line(f"{law.name:<{width}}  {law.text}")
+    print_line()
+    print_line('One of them: rsgen laws NAME. In a case: law = "NAME" in place of force.')
+
+
+def _print_law(law: Law) -> None:
+    print_line(f"{law.name}: {law.title}")
+    for entry in law.table:
+        unit = f" [{entry.unit}]" if entry.unit else ""
+        print_line(f"{'':<9}  {entry.name}: {entry.meaning}{unit}")
+    derived = "; the describing function is an own derivation" if law.own else ""
+    print_line(f"{'source':<9}  {law.source}{derived}")

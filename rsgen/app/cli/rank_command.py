@@ -1,0 +1,89 @@
+"""What `rsgen rank` prints: candidate laws, best first, and the verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rsgen.app.cli.terminal import (
+    number,
+    print_block,
+    print_cache_fault,
+    print_json,
+    print_line,
+    print_verdict,
+    verdict_code,
+)
+from rsgen.app.study import obtain_surface
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.formula.units import parameter_units
+from rsgen.identification.ranking import Ranking, rank
+from rsgen.report.stated_verdict import state_verdict
+from rsgen.report.wording import sentence
+
+__all__ = ["rank_command"]
+
+
+def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model | None]:
+    """Read a surface, which has no law, or a case with its model."""
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        return path.stem, load_surface(path), None
+    case = load_case(path, data)
+    return case.name, obtain_surface(case), case.model
+
+
+def rank_command(path: Path, data: Path | None, json: bool) -> int:
+    """Rank the laws of the library on a case's test or on a saved surface."""
+    print_cache_fault()
+    name, surface, model = _read(path, data)
+    ranking = rank(surface, model)
+    if json:
+        print_json(
+            {
+                "case": name,
+                **state_verdict(ranking.verdict),
+                "fits": ranking.fits,
+                "verdict": [sentence(finding) for finding in ranking.findings],
+                "findings": [finding.to_dict() for finding in ranking.findings],
+                "noise": ranking.noise,
+                "unexplained": ranking.unexplained,
+                "candidates": [
+                    {
+                        "name": entry.name,
+                        "own": entry.own,
+                        "force": entry.force,
+                        "parameters": entry.parameters,
+                        "held_out_error": entry.held_out_error,
+                        "bic": entry.bic,
+                        "tied": entry.tied,
+                        "values": dict(entry.values),
+                    }
+                    for entry in ranking.candidates
+                ],
+            }
+        )
+        return verdict_code(ranking.verdict.state)
+    code = print_verdict(ranking.verdict)
+    print_block("", str(ranking))
+    for finding in ranking.findings:
+        if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
+            print_line(sentence(finding))
+    print_line(f"best: {ranking.candidates[0].force}")
+    print_line(f"with {_values(ranking)}")
+    return code
+
+
+def _values(ranking: Ranking) -> str:
+    """Values of the best law with their units, so that absurd ones are seen."""
+    try:
+        units = parameter_units(ranking.model.force)
+    except RsgenError:
+        # a law whose terms do not agree in units can be ranked all the same
+        units = {}
+    units = {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
+    return ", ".join(
+        f"{name} = {number(value)} {units.get(name, '')}".rstrip()
+        for name, value in ranking.candidates[0].values.items()
+    )

@@ -1,0 +1,83 @@
+"""Files that a command writes: where they may lie, and that they never take the place of a user's file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from rsgen.cases import Case
+from rsgen.common.errors import RsgenError
+from rsgen.files import MeasuredTest
+
+__all__ = [
+    "DIFFERENCE",
+    "FRF",
+    "MODAL",
+    "SURFACE",
+    "SURFACE_PAGE",
+    "check_target",
+    "inputs_of",
+    "is_foreign",
+    "refuse_foreign",
+]
+
+SURFACE = b"rsgen response surface"
+FRF = b"receptances by level\nrsgen\n"
+MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
+SURFACE_PAGE = b": response surface</title>"
+DIFFERENCE = b"<title>rsgen: two results compared</title>"
+"""What is near the beginning of each kind of file that a command writes, and hardly in any other."""
+
+_BEGINNING = 4096
+"""Bytes in which that stands."""
+
+
+def check_target(path: Path, ending: str, option: str = "--out") -> Path:
+    """Refuse a name for a new file that has another ending or no folder."""
+    if path.suffix.lower() != ending:
+        raise RsgenError(f"{option} {path}: the name must end in {ending}")
+    if not path.parent.is_dir():
+        raise RsgenError(f"{option} {path}: there is no folder {path.parent}")
+    return path
+
+
+def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
+    """Give the files that a command on a case reads: the case, its data, and others that it was given."""
+    data = case.test.all_files if isinstance(case.test, MeasuredTest) else ()
+    return (case.path, *data, *(path for path in others if path is not None))
+
+
+def is_foreign(path: Path, mark: bytes) -> bool:
+    """Whether there is something at a place that does not bear the mark of what a command would write."""
+    if not path.exists():
+        return False
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        return mark not in file.read(_BEGINNING)
+
+
+def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str = "--out") -> None:
+    """Refuse, before anything is computed, to write over a file of the user.
+
+    Parameters
+    ----------
+    foreign
+        Whether what is there was not written by rsgen.
+    reads
+        Files that the command reads; whoever wrote them, they stay.
+
+    Raises
+    ------
+    RsgenError
+        It would; the file is as it was.
+    """
+    if not path.exists():
+        return
+    if any(other.exists() and path.samefile(other) for other in reads):
+        raise RsgenError(f"{path}: is read by this command; choose another {option}")
+    # an empty file, as mktemp makes one, holds nothing that could be lost
+    if foreign and not (path.is_file() and path.stat().st_size == 0):
+        raise RsgenError(
+            f"{path}: is there and not as rsgen wrote it; move it away or choose another {option}"
+        )

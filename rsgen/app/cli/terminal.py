@@ -1,0 +1,152 @@
+"""How results are printed to standard output, and faults to standard error."""
+
+from __future__ import annotations
+
+import json
+import math
+import unicodedata
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rsgen.app.cli.streams import write_error, write_output
+from rsgen.common.verdict import USABLE, Verdict, verdict_lines
+
+__all__ = [
+    "ACCEPTED",
+    "FAULTY",
+    "INTERRUPTED",
+    "MISSED",
+    "number",
+    "plain",
+    "print_block",
+    "print_cache_fault",
+    "print_faults",
+    "print_json",
+    "print_line",
+    "print_reading_fault",
+    "print_table",
+    "print_verdict",
+    "verdict_code",
+]
+
+ACCEPTED, MISSED, FAULTY, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: results that may be used unseen (accepted, identified), others (missed, doubtful, rejected),
+faulty input, an interrupt."""
+
+_MOST_FAULTS = 500
+
+
+def plain(text: str) -> str:
+    """Show control characters of a file's texts as escapes: a terminal obeys them otherwise.
+
+    Spaces of all widths, such as the thin one between thousands, are blanks.
+    """
+    return "".join(_plain(sign) for sign in text)
+
+
+def _plain(sign: str) -> str:
+    if unicodedata.category(sign) == "Zs":
+        return " "
+    return sign if sign.isprintable() else ascii(sign)[1:-1]
+
+
+def print_line(text: str = "", *, flush: bool = False) -> None:
+    """Print a line of a result; ``flush`` where the next one takes a while."""
+    write_output(plain(text), flush=flush)
+
+
+def print_block(head: str, text: str) -> None:
+    """Print a label and a text whose further lines stand under its first."""
+    first, *more = text.split("\n")
+    print_line(head + first)
+    for line in more:
+        print_line(" " * len(head) + line)
+
+
+def print_faults(faults: Iterable[str]) -> None:
+    """Print one line a fault to standard error."""
+    lines = list(faults)
+    for line in lines[:_MOST_FAULTS]:
+        write_error(plain(line))
+    if len(lines) > _MOST_FAULTS:
+        write_error(f"... and {len(lines) - _MOST_FAULTS} more")
+
+
+def print_cache_fault() -> None:
+    """Say once why nothing compiled is stored, before a command that compiles."""
+    from rsgen.dynamics.kernel import cache_fault
+
+    fault = cache_fault()
+    if fault is not None:
+        print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
+
+
+def print_reading_fault(form: str) -> None:
+    """Say at the first look into a binary file what this system does not limit while it is read."""
+    from rsgen.files.sandbox import reading_fault
+
+    fault = None if form == "csv" else reading_fault()
+    if fault is not None:
+        print_faults(
+            [
+                f"note: of the process that reads a binary file this system limits {fault}; "
+                "open files of strangers on Linux"
+            ]
+        )
+
+
+def print_verdict(verdict: Verdict, name: str = "") -> int:
+    """Print a verdict, what decided and what to do next; give the exit code.
+
+    Parameters
+    ----------
+    name
+        What it is the verdict on; "" where the command line says it.
+    """
+    # report and its figures are slow to import
+    from rsgen.report.stated_verdict import state_verdict
+
+    first, *reasons = verdict_lines(state_verdict(verdict))
+    for line in (f"{name}: {first}" if name else first, *reasons):
+        print_line(line)
+    return verdict_code(verdict.state)
+
+
+def verdict_code(state: object) -> int:
+    """Give the exit code of a verdict's state: 0 if a script may go on with the numbers, else 1."""
+    return ACCEPTED if state in USABLE else MISSED
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return value
+
+
+def print_json(value: Any) -> None:
+    """Print a value as JSON; NaN and infinity, which JSON does not know, become null."""
+    write_output(json.dumps(_finite(value), indent=2, allow_nan=False))
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Write a number for a table; what is not known is a dash.
+
+    Examples
+    --------
+    >>> number(5920.0), number(float("nan"))
+    ('5920', '-')
+    """
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print columns aligned by blanks, readable by eye and by awk; the first column left, the rest right."""
+    lines = [[plain(cell) for cell in row] for row in (header, *rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        first, *rest = (cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        write_output("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())

@@ -1,0 +1,253 @@
+"""A result's folder is built beside its place and moved there whole, so that a killed run harms nothing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rsgen.app.study.manifest import MANIFEST, UNFINISHED, file_hash, listed_files, read_manifest
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import left_behind, sync_folder
+
+__all__ = ["check_index", "check_replaceable", "recover", "replaced_folder"]
+
+# Windows has no such locks
+_locks: Any = import_module("fcntl") if os.name == "posix" else None
+
+_OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
+"""Files over all results, and what is near their beginning; a file without it belongs to somebody else."""
+
+_BEGINNING = 4096
+"""Bytes in which that stands."""
+
+_WAIT = 10.0
+"""Seconds for which a run waits until another one has begun, cleared up or moved: each takes far less."""
+
+_PAUSE = 0.005
+"""Seconds from one look to the next meanwhile."""
+
+_SHOWN = 3
+"""Files that a refusal names; more would hide what to do."""
+
+
+def recover(out: Path) -> None:
+    """Clear up after killed runs: a result moved aside comes back, unfinished ones are removed.
+
+    A hidden folder with such a name in which there is more than a run wrote stays.
+    """
+    if not out.is_dir():
+        return
+    with _alone(out):
+        _clear_up(out)
+
+
+def _clear_up(out: Path) -> None:
+    for path in sorted(out.iterdir()):
+        name = left_behind(path)
+        if name is None or path.is_symlink() or not path.is_dir() or _is_filled(path):
+            continue
+        place = out / name
+        if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
+            path.rename(place)
+        elif _of_a_run(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Keep other runs from beginning, clearing up and moving in a folder of results.
+
+    A folder without its mark, which is not yet there or no longer, would be taken for one left behind. Where
+    there are no locks, or a lock does not end, the run goes on without.
+    """
+    with ExitStack() as opened:
+        if _locks is not None:
+            with suppress(OSError):
+                handle = os.open(out, os.O_RDONLY)
+                opened.callback(os.close, handle)
+                _wait_for_lock(handle)
+        yield
+
+
+def _wait_for_lock(handle: int) -> None:
+    end = time.monotonic() + _WAIT
+    while time.monotonic() < end:
+        with suppress(BlockingIOError):
+            _locks.flock(handle, _locks.LOCK_EX | _locks.LOCK_NB)
+            return
+        time.sleep(_PAUSE)
+
+
+@contextmanager
+def _filling(part: Path) -> Iterator[None]:
+    """Mark a folder as one that a run fills; a lock on the mark ends with the run, however that ends.
+
+    The number of a process, in the folder's name, means another one in another container or machine that
+    writes into the same folder of results, and the same one to another thread.
+    """
+    with (part / UNFINISHED).open("w") as mark:
+        if _locks is not None:
+            # some file systems have no locks; then the number alone decides
+            with suppress(OSError):
+                _locks.flock(mark, _locks.LOCK_EX | _locks.LOCK_NB)
+            yield
+            return
+    yield
+
+
+def _is_filled(hidden: Path) -> bool:
+    """Whether a run somewhere holds the lock on the mark of a hidden folder."""
+    if _locks is None:
+        return False
+    try:
+        # over a network only what is open for writing can be locked; a pipe would wait
+        handle = os.open(hidden / UNFINISHED, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        _locks.flock(handle, _locks.LOCK_EX | _locks.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    finally:
+        os.close(handle)
+    return False
+
+
+def _of_a_run(hidden: Path) -> bool:
+    """Whether a hidden folder holds nothing but what a run wrote: a name alone is no proof."""
+    if (hidden / UNFINISHED).is_file():
+        return True
+    try:
+        check_replaceable(hidden)
+    except (RsgenError, OSError):
+        return False
+    return True
+
+
+def check_replaceable(place: Path) -> None:
+    """Refuse to replace a folder that holds anything but what a run has written.
+
+    Raises
+    ------
+    RsgenError
+        It is a link, a file, a folder that no run made, or holds files that were added or changed since.
+    """
+    if place.is_symlink() or (place.exists() and not place.is_dir()):
+        raise RsgenError(f"{place}: is no folder; move it away, the result of the case goes there")
+    if not place.exists():
+        return
+    if not any(place.iterdir()):
+        return
+    listed = listed_files(place)
+    if listed is None:
+        raise RsgenError(
+            f"{place}: is a folder that no run made (it has no {MANIFEST}); move it away, or choose another "
+            "--out"
+        )
+    strange = [
+        path.relative_to(place).as_posix()
+        for path in sorted(place.rglob("*"))
+        if not _written_by_run(path, path.relative_to(place).as_posix(), listed)
+    ]
+    if strange:
+        more = f" and {len(strange) - _SHOWN} more" if len(strange) > _SHOWN else ""
+        raise RsgenError(
+            f"{place}: holds what no run wrote there: {', '.join(strange[:_SHOWN])}{more}; move it away, for "
+            "a new result replaces the whole folder"
+        )
+
+
+def check_index(out: Path) -> None:
+    """Refuse a folder of results in which somebody else's file has the name of the index or of Table 1.
+
+    Raises
+    ------
+    RsgenError
+        There is one; it is not touched.
+    """
+    for name, mark in _OURS.items():
+        place = out / name
+        if not place.exists() and not place.is_symlink():
+            continue
+        ours = False
+        if place.is_file() and not place.is_symlink():
+            with place.open("rb") as file:
+                ours = mark in file.read(_BEGINNING)
+        if not ours:
+            raise RsgenError(
+                f"{place}: was not written by rsgen; move it away or choose another --out, for the index of "
+                "all results has this name"
+            )
+
+
+def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
+    """Whether a path below a result is as its manifest says: a file, or a folder on the way to one."""
+    if path.is_symlink():
+        return False
+    if path.is_dir():
+        return any(file.startswith(f"{name}/") for file in listed)
+    return name == MANIFEST or (path.is_file() and name in listed and file_hash(path) == listed[name])
+
+
+@contextmanager
+def replaced_folder(out: Path, name: str) -> Iterator[Path]:
+    """Give a folder to fill; when the block ends without fault it takes the place ``out/name``.
+
+    An earlier result stays untouched until then. Between the two renames a kill leaves the earlier result
+    under its hidden name, from where ``recover`` brings it back.
+
+    Parameters
+    ----------
+    out
+        The folder of all results; made if missing.
+    name
+        The case's name, a plain one.
+
+    Raises
+    ------
+    RsgenError
+        The folder cannot be made or moved, or what is there is not a run's.
+    """
+    place = out / name
+    part, old = (out / f".{name}.{os.getpid()}.{kind}" for kind in ("part", "old"))
+    filling = ExitStack()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        recover(out)
+        check_replaceable(place)
+        with _alone(out):
+            part.mkdir()
+            filling.enter_context(_filling(part))
+    except OSError as fault:
+        raise RsgenError(
+            f"{place}: cannot be made: {fault.strerror or fault}; choose another --out"
+        ) from fault
+    try:
+        yield part
+        # somebody may have put a file there meanwhile
+        check_replaceable(place)
+        with _alone(out):
+            (part / UNFINISHED).unlink(missing_ok=True)
+            sync_folder(part)
+            if place.exists():
+                place.rename(old)
+            part.rename(place)
+            sync_folder(out)
+    except OSError as fault:
+        if old.exists() and not place.exists():
+            with suppress(OSError):
+                old.rename(place)
+        raise RsgenError(f"{place}: cannot be written: {fault.strerror or fault}") from fault
+    finally:
+        filling.close()
+        shutil.rmtree(part, ignore_errors=True)
+        if place.exists() and _of_a_run(old):
+            shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,296 @@
+"""One case, from its file to its folder of results."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+from rsgen.app.study.folder import recover, replaced_folder
+from rsgen.app.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
+from rsgen.app.study.progress import Progress, stage_reporter
+from rsgen.cases import Case, load_case
+from rsgen.cases.trial import law_faults
+from rsgen.common.diagnostics import program_fault
+from rsgen.common.errors import CaseError, RsgenError
+from rsgen.common.verdict import StatedVerdict
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.dynamics.simulation import MultisineTest, simulate
+from rsgen.files import MeasuredTest, read_measurement
+from rsgen.report.lesson_mark import is_lesson_as_written
+
+__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "obtain_table", "run_case"]
+
+RESULT = "result.json"
+SURFACE = "surface.h5"
+
+
+@dataclass(frozen=True, slots=True)
+class CaseRun:
+    """What became of a case.
+
+    Parameters
+    ----------
+    path, name
+        The case file, and the name in it; the file's where it could not be read.
+    folder
+        Where the result lies; None where there is none.
+    passed
+        Whether every value is within the tolerance that ``[accept]`` gives it; None where the case failed.
+    skipped
+        True where a verified result from the same inputs was there.
+    seconds
+        How long it took.
+    faults
+        Why it failed, in sentences.
+    verdict
+        The entry "verdict" of the result.json; None where the case failed.
+    """
+
+    path: Path
+    name: str
+    folder: Path | None = None
+    passed: bool | None = None
+    skipped: bool = False
+    seconds: float = 0.0
+    faults: tuple[str, ...] = ()
+    verdict: StatedVerdict | None = None
+
+
+def _inputs(case: Case) -> dict[str, str | None]:
+    """SHA-256 of the case and of its measured files: of several, the hash of their hashes."""
+    if not isinstance(case.test, MeasuredTest):
+        return {"case": case.sha256}
+    try:
+        hashes = [file_hash(path) for path in case.test.all_files]
+    except OSError:
+        # reading it will say what is wrong, in a sentence
+        return {"case": case.sha256, "data": None}
+    data = hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+    return {"case": case.sha256, "data": data}
+
+
+def check_place(case: Case, out: Path) -> None:
+    """Refuse to write results into the folder that holds the case.
+
+    Raises
+    ------
+    RsgenError
+        The two are the same.
+    """
+    if case.path.parent.resolve() in (out.resolve(), (out / case.name).resolve()):
+        raise RsgenError(f"{case.path.name}: results would go where the case lies; choose another --out")
+
+
+def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun | None:
+    """Give the result of an earlier run if its manifest verifies and case, data and program are the same.
+
+    With ``figures``, the kind of file, the figures must be there as well.
+    """
+    recover(out)
+    folder = out / case.name
+    manifest = read_manifest(folder)
+    if manifest is None or not inputs_unchanged(manifest, _inputs(case)) or RESULT not in manifest["files"]:
+        return None
+    # the picture for the index is there in any case
+    if figures and not any(fnmatch(name, f"figure-*.{figures}") for name in manifest["files"]):
+        return None
+    try:
+        passed, verdict = _said(folder)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return CaseRun(case.path, case.name, folder, passed, skipped=True, verdict=verdict)
+
+
+def _said(folder: Path) -> tuple[bool, StatedVerdict]:
+    """Read from a result whether tolerances are kept, and its verdict."""
+    result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    return bool(result["passed"]), result["verdict"]
+
+
+def obtain_table(
+    case: Case, progress: Callable[[float], None] = lambda share: None
+) -> ResponseSurface | MultisineSpectra:
+    """Simulate the test of a case, or read its measured files: a response surface, or spectra of a multisine.
+
+    Raises
+    ------
+    RsgenError
+        A file cannot be read, or a simulated case has no true values.
+    """
+    if isinstance(case.test, MeasuredTest):
+        table = read_measurement(case.test)
+        return table.on_mass(case.model.mass) if isinstance(table, ResponseSurface) else table
+    if case.oscillator is None:
+        raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
+    if isinstance(case.test, MultisineTest):
+        return simulate(case.oscillator, case.test)
+    return simulate(case.oscillator, case.test, progress=progress).on_mass(case.model.mass)
+
+
+def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
+    """Give the response surface of a case for what needs one.
+
+    Raises
+    ------
+    RsgenError
+        As ``obtain_table``, or the test is a multisine.
+    """
+    table = obtain_table(case, progress)
+    if isinstance(table, MultisineSpectra):
+        raise RsgenError(
+            f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
+            "identify take its spectra"
+        )
+    return table
+
+
+def _many_lines(case: Case) -> bool:
+    """Whether the test is a multisine, whose spectra are read anew: that is quicker than their file."""
+    if isinstance(case.test, MultisineTest):
+        return True
+    rule = case.test.history if isinstance(case.test, MeasuredTest) else None
+    return rule is not None and rule.excitation == "multisine"
+
+
+def _saved_surface(case: Case, out: Path) -> ResponseSurface:
+    manifest = read_manifest(out / case.name)
+    if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
+        raise RsgenError(
+            f"{case.path.name}: {out / case.name} holds no surface of this very case; use `rsgen run`"
+        )
+    return load_surface(out / case.name / SURFACE)
+
+
+def _execute(
+    case: Case,
+    out: Path,
+    reuse_surface: bool,
+    command: Sequence[str],
+    figures: str | None,
+    report: Callable[[str, float], None],
+) -> CaseRun:
+    check_place(case, out)
+    refused = law_faults(case)
+    if refused:
+        raise CaseError(refused)
+    report("surface", 0.0)
+    # the heavy parts are imported when there is something to do
+    from rsgen.analysis.comparison import compare
+    from rsgen.app.study.identified import identify_case
+    from rsgen.report import write_report
+
+    seed = None
+    if not isinstance(case.test, MeasuredTest) and case.test.noise_relative > 0:
+        seed = case.test.seed
+    with replaced_folder(out, case.name) as folder:
+        inputs = _inputs(case)
+        started = time.perf_counter()
+        surface: ResponseSurface | MultisineSpectra
+        if reuse_surface and not _many_lines(case):
+            surface = _saved_surface(case, out)
+        else:
+            surface = obtain_table(case, lambda share: report("surface", share))
+        tested = time.perf_counter()
+        report("identification", 0.0)
+        identification = identify_case(case, surface)
+        truth = case.with_model(identification.model).truth
+        comparison = compare(identification, truth, case.accept)
+        durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
+        report("report", 0.0)
+        results = (case, surface, identification, comparison)
+        with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
+            write_report(folder, *results, durations=durations, command=command, figures=figures)
+        passed, verdict = _said(folder)
+        write_manifest(folder, inputs, seed, command)
+    return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
+
+
+@contextlib.contextmanager
+def _temporary_in(folder: Path) -> Iterator[None]:
+    """Let temporary files lie in a folder, with which they go if the run is killed; TMPDIR may not exist."""
+    before = tempfile.tempdir
+    tempfile.tempdir = str(folder)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
+
+
+@contextlib.contextmanager
+def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
+    """Save a notebook with its traceback from a folder that goes; remove one of an earlier run."""
+    try:
+        yield
+    except RsgenError:
+        with contextlib.suppress(OSError):
+            if not place.exists() or is_lesson_as_written(place):
+                (folder / "notebook.ipynb").replace(place)
+        raise
+    if is_lesson_as_written(place):
+        place.unlink()
+
+
+def run_case(
+    path: str | Path | Case,
+    out: str | Path,
+    *,
+    force: bool = False,
+    data: str | Path | None = None,
+    command: Sequence[str] = (),
+    figures: str | None = None,
+    reuse_surface: bool = False,
+    progress: Progress | None = None,
+) -> CaseRun:
+    """Run a case: simulate or read, identify, compare, report; the manifest is written last.
+
+    A fault of the case is a value, so that one case cannot stop others; an earlier result then stays.
+
+    Parameters
+    ----------
+    path
+        The case file, or the case that was loaded from it.
+    out
+        The folder of all results; this one goes to ``out/<name>``.
+    force
+        Run even if a verified result from the same inputs is there.
+    data
+        The folder of measured files; default is the one of RSGEN_DATA, then the case's folder.
+    command
+        What was called, for the manifest.
+    figures
+        "pdf", "svg" or "png": every figure is saved as a file, too.
+    reuse_surface
+        Identify and report anew from the surface that an earlier run of this very case left.
+    progress
+        Called now and then with how far the case has come.
+    """
+    started = time.perf_counter()
+    place = Path(out)
+    file = path.path if isinstance(path, Case) else Path(path)
+    name = file.stem
+    words = command or ("rsgen", "report" if reuse_surface else "run", file.name)
+    try:
+        case = path if isinstance(path, Case) else load_case(path, data)
+        name = case.name
+        earlier = None if force or reuse_surface else current_result(case, place, figures)
+        if earlier is not None:
+            return earlier
+        run = _execute(case, place, reuse_surface, words, figures, stage_reporter(case, progress))
+        return replace(run, seconds=time.perf_counter() - started)
+    except CaseError as fault:
+        faults = fault.faults
+    except RsgenError as fault:
+        text = " ".join(str(fault).split())
+        faults = (text if text.startswith(file.name) else f"{file.name}: {text}",)
+    except Exception as fault:
+        # a fault of the program must not stop other cases either
+        faults = (program_fault(fault, file.name),)
+    return CaseRun(file, name, seconds=time.perf_counter() - started, faults=faults)

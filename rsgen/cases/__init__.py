@@ -1,0 +1,29 @@
+"""Case files: TOML to the objects of rsgen, every fault at once; the only place that knows pydantic."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rsgen.common.first_use import on_first_use
+
+if TYPE_CHECKING:
+    from rsgen.cases.case import Case
+    from rsgen.cases.case_list import find_cases, name_clashes
+    from rsgen.cases.document import case_schema
+    from rsgen.cases.loading import DATA_VARIABLE, load_case, read
+
+__all__ = ["DATA_VARIABLE", "Case", "case_schema", "find_cases", "load_case", "name_clashes", "read"]
+
+# a table [test] alone has no law, and is read without the library of algebra
+__getattr__ = on_first_use(
+    __name__,
+    {
+        "Case": "case",
+        "DATA_VARIABLE": "loading",
+        "case_schema": "document",
+        "find_cases": "case_list",
+        "load_case": "loading",
+        "name_clashes": "case_list",
+        "read": "loading",
+    },
+)

@@ -1,0 +1,1 @@
+"""What every package uses: errors, arrays, findings, verdicts, files, tables, limits of a process."""

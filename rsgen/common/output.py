@@ -1,0 +1,128 @@
+"""Files that are either whole or not there: every file that a run leaves is written here."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from rsgen.common.errors import RsgenError
+
+__all__ = ["is_alive", "left_behind", "sync_folder", "write_atomic"]
+
+_DAY = 86_400.0
+"""Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
+
+_UNFINISHED = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)(\.\w+)?\.(part|old)")
+"""Name of an unfinished file or folder: whose place it takes, and who writes it."""
+
+
+_LONGEST = 64
+"""Characters of a name that its unfinished file has, so that this is not too long for the system."""
+
+
+def _permissions() -> int:
+    # the mode a plain open() would give; mkstemp's 0600 would hide reports from a web server or a group
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def is_alive(process: int) -> bool:
+    """Whether a number is that of a process of this machine, as far as the system says."""
+    if os.name != "posix":
+        # there, asking would end the process; age decides instead
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def left_behind(path: Path) -> str | None:
+    """Give the name whose place an unfinished file or folder was to take; None unless its writer is gone."""
+    found = _UNFINISHED.fullmatch(path.name)
+    if found is None:
+        return None
+    with suppress(OSError):
+        process, age = int(found["process"]), time.time() - path.lstat().st_mtime
+        if process != os.getpid() and is_alive(process) and age < _DAY:
+            return None
+    return found["name"]
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a rename inside a folder durable; Windows cannot open folders and needs no such step."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _clear(target: Path) -> None:
+    """Remove what killed writers of this file left."""
+    for path in target.parent.iterdir():
+        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:_LONGEST]:
+            path.unlink(missing_ok=True)
+
+
+def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
+    """Write a file so that a reader, or a crash, finds the old file or the new one, never a part.
+
+    The data go to a temporary file in the same folder, are flushed to the disk and renamed onto ``path``.
+    A symbolic link at ``path`` is replaced, never followed.
+
+    Parameters
+    ----------
+    path
+        The file to write; its folder must exist.
+    data
+        The whole content; text is written as UTF-8 with line ends as they are.
+
+    Raises
+    ------
+    RsgenError
+        The folder is missing, ``path`` is a folder, the disk is full, or writing is not permitted; what was
+        at ``path`` before is still there.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_atomic(pathlib.Path(folder) / "note.txt", "k1 = 5920 N/m")
+    ...     pathlib.Path(folder, "note.txt").read_text()
+    'k1 = 5920 N/m'
+    """
+    target = Path(path)
+    content = data.encode("utf-8") if isinstance(data, str) else data
+    temporary: Path | None = None
+    try:
+        if target.exists() and not target.is_symlink() and not stat.S_ISREG(target.stat().st_mode):
+            raise RsgenError(f"{target}: is no regular file; only files are written")
+        _clear(target)
+        prefix = f".{target.name[:_LONGEST]}.{os.getpid()}."
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix, suffix=".part")
+        temporary = Path(name)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.chmod(_permissions())
+        temporary.replace(target)
+        temporary = None
+        sync_folder(target.parent)
+    except OSError as fault:
+        raise RsgenError(f"{target}: cannot be written: {fault.strerror or fault}") from fault
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)

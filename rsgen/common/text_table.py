@@ -1,0 +1,132 @@
+"""Tables for a terminal and a notebook: columns of texts, no sentences."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from math import floor, isfinite, log10
+from typing import Any, TypeVar
+
+from rsgen.common.errors import RsgenError, UnknownNameError
+
+__all__ = ["MOST_DIGITS", "Printed", "TextTable", "data_frame", "lookup", "short", "with_error"]
+
+T = TypeVar("T")
+
+MOST_DIGITS = 10
+"""More digits than this say nothing about a measured structure."""
+
+
+def short(value: float, digits: int = 5) -> str:
+    """Print a number with few digits, "" where it is not known.
+
+    Examples
+    --------
+    >>> short(0.1 + 0.2), short(float("nan"))
+    ('0.3', '')
+    """
+    return "" if value != value else f"{value:.{digits}g}"
+
+
+def with_error(value: float, standard_error: float) -> int:
+    """Give the digits a value deserves: two of them beyond the leading digit of its standard error.
+
+    Examples
+    --------
+    >>> with_error(5000.0, 3.0), with_error(5000.0, 0.0), with_error(1.0, float("inf"))
+    (5, 10, 4)
+    """
+    if not (isfinite(value) and isfinite(standard_error)):
+        return 4
+    if standard_error <= 0 or value == 0:
+        return MOST_DIGITS if value else 4
+    return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), MOST_DIGITS)
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """Rows of texts or numbers under heads, with a line above and lines below.
+
+    Examples
+    --------
+    >>> print(TextTable(("name", "value"), (("k", "5000"), ("c", "4")), caption="two"))
+    two
+    name  value
+    k     5000
+    c     4
+    """
+
+    heads: tuple[str, ...]
+    rows: tuple[Sequence[Any], ...]
+    caption: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Aligned columns."""
+        cells = [self.heads, *([str(cell) for cell in row] for row in self.rows)]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(self.heads))]
+        lines = [
+            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+            for row in cells
+        ]
+        return "\n".join([*filter(None, [self.caption]), *lines, *self.notes])
+
+    def html(self) -> str:
+        """Give the table as HTML; every text is escaped."""
+
+        def row(cells: Sequence[Any], tag: str) -> str:
+            return f"<tr>{''.join(f'<{tag}>{html.escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
+
+        lines = html.escape(self.caption).replace("\n", "<br>")
+        caption = f"<caption>{lines}</caption>" if lines else ""
+        body = "".join(row(cells, "td") for cells in self.rows)
+        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        head = row(self.heads, "th")
+        return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>{notes}"
+
+
+class Printed:
+    """A record that prints as a table, on a terminal and in a notebook."""
+
+    __slots__ = ()
+
+    def _table(self) -> TextTable:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Give the table as text."""
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+
+def lookup(name: object, known: Mapping[str, T], what: str) -> T:
+    """Give what has this name.
+
+    Raises
+    ------
+    UnknownNameError
+        Nothing has it; the message names what there is. It is a ``KeyError``, too.
+    """
+    if isinstance(name, str) and name in known:
+        return known[name]
+    raise UnknownNameError(f"{what} {name!r:.80}: there is none; there are {', '.join(known)}")
+
+
+def data_frame(columns: dict[str, Any], index: str = "") -> Any:
+    """Give a ``pandas.DataFrame`` of columns, one of them as its index; pandas is needed for this alone.
+
+    Raises
+    ------
+    RsgenError
+        pandas is not installed.
+    """
+    try:
+        pandas = import_module("pandas")
+    except ImportError:
+        raise RsgenError("to_frame: pandas is not installed; install it with: pip install pandas") from None
+    frame = pandas.DataFrame(columns)
+    return frame.set_index(index) if index else frame

@@ -1,0 +1,368 @@
+"""Free decay to the same curves k(X) and c(X): the mode's frequency is the reference, its force is zero.
+
+In a free decay the complex rate s (growth and frequency) of the fundamental obeys, to first order in the slow
+change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
+
+    c/m = -Im(s^2 + s')/Im s,        k/m = -Re(s^2 + s') - (c/m) Re s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding, Quantity
+from rsgen.data.history.envelope import PERIODS, demodulate, independent_instants, place_windows
+from rsgen.data.history.quasi_steady import steady_force
+from rsgen.data.history.record import FEWEST, TimeHistory, as_histories, check_options
+from rsgen.data.history.release import Stretch, find_decays, force_ends
+from rsgen.data.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.columns import DERIVATIVE
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+__all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
+
+_NOTHING = 1e-100
+"""Below this no quantity in SI units is a motion; its reciprocals would overflow."""
+_ROUNDS = 4
+"""Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
+_LOOK = 8
+"""Periods of the spectra that follow the frequency at first, padded to as many times finer lines."""
+_NEAR = (0.5, 1.6)
+"""The frequency is followed within these multiples of the strongest line, short of its octaves."""
+_CLEAR = 20.0
+"""A point is used where the amplitude is this many times its scatter: 5 % of noise in c(X)."""
+_GROUP = 7
+"""Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
+_NO_MASS = (
+    "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
+    "known: all parameters are then per kg"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeDecay:
+    """A free decay, point by point as the amplitude falls.
+
+    Parameters
+    ----------
+    time
+        (n,) [s from the first sample].
+    frequency
+        (n,) of the steady motion with the same stiffness and mass, sqrt(k/m)/(2 pi) in effect [Hz].
+    damping_ratio
+        (n,) c/(2 m omega) [1].
+    stiffness, damping
+        (n,) k(X) [N/m] and c(X) [N s/m]; per unit mass [1/s^2], [1/s] where the mass is not known.
+    stiffness_error, damping_error
+        (n,) their standard errors, from the scatter of the neighbours.
+    harmonics
+        (n, H+1) complex displacement [m]; NaN where not measured.
+    mass
+        [kg] or None.
+    label
+        Of the history.
+    findings
+        Where it begins and ends in its record, and why.
+    """
+
+    time: Array
+    frequency: Array
+    damping_ratio: Array
+    stiffness: Array
+    damping: Array
+    stiffness_error: Array
+    damping_error: Array
+    harmonics: ComplexArray
+    mass: float | None
+    label: str
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def amplitude(self) -> Array:
+        """(n,) X, amplitude of the fundamental of the displacement [m]."""
+        return np.asarray(np.abs(self.harmonics[:, 1]))
+
+    @property
+    def force(self) -> ComplexArray:
+        """(n,) complex amplitude of the force that would have held each motion [N].
+
+        Raises
+        ------
+        MeasurementError
+            The mass is not known: without it a decay determines k/m and c/m, but no force.
+        """
+        if self.mass is None:
+            raise MeasurementError(_NO_MASS.format(self.label))
+        omega = 2 * pi * self.frequency
+        needed = self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
+        return np.asarray(needed * self.harmonics[:, 1])
+
+
+def from_free_decay(
+    histories: TimeHistory | Sequence[TimeHistory],
+    *,
+    mass: float | None = None,
+    band: tuple[float, float] | None = None,
+    harmonics: int = HARMONICS,
+    start: float | None = None,
+) -> ResponseSurface:
+    """Turn free decays of one structure into a response surface.
+
+    Every point has the force that would have held its motion, F = (k(X) - m omega^2 + i omega c(X)) X; each
+    decay is one level, named by the largest of its forces. A record with several blows has several decays.
+
+    Parameters
+    ----------
+    histories, mass, band, harmonics, start
+        One history or several, and the rest, as ``follow_decay`` takes them. Give the mass as 1 where it is
+        not known: all parameters are then per kg.
+
+    Raises
+    ------
+    MeasurementError
+        No decay is found, or the mass is not given.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 20, 0.005)
+    >>> x = 1e-3 * np.exp(-0.5 * t) * np.cos(60 * t)
+    >>> surface = from_free_decay(TimeHistory(200, None, x), mass=2.0)
+    >>> c = (surface.force / surface.harmonics[:, 1]).imag / surface.omega
+    >>> round(float(np.median(c)), 2)  # 2 m 0.5/s
+    2.0
+    """
+    several = as_histories(histories, "free decay")
+    check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
+    if mass is None:
+        raise MeasurementError(_NO_MASS.format(several[0].label))
+    decays = [decay for history in several for decay in _follow_all(history, mass, band, harmonics, start)]
+    force = [decay.force for decay in decays]
+    level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
+    return ResponseSurface(
+        level=np.repeat(level, [len(part) for part in force]),
+        frequency=np.concatenate([decay.frequency for decay in decays]),
+        force=np.concatenate(force),
+        harmonics=np.concatenate([decay.harmonics for decay in decays]),
+        sweep="rest",
+        findings=(
+            *(Finding("force-of-decay", "info", names={"record": history.label}) for history in several),
+            *(finding for decay in decays for finding in decay.findings),
+        ),
+    )
+
+
+def follow_decay(
+    history: TimeHistory,
+    *,
+    mass: float | None = None,
+    band: tuple[float, float] | None = None,
+    harmonics: int = HARMONICS,
+    start: float | None = None,
+) -> FreeDecay:
+    """Follow frequency and damping of a free decay against its amplitude.
+
+    Parameters
+    ----------
+    history
+        From anywhere before the release on: the decay begins where a measured force ends, or where the
+        response stops to be driven; it ends before the amplitude is that of the noise. Of several decays the
+        largest is followed.
+    mass
+        Modal mass [kg]; without it stiffness and damping come per unit mass.
+    band
+        (lowest, highest) frequency [Hz] in which the mode is looked for; the strongest line where None.
+    harmonics
+        Highest harmonic of the displacement.
+    start
+        Instant of the release [s], if known; a drive that goes on after it is a doubt.
+
+    Raises
+    ------
+    MeasurementError
+        No decay is found: the force never ends, or fewer than some 25 periods stand out of the noise.
+    """
+    check_options(history.label, band=band, mass=mass, harmonics=harmonics)
+    decays = _follow_all(history, mass, band, harmonics, start)
+    return max(decays, key=lambda decay: float(decay.amplitude[0]))
+
+
+_Band = tuple[float, float] | None
+
+
+def _follow_all(
+    history: TimeHistory, mass: float | None, band: _Band, harmonics: int, start: float | None
+) -> list[FreeDecay]:
+    """Follow every decay of a record; one that is too short is left out beside others."""
+    ended = force_ends(history, len(history))
+    loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
+    line = _strongest(history.response[loudest if ended is None else ended :], history, band)
+    decays, fault = [], None
+    stretches = find_decays(history, line, band, start)
+    for stretch in stretches:
+        try:
+            decays.append(_follow_one(history, stretch, mass, band, harmonics))
+        except MeasurementError as error:
+            fault = error
+    if fault is not None and not decays:
+        raise fault
+    if len(stretches) > 1:
+        numbers = {"found": Quantity(len(stretches)), "used": Quantity(len(decays))}
+        several = Finding("several-decays", "info", "", numbers, {"record": history.label})
+        rising = [stretch for stretch in stretches if stretch.rises]
+        ends = {"end": Quantity(history.start + rising[0].end / history.rate, "s")} if rising else {}
+        doubts = [Finding("decay-rises", "doubt", "", ends, {"record": history.label})] if rising else []
+        decays[0] = replace(decays[0], findings=(several, *doubts, *decays[0].findings))
+    return decays
+
+
+def _follow_one(
+    history: TimeHistory, stretch: Stretch, mass: float | None, band: _Band, harmonics: int
+) -> FreeDecay:
+    begin = stretch.begin
+    samples = history.response[begin : stretch.end]
+    if len(samples) < FEWEST:
+        raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
+    line = _strongest(samples, history, band)
+    time, envelope, curve = _tracked(samples, history, line, harmonics, stretch.floor)
+    omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
+    motion = differentiate(envelope[:, 1], omega, change, history.quantity)
+    table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
+    table[:, 1] = motion.displacement
+    scale = mass if mass is not None else 1.0
+    needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
+    stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
+    found = FreeDecay(
+        time=time + begin / history.rate,
+        frequency=motion.omega / (2 * pi),
+        damping_ratio=damping / (2 * scale * motion.omega),
+        stiffness=stiffness,
+        damping=damping,
+        stiffness_error=_scatter(stiffness),
+        damping_error=_scatter(damping),
+        harmonics=table,
+        mass=mass,
+        label=history.label,
+    )
+    return replace(found, findings=_limits(found, stretch, history))
+
+
+def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:
+    """Say where a decay begins and ends, if that is not where its record does."""
+    names = {"record": history.label}
+    size, time = decay.amplitude, decay.time + history.start
+    begin = Quantity(history.start + stretch.begin / history.rate, "s")
+    unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
+    numbers = {
+        "begin": begin,
+        "first": Quantity(float(time[0]), "s"),
+        "last": Quantity(float(time[-1]), "s"),
+        "large": Quantity(float(size[0]), "m"),
+        "small": Quantity(float(size[-1]), "m"),
+        "floor": Quantity(stretch.floor / unit, "m"),
+    }
+    after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
+    findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]
+    if stretch.driven and stretch.given:
+        findings.append(Finding("drive-after-start", "doubt", "", {"begin": begin}, names))
+    return tuple(findings)
+
+
+def _tracked(
+    samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
+) -> tuple[Array, ComplexArray, PchipInterpolator]:
+    """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
+    from scipy.interpolate import PchipInterpolator  # half a second, and needed for decays only
+
+    time, frequency = _follow(samples, history.rate, first)
+    if len(time) < 2:
+        raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
+    for _ in range(_ROUNDS):
+        curve = PchipInterpolator(time, frequency, extrapolate=True)
+        time, envelope = _demodulated(samples, history, curve, time, harmonics)
+        clear = _clear(envelope[:, 1, 0], floor)
+        if np.count_nonzero(clear) < _GROUP:
+            raise MeasurementError(
+                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
+                f"{_GROUP} independent windows of {PERIODS:g} periods, as is needed; where a second mode "
+                "beats with it, give a band around one"
+            )
+        time, envelope = time[clear], envelope[clear]
+        growth = envelope[:, 1, 1] / envelope[:, 1, 0]
+        frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
+    return time, envelope, curve
+
+
+def _demodulated(
+    samples: Array, history: TimeHistory, curve: PchipInterpolator, time: Array, harmonics: int
+) -> tuple[Array, ComplexArray]:
+    """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
+    rate, turns = history.rate, curve.antiderivative()
+    t = independent_instants(lambda t: PERIODS / np.asarray(curve(t)), time[0], time[-1])
+    period = rate / curve(t)
+    orders = highest_order(harmonics, rate, float(np.max(curve(t))))
+    windows = place_windows(t * rate, PERIODS * period, period, orders, len(samples))
+    envelope = demodulate(
+        samples, rate, lambda t: np.asarray(2 * pi * turns(t)), windows, tuple(range(orders + 1))
+    )
+    return windows.middle / rate, envelope
+
+
+def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
+    """Find the strongest line of the decay in the band [Hz]."""
+    taper = np.hanning(2 * len(samples) + 1)[len(samples) + 1 :]
+    power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
+    line = np.fft.rfftfreq(len(samples), 1 / history.rate)
+    allowed = (line > 0) if band is None else (line >= band[0]) & (line <= band[1])
+    if not allowed.any() or not power[allowed].max() > _NOTHING:
+        raise MeasurementError(
+            f"{history.label}: nothing moves in the band; a band around the mode is needed"
+        )
+    return float(line[allowed][np.argmax(power[allowed])])
+
+
+def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
+    """Follow the strongest line near the first one through short spectra."""
+    length = int(_LOOK * rate / first)
+    starts = np.arange(0, max(len(samples) - length, 1), max(length // 2, 1))
+    taper = np.hanning(length + 2)[1:-1]
+    padded = _LOOK * length
+    line = np.fft.rfftfreq(padded, 1 / rate)
+    near = (line > _NEAR[0] * first) & (line < _NEAR[1] * first)
+    strongest = []
+    for start in starts:
+        part = np.asarray(samples[start : start + length], dtype=np.float64)
+        power = np.abs(np.fft.rfft((part - part.mean()) * taper[: len(part)], padded))
+        strongest.append(line[near][np.argmax(power[near])])
+    return np.asarray((starts + length / 2) / rate), np.array(strongest)
+
+
+def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
+    """Mark points well above their scatter and the ``floor`` of the record, up to the first that is not."""
+    # fourth differences: those of noise have 70 times its variance, those of the decay itself are small
+    rough = np.abs(np.diff(envelope, 4)) / np.sqrt(70)
+    if not len(rough):
+        return np.zeros(len(envelope), dtype=bool)
+    # at the quiet end, the last fifth, they are noise alone
+    scatter = float(np.median(rough[-max(len(rough) // 5, 3) :]))
+    return np.asarray(np.logical_and.accumulate(np.abs(envelope) > _CLEAR * max(scatter, floor)))
+
+
+def _scatter(values: Array) -> Array:
+    """Standard error of each value: scatter of its neighbours about a straight line through them."""
+    half = _GROUP // 2
+    k = np.arange(_GROUP) - half
+    views = np.lib.stride_tricks.sliding_window_view(values, _GROUP)
+    line = views.mean(axis=1)[:, None] + (views @ k / float(k @ k))[:, None] * k
+    spread = np.sqrt(np.sum((views - line) ** 2, axis=1) / (_GROUP - 2))
+    return np.asarray(np.pad(spread, half, mode="edge"))

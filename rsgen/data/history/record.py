@@ -1,0 +1,271 @@
+"""The time history of a test: force and one response, sampled together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
+from rsgen.data.surface.columns import DERIVATIVE
+from rsgen.data.surface.directions import group_forces
+
+__all__ = [
+    "BLOCK",
+    "FAINT",
+    "FEWEST",
+    "QUIET",
+    "TimeHistory",
+    "as_histories",
+    "blocks",
+    "check_options",
+    "name_levels",
+    "sampling_rate",
+]
+
+QUIET = 0.02
+"""A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
+BLOCK = 2**18
+"""Samples worked on at once, 2 MB that fit into a cache: long histories are never copied whole."""
+FAINT = 1e-3
+"""Where the force is below this fraction of its median, nothing drives the structure."""
+FEWEST = 16
+"""Samples below which nothing is a vibration: two periods of eight."""
+_LARGEST = 1e30
+"""Samples beyond this are no measurement; their squares would overflow."""
+_UNEVEN = 0.1
+"""An instant may be off by this fraction of a step, as rounded times in a text are."""
+_SPREAD = 0.1
+"""Sweeps whose forces differ by less than this, relatively, are one level."""
+
+
+def blocks(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Cut samples into parts of at most BLOCK, without copying."""
+    return [values[start : start + BLOCK] for start in range(0, len(values), BLOCK)]
+
+
+def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
+    """View samples, without a copy: one dimension, floating point, finite, read-only."""
+    array = np.asarray(values)
+    if array.dtype not in (np.float32, np.float64):
+        if array.dtype.kind not in "iu":
+            raise MeasurementError(
+                f"{label}: {name}: numbers of kind {array.dtype}; integers or floating point are needed"
+            )
+        array = array.astype(np.float64)
+    if array.ndim != 1:
+        raise MeasurementError(f"{label}: {name}: shape {array.shape}; one row of samples is needed")
+    for number, block in enumerate(blocks(array)):
+        finite = np.abs(block) < _LARGEST
+        if not finite.all():
+            place = number * BLOCK + int(np.argmin(finite)) + 1
+            raise MeasurementError(
+                f"{label}: {name}: sample {place} is not finite, or above {_LARGEST:g}; fill the gap, or "
+                "leave it out by start and stop"
+            )
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _number(value: Any, name: str, unit: str, label: str) -> float:
+    """Check a number: finite, and positive unless it is the ``start``."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise MeasurementError(f"{label}: {name}: {value!r}; a number of {unit} is needed") from None
+    if not isfinite(number) or (number <= 0 and name != "start"):
+        asked = "finite" if name == "start" else "positive and finite"
+        raise MeasurementError(f"{label}: {name}: {number!r} {unit}; must be {asked}")
+    return number
+
+
+def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
+    """Find sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], in messages ``name``.
+
+    Raises
+    ------
+    MeasurementError
+        Fewer than two instants, or they do not rise in even steps.
+    """
+    if len(time) < 2:
+        raise MeasurementError(f"{name} has {len(time)} instants; at least two are needed")
+    first, last = float(time[0]), float(time[-1])
+    step = (last - first) / (len(time) - 1)
+    if not step > 0:
+        raise MeasurementError(f"{name} does not rise; instants one after the other are needed")
+    for number, part in enumerate(blocks(time)):
+        begin = number * BLOCK
+        off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
+        # a NaN is off as well
+        bad = ~(off <= _UNEVEN * step)
+        if bad.any():
+            raise MeasurementError(
+                f"{name}: sample {begin + int(np.argmax(bad)) + 1} is off the even spacing of {step:g} s; "
+                "evenly sampled histories are needed (resample it)"
+            )
+    return 1 / step, first
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TimeHistory:
+    """Force and one response of a test, sampled at the same instants.
+
+    Arrays of floats are not copied: a long history may lie in a file that is mapped into memory.
+
+    Parameters
+    ----------
+    rate
+        Samples per second [Hz].
+    force
+        (n,) [N]; None, or all zero, where nothing was measured (free decay).
+    response
+        (n,) displacement [m], velocity [m/s] or acceleration [m/s^2].
+    quantity
+        What the response is: "displacement", "velocity" or "acceleration".
+    level
+        Nominal force amplitude [N], or None: it is then found from the force.
+    start
+        Time of the first sample [s].
+    label
+        Names the history in messages: the file, usually.
+    findings
+        What was found while it was read, such as units taken from the file.
+
+    Raises
+    ------
+    MeasurementError
+        Rate or level not positive and finite, lengths differ, fewer than 16 samples, a sample that is not
+        finite, an unknown quantity.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 2, 0.01)
+    >>> TimeHistory.from_times(t, np.cos(30 * t), 1e-3 * np.sin(30 * t), "velocity", label="run 7")
+    TimeHistory('run 7': 200 samples at 100 Hz, force, velocity)
+    """
+
+    rate: float
+    force: NDArray[Any] | None
+    response: NDArray[Any]
+    quantity: str = "displacement"
+    level: float | None = None
+    start: float = 0.0
+    label: str = "time history"
+    findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def from_times(
+        cls,
+        time: ArrayLike,
+        force: ArrayLike | None,
+        response: ArrayLike,
+        quantity: str = "displacement",
+        *,
+        level: float | None = None,
+        label: str = "time history",
+    ) -> TimeHistory:
+        """Make a history from evenly spaced instants ``time`` (n,) [s] in place of the sampling rate."""
+        instants = _samples(time, "time", label)
+        rate, start = sampling_rate(instants, f"{label}: time")
+        # anything array-like: the constructor makes arrays of force and response, as its fields declare them
+        history = cls(rate, force, response, quantity, level, start, label)  # type: ignore[arg-type]
+        if len(instants) != len(history):
+            raise MeasurementError(
+                f"{label}: {len(instants)} instants, {len(history)} samples; one instant a sample is needed"
+            )
+        return history
+
+    def __post_init__(self) -> None:
+        for name, unit in (("rate", "Hz"), ("level", "N"), ("start", "s")):
+            if getattr(self, name) is not None or name != "level":
+                object.__setattr__(self, name, _number(getattr(self, name), name, unit, self.label))
+        if self.quantity not in tuple(DERIVATIVE):
+            raise MeasurementError(
+                f"{self.label}: quantity: {self.quantity!r}; must be one of {', '.join(DERIVATIVE)}"
+            )
+        object.__setattr__(self, "response", _samples(self.response, "response", self.label))
+        if self.force is not None:
+            object.__setattr__(self, "force", _samples(self.force, "force", self.label))
+            if len(self.force) != len(self.response):
+                raise MeasurementError(
+                    f"{self.label}: {len(self.force)} samples of force, {len(self.response)} of response; "
+                    "one of each an instant is needed"
+                )
+        if len(self.response) < FEWEST:
+            raise MeasurementError(
+                f"{self.label}: {len(self.response)} samples; at least {FEWEST} are needed"
+            )
+
+    def __repr__(self) -> str:
+        """Size, rate and kind, without the samples."""
+        force = "no force" if self.force is None else "force"
+        return (
+            f"TimeHistory({self.label!r}: {len(self)} samples at {self.rate:g} Hz, {force}, {self.quantity})"
+        )
+
+    def __len__(self) -> int:
+        """Count the samples."""
+        return len(self.response)
+
+    @property
+    def reference(self) -> NDArray[Any]:
+        """(n,) force [N]; a MeasurementError where none was measured."""
+        if self.force is None:
+            raise MeasurementError(f"{self.label}: no force; a forced test needs the measured force")
+        return self.force
+
+
+def as_histories(histories: TimeHistory | Sequence[TimeHistory], test: str) -> list[TimeHistory]:
+    """List one or several histories of a ``test``; a MeasurementError where there is none."""
+    several = [histories] if isinstance(histories, TimeHistory) else list(histories)
+    if not several or not all(isinstance(history, TimeHistory) for history in several):
+        raise MeasurementError(f"{test}: one TimeHistory or more are needed")
+    return several
+
+
+def check_options(
+    label: str,
+    *,
+    band: tuple[float, float] | None = None,
+    mass: float | None = None,
+    harmonics: int = 1,
+    points: int = 2,
+) -> None:
+    """Refuse a band [Hz], mass [kg] or number of harmonics or points that no history can have."""
+    if band is not None and not (len(band) == 2 and 0 <= band[0] < band[1]):
+        raise MeasurementError(f"{label}: band: {band!r}; (lowest, highest) frequency in Hz is needed")
+    if mass is not None and not (isfinite(mass) and mass > 0):
+        raise MeasurementError(f"{label}: mass: {mass!r} kg; must be positive and finite")
+    if harmonics < 1:
+        raise MeasurementError(f"{label}: harmonics: {harmonics!r}; must be 1 or more")
+    if points < 2:
+        raise MeasurementError(f"{label}: points: {points!r}; must be 2 or more")
+
+
+def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
+    """Name the level of each sweep: as given, or the mean force of its group rounded to three digits.
+
+    Parameters
+    ----------
+    levels
+        (given [N] or None, typical force [N]) of each.
+
+    Examples
+    --------
+    >>> name_levels([(None, 4.8213), (None, 4.79), (None, 28.84), (67.0, 66.1)]).tolist()
+    [4.81, 4.81, 28.8, 67.0]
+    """
+    named = np.array([np.nan if level is None else level for level, _ in levels], dtype=np.float64)
+    unnamed = np.flatnonzero(np.isnan(named))
+    force = np.array([typical for _, typical in levels])[unnamed]
+    group = group_forces(force, _SPREAD)
+    for number in np.unique(group):
+        named[unnamed[group == number]] = float(f"{np.mean(force[group == number]):.3g}")
+    return named

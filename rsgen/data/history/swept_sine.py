@@ -1,0 +1,323 @@
+"""Swept sine to a response surface: envelopes against the phase of the sweep, its transient taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
+from rsgen.data.history.envelope import (
+    NOISE_WIDTH,
+    PERIODS,
+    Windows,
+    demodulate,
+    independent_instants,
+    mean_square,
+    place_windows,
+)
+from rsgen.data.history.excitation import check_force, check_response
+from rsgen.data.history.quasi_steady import estimate_mass, flank_mass, steady_force
+from rsgen.data.history.record import FAINT, TimeHistory, as_histories, check_options, name_levels
+from rsgen.data.history.sensor import (
+    HARMONICS,
+    Kinematics,
+    differentiate,
+    displacement_harmonics,
+    highest_order,
+)
+from rsgen.data.history.sweep_checks import (
+    SweptPoints,
+    distorted_forces,
+    faint_forces,
+    fast_sweeps,
+    free_motion,
+    most_by_pace,
+    other_modes,
+)
+from rsgen.data.history.sweep_law import SweepLaw
+from rsgen.data.history.tracking import Sweep, find_sweeps
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
+
+__all__ = ["from_swept_sine"]
+
+
+POINTS = 400
+"""Points of a sweep; more repeat what their neighbours say and make every later stage slower."""
+_MIXED = 8
+"""Periods that a window must last at least: in fewer, harmonics leak into one another."""
+_WIDER = 1.5
+"""A second window, wider by this factor, shows what the first one flattens."""
+_FLATTENED = 0.02
+"""Largest relative difference of the acceleration between the two windows of a point that is used."""
+_DOUBT = 0.1
+"""A force or mass that is uncertain by more than this fraction is not used: it would not separate laws."""
+_FREE = 1.0
+"""A correction above this fraction of the measured and of the corrected force: mainly a free motion."""
+_FLANK = 0.2
+"""Points belong to a resonance down to this fraction of its receptance: five half widths of it."""
+_ONE_MODE = 0.15
+"""Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
+_AGREE = 1.5
+"""A mass within this factor of that of the flanks is believed; those are good to a fifth."""
+_ROUGH = 0.3
+"""With a mass from the flanks, a correction up to this fraction of the force is good to a tenth of it."""
+
+
+class _Mass(NamedTuple):
+    """A moving mass [kg]; how it was found; the correction, relative to the force, up to which it is good."""
+
+    value: float
+    origin: str
+    good_to: float
+
+
+def from_swept_sine(
+    histories: TimeHistory | Sequence[TimeHistory],
+    *,
+    band: tuple[float, float] | None = None,
+    law: SweepLaw | str | None = None,
+    bandwidth: float | None = None,
+    harmonics: int = HARMONICS,
+    points: int = POINTS,
+    mass: float | None = None,
+) -> ResponseSurface:
+    """Turn swept-sine time histories of one structure into a response surface.
+
+    Every history may hold several sweeps, up and down, at several levels. The frequency of a point is that of
+    the force, never that of a free motion such as follows a jump. What the sweep itself asked for is taken
+    off the force (``quasi_steady``) where the mass is given or the sweeps determine it; a point whose motion
+    is mainly a free one, and one at which the force does not stand out of its noise, is not settled.
+
+    Parameters
+    ----------
+    histories
+        One or several.
+    band
+        (lowest, highest) frequency [Hz] of the points; everything where None.
+    law
+        The sweep law if known, or its kind "linear" or "logarithmic"; otherwise found from the force.
+    bandwidth
+        Of the demodulation [Hz]; where None, windows last ten periods of the force, which is 0.36 f.
+    harmonics
+        Highest harmonic of the displacement; those above 0.45 of the sampling rate come as NaN.
+    points
+        Most points a sweep.
+    mass
+        Moving mass [kg] if known.
+
+    Raises
+    ------
+    MeasurementError
+        No force, no sweep, an empty band, a bandwidth that mixes the harmonics.
+
+    Examples
+    --------
+    A receptance of 1 um/N at all frequencies:
+
+    >>> t = np.arange(0, 100, 1 / 400)
+    >>> force = 3 * np.cos(2 * np.pi * (5 + 0.05 * t) * t)
+    >>> surface = from_swept_sine(TimeHistory(400, force, 1e-6 * force))
+    >>> surface.levels.tolist(), surface.sweep[0].item(), float(surface.amplitude.max().round(9))
+    ([3.0], 'up', 3e-06)
+    """
+    several = as_histories(histories, "swept sine")
+    check_options(several[0].label, band=band, mass=mass, harmonics=harmonics, points=points)
+    parts = [
+        _demodulated(history, sweep, band, bandwidth, harmonics, points)
+        for history in several
+        for sweep in find_sweeps(history, law)
+    ]
+    return _surface(parts, mass)
+
+
+def _windows(
+    history: TimeHistory,
+    sweep: Sweep,
+    band: tuple[float, float] | None,
+    bandwidth: float | None,
+    orders: int,
+    points: int,
+) -> tuple[Windows, Windows]:
+    """Lay the windows of a sweep, and wider ones for the fundamental."""
+    law, rate, size = sweep.law, history.rate, len(history)
+    begin, end = sweep.begin, sweep.end
+    if band is not None:
+        edges = sorted(law.time_of(f) for f in band)
+        begin, end = max(begin, edges[0]), min(end, edges[1])
+    if not end > begin:
+        raise MeasurementError(
+            f"{history.label}: the sweep does not pass the band {band[0]:g} to {band[1]:g} Hz"
+            if band
+            else f"{history.label}: the sweep is too short"
+        )
+    passed = law.frequency_at(np.array([begin, end]))
+    widest = NOISE_WIDTH / _MIXED * float(passed.min())
+    if bandwidth is not None and not 0 < bandwidth <= widest:
+        raise MeasurementError(
+            f"{history.label}: bandwidth {bandwidth:g} Hz; must be above 0 and at most {widest:.3g} Hz, or "
+            f"harmonics of {passed.min():.3g} Hz mix"
+        )
+
+    def length(t: Array) -> Array:
+        f = law.frequency_at(t)
+        return np.asarray(np.full_like(f, NOISE_WIDTH / bandwidth) if bandwidth else PERIODS / f)
+
+    t = independent_instants(length, begin, end, points)
+    # only places where both fit, with two periods to spare
+    margin = _WIDER * length(t) / 2 + 2 / law.frequency_at(t)
+    t = t[(t > margin) & (t < size / rate - margin)]
+    if not len(t):
+        raise MeasurementError(f"{history.label}: too short for a window of {PERIODS:g} periods")
+    period = rate / law.frequency_at(t)
+    wide = place_windows(t * rate, _WIDER * length(t) * rate, period, 1, size)
+    return place_windows(t * rate, length(t) * rate, period, orders, size), wide
+
+
+def _demodulated(
+    history: TimeHistory,
+    sweep: Sweep,
+    band: tuple[float, float] | None,
+    bandwidth: float | None,
+    harmonics: int,
+    points: int,
+) -> SweptPoints:
+    law, rate = sweep.law, history.rate
+    highest = float(law.frequency_at(np.array([sweep.begin, sweep.end])).max())
+    reach = highest_order(harmonics, rate, min(highest, band[1]) if band else highest)
+    narrow, wide = _windows(history, sweep, band, bandwidth, reach, points)
+
+    def kinematics(windows: Windows, envelope: ComplexArray) -> Kinematics:
+        t = windows.middle / rate
+        omega, slope = 2 * pi * law.frequency_at(t), 2 * pi * law.slope_at(t)
+        return differentiate(envelope, omega, slope, history.quantity)
+
+    force = demodulate(history.reference, rate, law.phase_at, narrow, (1, 2, 3) if reach >= 3 else (1,))[
+        :, :, 0
+    ]
+    steadier = demodulate(history.reference, rate, law.phase_at, wide, (1,))[:, 0, 0]
+    envelope = demodulate(history.response, rate, law.phase_at, narrow, tuple(range(reach + 1)))
+    motion = kinematics(narrow, envelope[:, 1])
+    wider = kinematics(wide, demodulate(history.response, rate, law.phase_at, wide, (1,))[:, 0])
+    fed = mean_square(history.reference, narrow)
+    moved = mean_square(history.response, narrow)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sum(np.abs(force) ** 2, axis=1) / 2 / fed
+    # a constant belongs to neither
+    line = np.sum(np.abs(envelope[:, 1:, 0]) ** 2, axis=1) / 2
+    power = np.maximum(moved - np.abs(envelope[:, 0, 0]) ** 2, line)
+    findings = check_force(history, share[np.isfinite(share)]) if np.isfinite(share).any() else []
+    findings += check_response(history, line, power)
+    t = narrow.middle / rate
+    omega = 2 * pi * law.frequency_at(t)
+    table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
+    table[:, 1] = motion.displacement
+    # unknown where nothing moved, as in a drop-out
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        ratio = motion.acceleration / motion.displacement
+        flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
+        smoothed = np.abs(wider.displacement / motion.displacement - 1)
+        distortion = np.linalg.norm(force[:, 1:], axis=1) / np.abs(force[:, 0])
+        unclear = np.abs(steadier / force[:, 0] - 1)
+    return SweptPoints(
+        label=history.label,
+        level=history.level,
+        direction=law.direction,
+        force=force[:, 0],
+        motion=motion,
+        harmonics=table,
+        drive=law.frequency_at(t),
+        rate=np.abs(law.slope_at(t)),
+        flattened=flattened,
+        smoothed=smoothed,
+        unclear=unclear,
+        distortion=float(np.median(distortion)),
+        findings=tuple(findings),
+    )
+
+
+def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
+    def column(name: str) -> ComplexArray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    force, flattened, unclear = column("force"), column("flattened").real, column("unclear").real
+    motion = Kinematics.joined([part.motion for part in parts])
+    omega = 2 * pi * column("drive").real
+    loud = np.abs(force) > FAINT * np.median(np.abs(force))
+    usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
+    driven = unclear < _DOUBT
+    good = usable & driven & (flattened < _FLATTENED)
+    findings = [finding for part in parts for finding in part.findings]
+    moving = _Mass(mass, "given", _FREE) if mass is not None else _moving_mass(parts, force, motion, good)
+    steady = force
+    if moving is not None:
+        steady, damping = steady_force(force, motion, moving.value, omega)
+        steady = np.where(usable, steady, force)
+        asked = np.abs(moving.value * flattened * motion.acceleration)
+        good &= asked < _DOUBT * np.maximum(np.abs(force), np.abs(steady))
+        correction = np.abs(steady - force) / np.maximum(np.abs(force), np.abs(steady))
+        free = good & (
+            correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
+        )
+        good &= ~free
+        findings += free_motion(parts, free)
+        findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
+    else:
+        findings.append(Finding("sweep-not-corrected", "warning"))
+    findings += faint_forces(parts, usable & ~driven)
+    findings += other_modes(parts, steady, good)
+    findings += distorted_forces(parts)
+    count = [len(part) for part in parts]
+    level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])
+    return ResponseSurface(
+        level=np.repeat(level, count),
+        frequency=omega / (2 * pi),
+        force=steady,
+        harmonics=column("harmonics"),
+        sweep=np.repeat([part.direction for part in parts], count),
+        outcome=np.where(good, 0, SWEPT_TOO_FAST),
+        error=column("smoothed").real,
+        findings=tuple(findings),
+    )
+
+
+def _moving_mass(
+    parts: list[SweptPoints], force: ComplexArray, motion: Kinematics, good: NDArray[np.bool_]
+) -> _Mass | None:
+    """Find the moving mass from the points at resonances, else from the flanks; None where it is unknown."""
+    flank = flank_mass(force[good], motion.select(good))
+    if flank is not None and (flank.misfit > _ONE_MODE or not flank.mass > 0):
+        flank = None
+    picked = np.flatnonzero(_resonances(parts, good))
+    found = estimate_mass(force[picked], motion.select(picked))
+    if (
+        found is not None
+        and found.misfit < _ONE_MODE
+        and 0 < found.standard_error < _DOUBT * found.mass
+        and (flank is None or 1 / _AGREE < found.mass / flank.mass < _AGREE)
+    ):
+        return _Mass(found.mass, "from the sweeps themselves", _FREE)
+    return None if flank is None else _Mass(flank.mass, "from the flanks of the resonance", _ROUGH)
+
+
+def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the points around the highest receptance of each sweep."""
+    marked = np.zeros(len(good), dtype=bool)
+    begin = 0
+    for part in parts:
+        chosen = np.flatnonzero(good[begin : begin + len(part)])
+        size = np.abs(part.motion.displacement[chosen] / part.force[chosen])
+        if len(chosen):
+            top = int(np.argmax(size))
+            low = np.flatnonzero(size < _FLANK * size[top])
+            left = int(np.max(low[low < top], initial=-1))
+            right = int(np.min(low[low > top], initial=len(size)))
+            marked[begin + chosen[left + 1 : right]] = True
+        begin += len(part)
+    return marked

@@ -1,0 +1,240 @@
+"""Sweeps in a time history: where each begins and ends, up or down, and its law, from the force alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError
+from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
+from rsgen.data.history.excitation import describe_force
+from rsgen.data.history.record import TimeHistory, blocks
+from rsgen.data.history.sweep_law import LAWS, SweepLaw
+from rsgen.data.surface.directions import monotone_runs
+
+__all__ = ["Sweep", "find_sweeps"]
+
+
+_LOOKS = 128
+"""Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
+_FEWEST = 10
+"""Spectra, and windows of the refinement, that a sweep must last; shorter ones are a start or a stop."""
+_LINES = 0.5
+"""Lines of a spectrum over which the frequency must go to be a sweep."""
+_NEAR = 2
+"""Lines on either side of the strongest that belong to it: the width of a Hann window's main lobe."""
+_FAINT = 0.1
+"""Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
+_TURN = 0.05
+"""A sweep has turned when the frequency moves back by this fraction of its range; spectra jitter by less."""
+_SWERVE = 0.2
+"""After a faint part a sweep goes on within this fraction of the way; a logarithmic one curves by less."""
+_PERIODS = 16.0
+"""Window of the refinement, in periods: a first law may be off by a sixteenth of the frequency."""
+_PLACES = 500
+"""Windows of the refinement, once the law is nearly right: their phases fix three numbers."""
+_ROUNDS = 4
+"""Refinements at most; each leaves the square of the error."""
+_STILL = 1e-6
+"""A refinement by less [rad at the ends of the sweep] is the last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """One sweep of a history, from t = ``begin`` to ``end`` [s from the first sample], and its law."""
+
+    begin: float
+    end: float
+    law: SweepLaw
+
+
+def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tuple[Sweep, ...]:
+    """Find the sweeps of a history from its force.
+
+    ``given`` is the law if known, and the history then one sweep; or its kind, "linear" or "logarithmic";
+    where None, the kind that fits better.
+
+    Raises
+    ------
+    MeasurementError
+        There is no force, or no sweep in it, or the force does not follow the law.
+    """
+    time, frequency, loud, line = _ridge(history)
+    if isinstance(given, SweepLaw):
+        if not loud.any():
+            raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
+        return (Sweep(float(time[loud][0]), float(time[loud][-1]), given),)
+    sweeps = []
+    for run in _runs(frequency, loud, line):
+        law = _first_law(time[run], frequency[run], given)
+        begin, end = float(time[run[0]]), float(time[run[-1]])
+        sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
+    if not sweeps:
+        raise MeasurementError(
+            f"{history.label}: no sweep found in the force: "
+            + (
+                describe_force(history.reference)
+                or f"its frequency must rise or fall over {_FEWEST / _LOOKS:.0%} of the history; set "
+                "test.excitation for a stepped sine or a free decay"
+            )
+        )
+    return tuple(sweeps)
+
+
+def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float]:
+    """Follow the strongest line of the force: time, frequency, whether loud enough; resolution [Hz]."""
+    force = history.reference
+    n = len(force)
+    length = max(16, min(n, max(2 * n // _LOOKS, round(_PERIODS * history.rate / _typical(history)))))
+    starts = np.linspace(0, n - length, min(_LOOKS, n - length + 1)).astype(np.int64)
+    taper = np.hanning(length + 2)[1:-1]
+    frequency, size = np.zeros(len(starts)), np.zeros(len(starts))
+    for i, start in enumerate(starts):
+        samples = np.asarray(force[start : start + length], dtype=np.float64)
+        power = np.abs(np.fft.rfft((samples - samples.mean()) * taper)) ** 2
+        top = int(np.argmax(power[1:])) + 1
+        near = slice(max(top - _NEAR, 0), top + _NEAR + 1)
+        total = float(power[near].sum())
+        place = np.arange(len(power))[near]
+        frequency[i] = float(power[near] @ place) / total if total > 0 else 0.0
+        size[i] = np.sqrt(total)
+    frequency *= history.rate / length
+    time = np.asarray((starts + (length - 1) / 2) / history.rate)
+    loud = np.asarray((size > _FAINT * size.max(initial=0.0)) & (frequency > 0))
+    return time, frequency, loud, history.rate / length
+
+
+def _typical(history: TimeHistory) -> float:
+    """Find a frequency that stands for the force: the mean over its spectrum [Hz]."""
+    # a long history is looked at in parts, for the spectrum of the whole costs time and memory
+    total, moment = 0.0, 0.0
+    for block in blocks(history.reference):
+        # squares of large numbers overflow in single precision
+        power = np.abs(np.fft.rfft(np.asarray(block, dtype=np.float64))) ** 2
+        power[0] = 0.0
+        total += float(power.sum())
+        moment += float(power @ np.linspace(0, history.rate / 2, len(power)))
+    return moment / total if total > 0 else history.rate / 4
+
+
+def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
+    """Split where the frequency turns or the force is faint; the spectra resolve a ``line`` [Hz]."""
+    from scipy.ndimage import median_filter  # a tenth of a second, and needed for sweeps only
+
+    # a single spectrum taken in by a disturbance is no turn
+    smooth = median_filter(frequency, 3, mode="nearest")
+    runs: list[NDArray[np.intp]] = []
+    least = max(_TURN * float(np.ptp(smooth[loud])), _LINES * line) if loud.any() else 0.0
+    for stretch in _stretches(smooth, loud, line):
+        turns = monotone_runs(smooth[stretch], _TURN)
+        for number, (start, stop, _) in enumerate(turns):
+            # spectra over the turn see both sides: they belong to neither run
+            run = stretch[start + (number > 0) : stop - (number < len(turns) - 1)]
+            if len(run) >= _FEWEST and np.ptp(smooth[run]) > least:
+                runs.append(run)
+    return runs
+
+
+def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
+    """Find the loud stretches; those between which one sweep goes on, as where its force fell, are one."""
+    stretches: list[NDArray[np.intp]] = []
+    for part in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
+        if not loud[part[0]]:
+            continue
+        if stretches and _goes_on(frequency, stretches[-1], part, line):
+            stretches[-1] = np.concatenate([stretches[-1], part])
+        else:
+            stretches.append(part)
+    return stretches
+
+
+def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], line: float) -> bool:
+    """Whether the frequency after a faint part is where the one before it leads to."""
+    if min(len(before), len(after)) < _FEWEST:
+        return False
+    last, first = before[-_FEWEST:], after[:_FEWEST]
+    slope, start = np.polyfit(last, frequency[last], 1)
+    other = np.polyfit(first, frequency[first], 1)[0]
+    moved = abs(slope) * (first[0] - last[-1])
+    led_to = start + slope * first[0]
+    return bool(
+        slope * other > 0 and abs(frequency[first[0]] - led_to) < max(_NEAR * line, _SWERVE * float(moved))
+    )
+
+
+def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
+    """Fit a law through the spectra, outliers aside."""
+    from scipy.optimize import least_squares  # a third of a second, and needed for sweeps only
+
+    best: tuple[float, SweepLaw] | None = None
+    spread = float(np.ptp(frequency))
+    for name in LAWS if kind is None else (kind,):
+        logarithmic = name == "logarithmic"
+        start = np.polyfit(time, np.log2(frequency) if logarithmic else frequency, 1)
+        first = np.array([2.0 ** start[1] if logarithmic else start[1], start[0]])
+
+        def misfit(p: Array, logarithmic: bool = logarithmic) -> Array:
+            model = p[0] * np.exp2(np.clip(p[1] * time, -60, 60)) if logarithmic else p[0] + p[1] * time
+            return np.asarray((model - frequency) / spread)
+
+        fit = least_squares(misfit, first, loss="soft_l1", f_scale=2e-3, x_scale=np.abs(first) + 1e-12)
+        if fit.x[0] > 0 and fit.x[1] != 0 and (best is None or fit.cost < best[0]):
+            best = float(fit.cost), SweepLaw(name, float(fit.x[0]), float(fit.x[1]))
+    if best is None:
+        raise MeasurementError("sweep law: no law fits the frequency of the force; give it")
+    return best[1]
+
+
+def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
+    """Refine a law by the phase that the force has against it."""
+    force, rate = history.reference, history.rate
+    # as far apart as windows are independent
+    dense = np.linspace(begin, end, DENSE)
+    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _PERIODS / NOISE_WIDTH)
+    time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
+    for count in range(_ROUNDS):
+        if count:
+            # the phase no longer drifts by turns, so that few places are enough
+            time = time[np.linspace(0, len(time) - 1, min(len(time), _PLACES)).astype(np.intp)]
+        period = rate / law.frequency_at(time)
+        windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
+        if len(windows) < _FEWEST:
+            break
+        law, moved = _shifted(law, force, rate, windows, end - begin)
+        if moved < _STILL:
+            break
+    return law
+
+
+def _shifted(
+    law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
+) -> tuple[SweepLaw, float]:
+    """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
+    from scipy.optimize import least_squares  # as above
+
+    envelope = demodulate(force, rate, law.phase_at, windows, (1,))[:, 0, 0]
+    instant = windows.middle / rate
+    lead = np.unwrap(np.angle(envelope))
+    weight = np.abs(envelope) / np.max(np.abs(envelope))
+    scale = np.array([1.0, 1 / duration, 1 / duration**2])
+    if law.kind == "logarithmic":
+        scale[2] /= float(law.frequency_at(instant).max())
+
+    def candidate(p: Array) -> SweepLaw:
+        phase, frequency, rate = (p * scale).tolist()
+        return SweepLaw(law.kind, law.frequency + frequency, law.rate + rate, law.phase + phase)
+
+    def misfit(p: Array) -> Array:
+        try:
+            model = candidate(p).phase_at(instant) - law.phase_at(instant)
+        except MeasurementError:
+            # no frequency below zero, no standing sweep
+            return np.full(len(instant), 1e6)
+        return np.asarray(weight * (model - lead))
+
+    fit = least_squares(misfit, np.zeros(3), loss="soft_l1", f_scale=0.3)
+    return candidate(fit.x), float(np.max(np.abs(fit.x)))

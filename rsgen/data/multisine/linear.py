@@ -1,0 +1,320 @@
+"""Best linear approximation of each level, its noise, and what no linear structure would answer.
+
+At an excited line Y = G F + S + N: G the best linear approximation, smooth in frequency; S the distortion,
+which looks like noise but repeats every period; N noise, which does not. G is a local polynomial over
+neighbouring excited lines, times one mode fitted to all of them (Schoukens, Vandersteen, Barbe, Pintelon,
+IEEE Trans. Instrum. Meas. 58 (2009) 3207); what it leaves is S + N, and the scatter of the periods is N.
+Where only odd lines are excited, even nonlinearity answers at even lines and odd nonlinearity also at the odd
+lines that are not excited.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import MeasurementError
+from rsgen.common.text_table import short
+from rsgen.common.tolerances import CHANCE
+from rsgen.data.multisine.spectra import MultisineSpectra, scatter, smooth
+
+__all__ = ["BestLinear", "Distortion", "best_linear"]
+
+_SIDE = 5
+"""Excited lines to each side of the window, which determine the polynomial three times over."""
+_TERMS = 3
+"""Of the local polynomial: it has the curvature of what the mode leaves of a resonance within the window."""
+_FEWEST = 4
+"""Excited lines that determine three values with one to spare."""
+_ROUNDS = 12
+"""Reweightings of the resonance, each of which divides its error by ten or more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Distortion:
+    """The response at lines that the force does not excite, the linear answer to leakage subtracted.
+
+    Parameters
+    ----------
+    frequency
+        (d,) [Hz].
+    response
+        (d,) amplitude of the displacement, noise and all, root mean square over the records of the level [m].
+    noise
+        (d,) standard deviation of its mean over periods [m]; NaN of one period.
+    records
+        Of the level.
+    """
+
+    frequency: Array
+    response: Array
+    noise: Array
+    records: int
+
+    def __repr__(self) -> str:
+        """Say in one line where it was looked for."""
+        return f"Distortion({len(self.frequency)} lines{_between(self.frequency)})"
+
+    def share(self, whole: Array) -> tuple[float, float]:
+        """Root mean square, without the noise, over that of ``whole`` (e,) [1], and its upper bound.
+
+        Noise adds its variance to the power of a line, which scatters as much. Of one period nothing is
+        known of it: nothing is subtracted, and there is no bound.
+        """
+        total, power = float(np.sum(whole**2)), float(np.sum(self.response**2))
+        if not total > 0:
+            return float("nan"), float("nan")
+        variance = np.nan_to_num(self.noise**2)
+        left = power - float(variance.sum())
+        chance = CHANCE * float(np.sqrt(np.sum(variance**2) / self.records))
+        bound = float(np.sqrt((max(left, 0.0) + chance) / total))
+        share = float(np.sqrt(left / total)) if left > chance else 0.0
+        return share, bound if np.isfinite(self.noise).all() else float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BestLinear:
+    """Best linear approximation of one level.
+
+    Parameters
+    ----------
+    level
+        Nominal root mean square of the force [N].
+    records
+        How many records it rests on.
+    frequency
+        (e,) of the excited lines [Hz].
+    receptance
+        (e,) complex G [m/N].
+    response
+        (e,) amplitude of the displacement, root mean square over the records [m].
+    noise
+        (e,) standard deviation of the mean response from period to period [m]; NaN of one period.
+    distortion
+        (e,) root mean square of what G leaves beyond the noise [m].
+    even, odd
+        Lines that are not excited, where all excited lines are odd; None where some are even, so that even
+        and odd distortions cannot be separated.
+    natural_frequency, damping_ratio
+        Of the one mode that fits G best [Hz], [1]; NaN where no mode does.
+    stiffness, mass
+        Of that mode [N/m], [kg].
+    """
+
+    level: float
+    records: int
+    frequency: Array
+    receptance: ComplexArray
+    response: Array
+    noise: Array
+    distortion: Array
+    even: Distortion | None
+    odd: Distortion | None
+    natural_frequency: float
+    damping_ratio: float
+    stiffness: float
+    mass: float
+
+    def __repr__(self) -> str:
+        """Say the mode and the shares in one line; arrays of hundreds of lines say nothing in print."""
+        said = {
+            "natural frequency": (self.natural_frequency, " Hz"),
+            "damping ratio": (self.damping_ratio, ""),
+            "noise": (self.noise_share, ""),
+            "distortion": (self.distortion_share, ""),
+        }
+        known = "".join(
+            f", {name} {short(value)}{unit}" for name, (value, unit) in said.items() if value >= 0
+        )
+        lines = f"{len(self.frequency)} lines{_between(self.frequency)}"
+        return f"BestLinear({short(self.level)} N rms, {lines}{known})"
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the displacement at the excited lines [m]."""
+        return float(np.sqrt(0.5 * np.sum(self.response**2)))
+
+    @property
+    def distortion_share(self) -> float:
+        """Distortion at the excited lines over the response there, root mean square [1]."""
+        return _share(self.distortion, self.response)
+
+    @property
+    def even_share(self) -> float:
+        """Response at even lines over that at the excited ones [1], 0 where noise hides it.
+
+        NaN where even lines are excited.
+        """
+        return float("nan") if self.even is None else self.even.share(self.response)[0]
+
+    @property
+    def odd_share(self) -> float:
+        """The same at odd lines that are not excited [1]."""
+        return float("nan") if self.odd is None else self.odd.share(self.response)[0]
+
+    @property
+    def even_bound(self) -> float:
+        """Upper bound of ``even_share`` [1]: what noise could hide; NaN of one period, and as above."""
+        return float("nan") if self.even is None else self.even.share(self.response)[1]
+
+    @property
+    def odd_bound(self) -> float:
+        """Upper bound of ``odd_share`` [1]."""
+        return float("nan") if self.odd is None else self.odd.share(self.response)[1]
+
+    @property
+    def noise_share(self) -> float:
+        """Noise of the mean over the response at the excited lines [1]; NaN of one period."""
+        return _share(self.noise, self.response)
+
+
+def _between(frequency: Array) -> str:
+    return f" of {short(float(frequency[0]))} to {short(float(frequency[-1]))} Hz" if len(frequency) else ""
+
+
+def _share(part: Array, whole: Array) -> float:
+    total = float(np.sum(whole**2))
+    return float(np.sqrt(np.sum(part**2) / total)) if total > 0 else float("nan")
+
+
+def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = None) -> tuple[BestLinear, ...]:
+    """Find the best linear approximation of every level.
+
+    Parameters
+    ----------
+    spectra
+        Records of one level are realisations of one multisine, and serve one approximation together.
+    band
+        Lowest and highest frequency [Hz]; None: every excited line.
+
+    Raises
+    ------
+    MeasurementError
+        A level has fewer than four excited lines in the band.
+    """
+    excited = spectra.excited()
+    low, high = band or (0.0, np.inf)
+    inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
+    found = []
+    for level in spectra.levels:
+        rows = spectra.at_level(float(level))
+        chosen = excited[rows].all(axis=0) & inside
+        if np.count_nonzero(chosen) < _FEWEST:
+            raise MeasurementError(
+                f"multisine: level {level:g} N: {np.count_nonzero(chosen)} excited lines in the band; at "
+                f"least {_FEWEST} are needed: in a wider band; or force and response are swapped, for a "
+                "force has about as much at all its lines"
+            )
+        found.append(
+            _of_level(spectra, float(level), rows, chosen, np.asarray(excited[rows].any(axis=0)), inside)
+        )
+    return tuple(found)
+
+
+def _of_level(
+    spectra: MultisineSpectra,
+    level: float,
+    rows: NDArray[np.intp],
+    chosen: NDArray[np.bool_],
+    excited: NDArray[np.bool_],
+    inside: NDArray[np.bool_],
+) -> BestLinear:
+    force, response = spectra.mean_force[rows], spectra.mean_response[rows]
+    lines = np.flatnonzero(chosen)
+    omega = 2 * np.pi * spectra.frequency[lines]
+    power = np.mean(np.abs(force[:, lines]) ** 2, axis=0)
+    crude = np.mean(response[:, lines] * np.conj(force[:, lines]), axis=0) / power
+    shape = _receptance(omega, _mode(omega, crude, np.ones(len(lines)), power))
+    receptance, left = _local(lines, force[:, lines] * shape, response[:, lines])
+    receptance = receptance * shape
+    everywhere = np.interp(spectra.lines, lines, receptance.real) + 1j * np.interp(
+        spectra.lines, lines, receptance.imag
+    )
+    # noise of force and response together, as far as they move apart
+    apart = spectra.response[rows] - everywhere * spectra.force[rows]
+    variance = scatter(apart).mean(axis=0)
+    noise = np.sqrt(variance[lines])
+    distortion = np.sqrt(np.maximum(left - np.nan_to_num(variance[lines]), 0.0))
+    size = np.sqrt(np.mean(np.abs(response) ** 2, axis=0))
+    even, odd = None, None
+    if np.all(np.flatnonzero(excited) % 2 == 1):
+        linear = np.sqrt(np.mean(np.abs(response - everywhere * force) ** 2, axis=0))
+        span = inside & (spectra.lines <= 3 * lines[-1]) & ~excited
+        # lines noisier than every excited one, as the lowest of accelerations, would hide all others
+        span &= ~(variance > variance[lines].max())
+        parts = [np.flatnonzero(span & (spectra.lines % 2 == rest)) for rest in (0, 1)]
+        even, odd = (
+            Distortion(spectra.frequency[part], linear[part], np.sqrt(variance[part]), len(rows))
+            for part in parts
+        )
+    weight = 1 / np.maximum(left, 1e-24 * size.max() ** 2)
+    mode = _mode(omega, receptance, weight, power)
+    return BestLinear(
+        level,
+        len(rows),
+        spectra.frequency[lines],
+        receptance,
+        size[lines],
+        noise,
+        distortion,
+        even,
+        odd,
+        *mode,
+    )
+
+
+def _local(
+    lines: NDArray[np.intp], force: ComplexArray, response: ComplexArray
+) -> tuple[ComplexArray, Array]:
+    """Local polynomial G (e,) of excited lines (e,) from (r, e), and the power (e,) that it leaves."""
+    count = len(lines)
+    receptance, left = np.zeros(count, dtype=complex), np.zeros(count)
+    width = min(2 * _SIDE + 1, count)
+    for i, line in enumerate(lines):
+        first = min(max(i - _SIDE, 0), count - width)
+        part = slice(first, first + width)
+        away = (lines[part] - line) / max(lines[part][-1] - lines[part][0], 1)
+        powers = away[:, None] ** np.arange(min(_TERMS, width - 1))
+        matrix = (force[:, part, None] * powers).reshape(-1, powers.shape[1])
+        right = response[:, part].reshape(-1)
+        solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        receptance[i] = solution[0]
+        freedom = max(len(right) - powers.shape[1], 1)
+        left[i] = float(np.sum(np.abs(right - matrix @ solution) ** 2)) / freedom
+    return receptance, smooth(np.concatenate([[0.0], left]))[1:]
+
+
+def _receptance(omega: Array, mode: tuple[float, float, float, float]) -> ComplexArray:
+    """(e,) of one mode; ones where there is none."""
+    natural, ratio, stiffness, _ = mode
+    if not np.isfinite(natural):
+        return np.ones(len(omega), dtype=complex)
+    share = omega / (2 * np.pi * natural)
+    return np.asarray(1 / (stiffness * (1 - share**2 + 2j * ratio * share)))
+
+
+def _mode(
+    omega: Array, receptance: ComplexArray, weight: Array, power: Array
+) -> tuple[float, float, float, float]:
+    """Natural frequency [Hz], damping ratio, stiffness and mass of one mode, fitted to G with weights."""
+    unit = 1 / float(np.sqrt(np.mean(omega**2)))
+    s = omega * unit
+    predicted = np.ones_like(receptance)
+    solution = np.zeros(3)
+    for _ in range(_ROUNDS):
+        # (k - m s^2 + i c s) G = 1, each line divided by its last dynamic stiffness: errors then count in G
+        scale = np.sqrt(weight * power) / np.abs(predicted)
+        columns = np.stack([receptance, -(s**2) * receptance, 1j * s * receptance], axis=1) * scale[:, None]
+        matrix = np.concatenate([columns.real, columns.imag])
+        right = np.concatenate([scale, np.zeros(len(s))])
+        size = np.sqrt(np.sum(matrix**2, axis=0))
+        solution = np.linalg.lstsq(matrix / size, right, rcond=None)[0] / size
+        predicted = solution[0] - solution[1] * s**2 + 1j * solution[2] * s
+    stiffness, mass, damping = solution[0], solution[1] * unit**2, solution[2] * unit
+    if not (stiffness > 0 and mass > 0):
+        return (float("nan"),) * 4
+    natural = float(np.sqrt(stiffness / mass))
+    return natural / (2 * np.pi), float(damping / (2 * mass * natural)), float(stiffness), float(mass)

@@ -1,0 +1,306 @@
+"""What a periodic multisine test left: force and displacement, line by line, period by period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
+from rsgen.common.text_table import Printed, TextTable, short
+
+__all__ = ["SMOOTHED", "MultisineSpectra", "rms", "scatter", "smooth"]
+
+_FLOOR = 1e-9
+"""Lines this far below the largest are round-off: ratios of such lines mean nothing."""
+_ROUND_OFF = 1e-14
+"""Scatter of periods below this share of the signal is that of their mean's last digits."""
+_ABOVE = 3.0
+"""A line below this many times the noise of its mean may be noise."""
+_GAP = 3.0
+"""Excited lines stand above the others by a factor; what a generator leaks is 10 dB lower at least."""
+SMOOTHED = 5
+"""Lines to each side whose scatter is averaged: scatter of a few periods alone is off by tens of per cent."""
+_FALLS = (0, 2, 4)
+"""Powers of the frequency by which noise falls: white in displacement, velocity or acceleration."""
+_HIDDEN = 3.0
+"""A response below this many times the noise of its mean says less than a law does."""
+_CLEAR = 10.0
+"""The same of the lowest lines, of which few have most of the noise: beyond, that is a per cent of power."""
+_BAD_LEVEL = "a positive root mean square of the force is needed"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MultisineSpectra(Printed):
+    """Spectra of a test with a periodic multisine, transient periods left out.
+
+    x(t) = Re sum_h X_h exp(i h omega0 t), and the force alike; line h is at h omega0 / (2 pi).
+
+    Parameters
+    ----------
+    level
+        (r,) nominal root mean square of the force of each record [N], without its mean.
+    omega0
+        2 pi over the period [rad/s].
+    force
+        (r, p, H+1) complex: record, period, line; the mean first [N]. (r, H+1) is one period a record.
+    response
+        Displacement, as the force [m].
+    mean_known
+        False where the sensor has no mean: accelerometers, and sensors with an unknown offset.
+    origin
+        "measured" or "simulated".
+    left_out
+        (r,) periods at the beginning of each record that the transient took.
+    findings
+        What was found while it was read.
+    label
+        (r,) number by which the test calls the level of a record, where that is no amount of its force;
+        None: the levels are their own names. ``hold_out`` takes it.
+
+    Raises
+    ------
+    MeasurementError
+        Shapes differ, something is not finite, a level or omega0 is not positive.
+    """
+
+    level: Array
+    omega0: float
+    force: ComplexArray
+    response: ComplexArray
+    mean_known: bool = True
+    origin: str = "measured"
+    left_out: NDArray[np.int64] | None = None
+    findings: tuple[Finding, ...] = ()
+    label: Array | None = None
+
+    def __post_init__(self) -> None:
+        level = _array(self.level, "level", np.float64, (1,))
+        force = _array(self.force, "force", np.complex128, (2, 3))
+        response = _array(self.response, "response", np.complex128, (2, 3))
+        if force.ndim == 2:
+            force = force[:, None]
+        if response.ndim == 2:
+            response = response[:, None]
+        if force.shape != response.shape or len(force) != len(level) or not force.size:
+            raise MeasurementError(
+                f"MultisineSpectra: force {force.shape}, response {response.shape}, level {level.shape}; "
+                "(records, periods, lines) of both and a level a record are needed"
+            )
+        if not (np.isfinite(self.omega0) and self.omega0 > 0):
+            raise MeasurementError(f"MultisineSpectra: omega0: {self.omega0!r}; must be positive, in rad/s")
+        if not (level > 0).all():
+            raise MeasurementError(f"MultisineSpectra: level: {level.tolist()!r:.80}; {_BAD_LEVEL}")
+        left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else self.left_out
+        for name, value in (("level", level), ("force", force), ("response", response), ("left_out", left)):
+            kept = np.array(value)
+            kept.flags.writeable = False
+            object.__setattr__(self, name, kept)
+        if self.label is not None:
+            object.__setattr__(self, "label", frozen_array(_array(self.label, "label", np.float64, (1,))))
+
+    def __len__(self) -> int:
+        """Count the records."""
+        return len(self.level)
+
+    @property
+    def periods(self) -> int:
+        """Periods of each record."""
+        return int(self.force.shape[1])
+
+    @property
+    def lines(self) -> NDArray[np.intp]:
+        """(H+1,) 0, 1, ..., H."""
+        return np.arange(self.force.shape[2])
+
+    @property
+    def frequency(self) -> Array:
+        """(H+1,) of each line [Hz]."""
+        return np.asarray(self.lines * self.omega0 / (2 * np.pi))
+
+    @property
+    def mean_force(self) -> ComplexArray:
+        """(r, H+1) mean over the periods [N]."""
+        return np.asarray(self.force.mean(axis=1))
+
+    @property
+    def mean_response(self) -> ComplexArray:
+        """(r, H+1) mean over the periods [m]."""
+        return np.asarray(self.response.mean(axis=1))
+
+    @property
+    def exact(self) -> NDArray[np.bool_]:
+        """(r,) whether the periods of a record are equal but for round-off: they say nothing of noise."""
+        pairs = zip(self.noise(), (self.mean_force, self.mean_response), strict=True)
+        small = [
+            np.linalg.norm(own[:, 1:], axis=1) < _ROUND_OFF * np.linalg.norm(whole[:, 1:], axis=1)
+            for own, whole in pairs
+        ]
+        return np.asarray(np.logical_and(*small))
+
+    @property
+    def levels(self) -> Array:
+        """Distinct levels [N], ascending."""
+        return np.unique(self.level)
+
+    def rms_force(self) -> Array:
+        """(r,) root mean square of the force, without its mean [N]."""
+        return rms(self.mean_force)
+
+    def rms_response(self) -> Array:
+        """(r,) root mean square of the displacement, without its mean and the lines that noise hides [m]."""
+        return rms(np.where(self.lines < self.reach()[0][:, None], 0, self.mean_response))
+
+    def reach(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(r,) lowest and highest line of each record between which the motion is best taken from it.
+
+        Below and above, noise hides the response, or would be most of the noise of the motion: accelerations
+        divided by omega^2 have noise at the lowest lines that may exceed everything else. Without noise, or
+        of one period, all lines are taken.
+        """
+        size, noise = np.abs(self.mean_response), np.where(self.exact[:, None], np.nan, self.noise()[1])
+        ends = [_reach(*one) for one in zip(size, noise, self.excited(), strict=True)]
+        return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
+
+    def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> MultisineSpectra:
+        """Take some of the records."""
+        rows = np.asarray(chosen)
+        left = np.asarray(self.left_out)[rows]
+        label = None if self.label is None else self.label[rows]
+        return replace(
+            self,
+            level=self.level[rows],
+            force=self.force[rows],
+            response=self.response[rows],
+            left_out=left,
+            label=label,
+        )
+
+    def at_level(self, level: float) -> NDArray[np.intp]:
+        """Records of a nominal level [N]; none where it was not tested."""
+        return np.flatnonzero(np.isclose(self.level, level, rtol=1e-6, atol=0.0))
+
+    def excited(self) -> NDArray[np.bool_]:
+        """(r, H+1) lines that the force excites, found from the force: those above the widest gap."""
+        pairs = zip(self.mean_force, scatter(self.force), strict=True)
+        return np.stack([_excited(force, variance) for force, variance in pairs])
+
+    def noise(self) -> tuple[Array, Array]:
+        """(r, H+1) standard deviation of mean force [N] and response [m] by line; NaN of one period."""
+        return np.sqrt(scatter(self.force)), np.sqrt(scatter(self.response))
+
+    def _table(self) -> TextTable:
+        lines = self.excited().sum(axis=1)
+        noise = [np.sqrt(0.5 * np.sum(one[:, 1:] ** 2, axis=1)) for one in self.noise()]
+        rows = tuple(
+            (short(level), str(count), short(force, 3), short(own, 2), short(moved, 3), short(other, 2))
+            for level, count, force, own, moved, other in zip(
+                self.level, lines, self.rms_force(), noise[0], self.rms_response(), noise[1], strict=True
+            )
+        )
+        heads = ("level", "excited lines", "force rms", "noise", "response rms", "noise")
+        step = self.omega0 / (2 * np.pi)
+        caption = (
+            f"MultisineSpectra: {len(self)} records of {self.periods} periods, lines {step:.6g} Hz apart to "
+            f"{self.frequency[-1]:.5g} Hz, {self.origin}"
+        )
+        return TextTable(heads, rows, caption=caption, notes=tuple(map(repr, self.findings)))
+
+
+def _array(values: ArrayLike, name: str, kind: type, dimensions: tuple[int, ...]) -> NDArray[Any]:
+    """Take numbers as an array; a fault that names it where they are none."""
+    try:
+        array: NDArray[Any] = np.asarray(values, dtype=kind)
+    except (TypeError, ValueError):
+        raise MeasurementError(f"MultisineSpectra: {name}: {values!r:.60}; numbers are needed") from None
+    if array.ndim not in dimensions:
+        raise MeasurementError(
+            f"MultisineSpectra: {name}: shape {array.shape}; {' or '.join(map(str, dimensions))} dimensions"
+        )
+    if not np.isfinite(array).all():
+        raise MeasurementError(f"MultisineSpectra: {name}: not finite; finite numbers are needed")
+    return array
+
+
+def rms(spectrum: ComplexArray) -> Array:
+    """(...,) root mean square of signals without their mean, from spectra (..., H+1)."""
+    return np.asarray(np.sqrt(0.5 * np.sum(np.abs(spectrum[..., 1:]) ** 2, axis=-1)))
+
+
+def smooth(power: Array, side: int = SMOOTHED) -> Array:
+    """(H+1,) average of a power over neighbouring lines; the mean's line stays by itself."""
+    if len(power) < 3:
+        return power
+    window = np.ones(2 * side + 1)
+    lines = power[1:]
+    total = np.convolve(lines, window, mode="full")[side : side + len(lines)]
+    count = np.convolve(np.ones(len(lines)), window, mode="full")[side : side + len(lines)]
+    return np.concatenate([power[:1], total / count])
+
+
+def scatter(periods: ComplexArray) -> Array:
+    """(r, H+1) variance of the mean of p periods (r, p, H+1), by line, averaged over neighbours; NaN of one.
+
+    Noise falls with a power of the frequency that all records have in common; of several that may be, each
+    counts by its likelihood.
+    """
+    count = periods.shape[1]
+    if count < 2:
+        return np.full((len(periods), periods.shape[2]), np.nan)
+    apart = periods - periods.mean(axis=1, keepdims=True)
+    power = np.sum(np.abs(apart) ** 2, axis=1) / (count - 1) / count
+    lines = np.maximum(np.arange(power.shape[1], dtype=np.float64), 1)
+    found = [np.stack([smooth(one) for one in power * lines**fall]) * lines**-fall for fall in _FALLS]
+    surprise = (count - 1) * np.array([_surprise(power[:, 1:], one[:, 1:]) for one in found])
+    likelihood = np.exp(surprise.min() - surprise)
+    log = np.log(np.maximum(found, np.finfo(float).tiny))
+    return np.asarray(np.exp(np.tensordot(likelihood / likelihood.sum(), log, 1)) * (found[0] > 0))
+
+
+def _surprise(power: Array, expected: Array) -> float:
+    """Minus the logarithm of the likelihood of powers of noise, up to a factor and a constant."""
+    known = expected > 0
+    return float(np.sum(np.log(expected[known]) + power[known] / expected[known]))
+
+
+def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, int]:
+    """Lowest and highest line of a response (H+1,), with its noise, that are taken from the record."""
+    last = len(size) - 1
+    if not np.isfinite(noise).all():
+        return 1, last
+    high = np.flatnonzero(np.sqrt(smooth(size**2)) > _HIDDEN * noise)
+    variance = np.maximum(noise[1:] ** 2, 1e-300)
+    # from below, so that a strong line is not taken for those before it
+    hidden = np.cumsum(size[1:] ** 2 / variance) <= _CLEAR**2 * np.arange(1, last + 1)
+    # lines below the excited ones, as long as their noise together is not more than that of these
+    driven = np.flatnonzero(excited[1:])
+    if len(driven):
+        below = np.cumsum(variance[: driven[0]][::-1])[::-1]
+        hidden[: driven[0]] |= below > variance[driven].sum()
+    low = np.flatnonzero(~hidden)
+    return (int(low[0]) + 1 if len(low) else 1), (int(high[-1]) if len(high) else 0)
+
+
+def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
+    """Find the lines of one record that the force excites."""
+    size = np.abs(force)
+    size[0] = 0.0
+    largest = float(size.max(initial=0.0))
+    noise = np.nan_to_num(np.sqrt(variance)) * _ABOVE
+    floored = np.maximum(size, np.maximum(noise, _FLOOR * largest))
+    # what noise hides is not excited, whatever the others are
+    seen = np.flatnonzero(size > np.maximum(noise, _FLOOR * largest))
+    if not len(seen):
+        return np.zeros(len(size), dtype=bool)
+    ordered = np.sort(floored[1:])[::-1][: len(seen) + 1]
+    ratio = ordered[:-1] / ordered[1:]
+    if not len(ratio) or float(ratio.max()) < _GAP:
+        chosen = np.zeros(len(size), dtype=bool)
+        chosen[seen] = True
+        return chosen
+    return np.asarray(size >= ordered[int(np.argmax(ratio))])

@@ -1,0 +1,283 @@
+"""The periodic response of an oscillator to a force with many lines, to round-off for smooth laws.
+
+Harmonic balance at every line by Newton's method. The tangent is never a matrix: its product with a motion is
+a product of waveforms, and GMRES solves with it, preconditioned by the same tangent in second differences,
+whose sparse factors cost no more than some transforms. Newton starts from a trapezoidal integration in time,
+window by window, which follows the motion from rest as a structure does, whatever the law does to its
+resonance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import HALVINGS
+from rsgen.law.force_sample import ForceSample
+from rsgen.law.motion import harmonics_of, waveform
+from rsgen.law.numeric import ForceLaw
+
+__all__ = ["OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
+
+OVERSAMPLED = 4
+"""Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
+back above it only."""
+_PER_CYCLE = 16
+"""Samples in a cycle of the highest excited line: the start need only be right to some per cent."""
+_WINDOW = 48
+"""Samples integrated at once: three cycles of the highest line, in which Newton's method hardly fails."""
+_WINDOW_STEPS = 25
+"""Newton steps within a window; a window that takes more is left as it is."""
+_PERIODS = 12
+"""Periods integrated at most; the transient of a structure with its resonance among the lines is shorter."""
+_SETTLED = 1e-2
+"""Change from period to period, relative, at which Newton's method takes over."""
+_STEPS = 30
+"""Newton steps."""
+SMALL = 1e-11
+"""Relative step at which a motion, or a fit to its lines, has converged."""
+_INNER = 1e-4
+"""Accuracy of the linear solution of a step: Newton's own error is larger until the last steps."""
+_AT_ROUND_OFF = 1e-10
+"""Residual relative to the force below which a step that gains nothing is round-off."""
+_SWITCHED = 1e-5
+"""The same of a law with switches: a sample shares a switch linearly, which leaves a kink."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PeriodicResponse:
+    """A periodic motion.
+
+    Parameters
+    ----------
+    spectrum
+        (H+1,) complex displacement [m], the mean first.
+    residual
+        Root mean square of the balance left over that of the force [1].
+    converged
+        False where Newton's method did not end; the spectrum is then its last state.
+    """
+
+    spectrum: ComplexArray
+    residual: float
+    converged: bool
+
+
+class _Problem:
+    """The balance of one record: transforms, residual, tangent."""
+
+    def __init__(
+        self, law: ForceLaw, values: Array, mass: float, omega0: float, force: ComplexArray, samples: int
+    ) -> None:
+        self.law, self.values, self.mass = law, values, mass
+        self.force, self.samples, self.count = force, samples, len(force)
+        self.rate = 1j * omega0 * np.arange(len(force))
+        self.step = 2 * np.pi / omega0 / samples
+
+    def wave(self, spectrum: ComplexArray) -> Array:
+        return waveform(spectrum, self.samples)
+
+    def spectrum(self, wave: Array) -> ComplexArray:
+        return harmonics_of(wave, self.count)
+
+    def sample(self, motion: ComplexArray) -> ForceSample:
+        x, v, a = (self.wave(motion * self.rate**power)[None] for power in range(3))
+        return self.law.sample(x, v, a, np.full((1, 1), self.step), self.values)
+
+    def residual(self, motion: ComplexArray) -> tuple[ComplexArray, ForceSample]:
+        sample = self.sample(motion)
+        force = np.broadcast_to(sample.force, (1, self.samples))[0]
+        return self.force - self.mass * self.rate**2 * motion - self.spectrum(force), sample
+
+    def slopes(self, sample: ForceSample) -> tuple[Array, Array]:
+        """dn/dx and dn/dv as waveforms."""
+        shape = (1, self.samples)
+        return np.broadcast_to(sample.by_x, shape)[0], np.broadcast_to(sample.by_v, shape)[0]
+
+    def product(self, sample: ForceSample, change: ComplexArray) -> ComplexArray:
+        """The tangent times a change of the motion: what it adds to m a + n."""
+        dx, dv = self.wave(change), self.wave(change * self.rate)
+        by_x, by_v = self.slopes(sample)
+        moved = by_x * dx + by_v * dv
+        for slope, follow in sample.by_memory:
+            # (q, n, d, s) of one motion and one change
+            moved = moved + np.sum(slope[:, 0] * follow(dx[None], dv[None, None])[:, 0, 0], axis=0)
+        return self.spectrum(moved) + self.mass * self.rate**2 * change
+
+
+def periodic_response(
+    law: ForceLaw,
+    values: Array,
+    mass: float,
+    omega0: float,
+    force: ComplexArray,
+    start: ComplexArray | None = None,
+) -> PeriodicResponse:
+    """Compute the periodic response to a periodic force.
+
+    Parameters
+    ----------
+    law, values
+        n(x, v; p) and p (p,).
+    mass
+        m [kg].
+    omega0
+        2 pi over the period [rad/s].
+    force
+        (H+1,) complex lines [N], the mean first; as many lines of the motion are computed.
+    start
+        (H+1,) a motion near it [m]; None: integrated in time from rest.
+    """
+    samples = 1 << (OVERSAMPLED * len(force) - 1).bit_length()
+    problem = _Problem(law, values, mass, omega0, force, samples)
+    with np.errstate(all="ignore"):
+        motion = _begin(problem) if start is None else start
+        return _newton(problem, motion)
+
+
+def _newton(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
+    size = float(np.linalg.norm(problem.force)) or 1.0
+    left, sample = problem.residual(motion)
+    enough = _SWITCHED if problem.law.switched else _AT_ROUND_OFF
+    for _ in range(_STEPS):
+        change = _solve(problem, sample, left)
+        before = float(np.linalg.norm(left))
+        for part in 0.5 ** np.arange(HALVINGS):
+            moved = motion + part * change
+            trial, at = problem.residual(moved)
+            if float(np.linalg.norm(trial)) < before:
+                motion, left, sample = moved, trial, at
+                break
+        else:
+            return PeriodicResponse(motion, before / size, before / size < enough)
+        moving = float(np.linalg.norm(part * change)) / max(float(np.linalg.norm(motion)), 1e-300)
+        if moving < SMALL:
+            break
+    reached = float(np.linalg.norm(left)) / size
+    return PeriodicResponse(motion, reached, moving < SMALL or reached < enough)
+
+
+def _solve(problem: _Problem, sample: ForceSample, right: ComplexArray) -> ComplexArray:
+    """Solve with the tangent by GMRES; the preconditioner is its sparse form in second differences."""
+    from scipy.sparse.linalg import LinearOperator, gmres, splu
+
+    by_x, by_v = problem.slopes(sample)
+    factors = splu(_differences(problem.mass, by_x, by_v, problem.step))
+    count = problem.count
+
+    def joined(values: ComplexArray) -> Array:
+        return np.concatenate([values.real, values.imag[1:]])
+
+    def parted(values: Array) -> ComplexArray:
+        found = values[:count].astype(complex)
+        found[1:] += 1j * values[count:]
+        return found
+
+    size = 2 * count - 1
+    tangent = LinearOperator(
+        (size, size), matvec=lambda z: joined(problem.product(sample, parted(z))), dtype=np.float64
+    )
+    inverse = LinearOperator(
+        (size, size),
+        matvec=lambda z: joined(problem.spectrum(factors.solve(problem.wave(parted(z))))),
+        dtype=np.float64,
+    )
+    found, _ = gmres(tangent, joined(right), M=inverse, rtol=_INNER, restart=40, maxiter=3)
+    return parted(found)
+
+
+def _differences(mass: float, by_x: Array, by_v: Array, step: float) -> Any:
+    """m x'' + (dn/dv) x' + (dn/dx) x of a periodic motion in central differences, sparse."""
+    from scipy.sparse import csc_matrix
+
+    count = len(by_x)
+    here = np.arange(count)
+    entries = [by_x - 2 * mass / step**2, mass / step**2 + by_v / 2 / step, mass / step**2 - by_v / 2 / step]
+    columns = [here, (here + 1) % count, (here - 1) % count]
+    return csc_matrix((np.concatenate(entries), (np.tile(here, 3), np.concatenate(columns))))
+
+
+def _begin(problem: _Problem) -> ComplexArray:
+    """A motion to start from: integrated from rest; of a law with memory that of its linear parts."""
+    linear = _linear_motion(problem)
+    if problem.law.remembers:
+        return linear
+    count = _samples_in_time(problem)
+    force = waveform(problem.force, count)
+    step = problem.step * problem.samples / count
+    state, last = np.zeros(2), np.zeros(count)
+    for _ in range(_PERIODS):
+        x, state = _integrate(problem, force, step, state)
+        if not np.isfinite(x).all():
+            return linear
+        if np.linalg.norm(x - last) < _SETTLED * np.linalg.norm(x):
+            break
+        last = x
+    return harmonics_of(x, problem.count)
+
+
+def _linear_motion(problem: _Problem) -> ComplexArray:
+    """The motion of the law's slopes at rest."""
+    rest = problem.law.still(np.zeros((1, 1)), problem.values)
+    stiffness, damping = float(np.ravel(rest.by_x)[0]), float(np.ravel(rest.by_v)[0])
+    dynamic = stiffness + damping * problem.rate + problem.mass * problem.rate**2
+    return np.where(dynamic == 0, 0, problem.force / np.where(dynamic == 0, 1, dynamic))
+
+
+def _samples_in_time(problem: _Problem) -> int:
+    """A period: enough for the lines of the force, which are fewer than those of the motion."""
+    strong = np.flatnonzero(np.abs(problem.force) > 1e-3 * np.abs(problem.force).max())
+    highest = max(int(strong[-1]) if len(strong) else 1, 1)
+    return min(max(1 << (_PER_CYCLE * highest - 1).bit_length(), 2 * problem.count), 4 * problem.samples)
+
+
+def _integrate(problem: _Problem, force: Array, step: float, state: Array) -> tuple[Array, Array]:
+    """One period by the trapezoidal rule from a state (x, v): displacement (n,) at the ends of the steps."""
+    count = len(force)
+    x = np.empty(count)
+    for begin in range(0, count, _WINDOW):
+        # the last step of a period ends where it begins
+        part = force[np.arange(begin, min(begin + _WINDOW, count) + 1) % count]
+        motion = _window(problem, part, step, state)
+        x[begin : begin + len(motion) - 1] = motion[:-1, 0]
+        state = motion[-1]
+    return x, state
+
+
+def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array:
+    """(w+1, 2) displacement and velocity over some steps, by Newton's method on all of them together."""
+    from scipy.linalg import solve_banded
+
+    law, mass, count = problem.law, problem.mass, len(force) - 1
+    motion = np.empty((count + 1, 2))
+    motion[:, 0] = state[0] + state[1] * step * np.arange(count + 1)
+    motion[:, 1] = state[1]
+    half = step / 2
+    for _ in range(_WINDOW_STEPS):
+        x, v = motion[None, :, 0], motion[None, :, 1]
+        a = np.gradient(motion[:, 1], step)[None]
+        sample = law.sample(x, v, a, np.full((1, 1), step), problem.values)
+        push, by_x, by_v = (
+            np.broadcast_to(part, x.shape)[0] / mass for part in (sample.force, sample.by_x, sample.by_v)
+        )
+        rate = force / mass - push
+        left = np.empty((count, 2))
+        left[:, 0] = np.diff(motion[:, 0]) - half * (motion[1:, 1] + motion[:-1, 1])
+        left[:, 1] = np.diff(motion[:, 1]) - half * (rate[1:] + rate[:-1])
+        # rows and columns x1 v1 x2 v2 ...: one above, three below the diagonal
+        band = np.zeros((5, 2 * count))
+        band[1, 0::2], band[1, 1::2] = 1.0, 1.0 + half * by_v[1:]
+        band[0, 1::2] = -half
+        band[2, 0::2] = half * by_x[1:]
+        band[3, 0:-2:2], band[3, 1:-2:2] = -1.0, -1.0 + half * by_v[1:-1]
+        band[2, 1:-2:2] = -half
+        band[4, 0:-2:2] = half * by_x[1:-1]
+        change = solve_banded((3, 1), band, left.reshape(-1), check_finite=False).reshape(count, 2)
+        motion[1:] -= change
+        scale = np.abs(motion).max(axis=0)
+        if np.all(np.abs(change).max(axis=0) <= 1e-6 * scale):
+            break
+    return motion

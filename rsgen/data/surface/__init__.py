@@ -1,0 +1,20 @@
+"""The response surface: one row a test point, the one table that all later stages read."""
+
+from __future__ import annotations
+
+from rsgen.data.surface.amounts import match_level, typical_amounts
+from rsgen.data.surface.copies import without_copies
+from rsgen.data.surface.directions import recognise_directions
+from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
+from rsgen.data.surface.surface_file import load_surface, save_surface
+
+__all__ = [
+    "OUTCOMES",
+    "ResponseSurface",
+    "load_surface",
+    "match_level",
+    "recognise_directions",
+    "save_surface",
+    "typical_amounts",
+    "without_copies",
+]

@@ -1,0 +1,403 @@
+"""The table itself: its columns, their defaults, and what each row must satisfy.
+
+Simulated and measured surfaces are indistinguishable downstream. Real tests are no grid, so the table is in
+long form; force and response are complex and as measured, never the nominal level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding, Quantity
+from rsgen.common.text_table import TextTable, short
+from rsgen.data.surface.amounts import match_level
+from rsgen.data.surface.columns import (
+    BASE_UNITS,
+    COLUMN_UNITS,
+    CONTROLS,
+    SWEEPS,
+    below_acceleration,
+    check_numbers,
+    column,
+    force_columns,
+    response_columns,
+)
+from rsgen.data.surface.data_frame import columns_of_frame, frame_of_surface
+from rsgen.data.surface.directions import recognise_directions
+
+__all__ = ["OUTCOMES", "ResponseSurface"]
+
+_CONTROLLED = {
+    "force": "",
+    "response": "response held",
+    "phase": "phase-locked",
+    "continuation": "continuation",
+}
+"""What a test held, in the one line that shows a surface."""
+
+OUTCOMES = (
+    "settled: the response repeats with the period of the force",
+    "not settled: the response still changes after the longest transient allowed",
+    "not settled: the response repeats after two periods of the force, not after one",
+    "not settled: the response grows without bound",
+    "not settled: the sweep passes faster than the response follows",
+    "not measured: force or response is not a number",
+)
+"""What became of a test point; the table stores the index."""
+
+SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
+class ResponseSurface:
+    """Steady states of a structure over force level and frequency; n test points, H harmonics.
+
+    ``ResponseSurface(level, frequency, force, response)`` is enough. A single value for level, force or any
+    later column holds at every point.
+
+    Parameters
+    ----------
+    level
+        (n,) nominal force amplitude [N], or amplitude of the displacement [m] where that was held constant,
+        or of the motion of the ``base``; names the level a point belongs to, never used as the force.
+    frequency
+        (n,) [Hz], positive.
+    force
+        (n,) complex amplitude F of the measured force [N], f(t) = Re F exp(i omega t); real where the phases
+        are counted from the force; or (n, K+1) harmonics as of the response where they were recorded:
+        ``force`` is the fundamental of them, ``force_harmonics`` has all, two columns where no more are
+        known.
+    response
+        (n,) complex fundamental X of the displacement [m], x(t) = Re X exp(i omega t), so that a displacement
+        that lags a real force by phi has X = |X| exp(-i phi); or (n, H+1) harmonics.
+    harmonics
+        (n, H+1) complex displacement [m], x(t) = Re sum_h X_h exp(i h omega t); column 0 is the mean (real).
+        Another name of ``response``, and the name of the column.
+    peak
+        (n, 2) largest and smallest displacement in a period [m]; NaN where only harmonics are known.
+    sweep
+        (n,) "rest", "up" or "down": how the point was reached. None: from the order of the frequencies within
+        each level, "rest" where they are in no order.
+    outcome
+        (n,) index into OUTCOMES; 0 is settled. Unsettled points are never used for identification.
+        None: settled, but for rows whose force or response is not finite; these count as not measured, and a
+        finding says how many they are.
+    residual, error
+        (n,) how far the state is from repeating, relative to the amplitude, and the estimated relative error
+        of the amplitude [1]; NaN where unknown.
+    origin
+        "simulated" or "measured".
+    phase_known
+        False where the test recorded amplitudes only: the phase of the response is then without meaning.
+    control
+        What the test held constant within a level: "force", "response", or "phase" where a phase-locked loop
+        held a force and turned the frequency until the response lagged by an angle. "continuation": points of
+        a control-based continuation, stable or not, whose levels are steps of the amplitude.
+    stable
+        (n,) False where the motion would leave this state if the force were held constant; default True.
+    findings
+        What a reader should know before using the numbers.
+    force_harmonics
+        (n, K+1) complex force [N], mean first; see ``force``.
+    across
+        (n, H+1) complex displacement [m] across the springs and dampers that act between two sensors, where
+        it is not the response itself; None: the law acts on the response.
+    per_mass
+        True where the force is one per mass [N/kg = m/s^2], as a driven base gives it; parameters are then
+        per unit mass.
+    base
+        "" where a force drives; else "displacement", "velocity" or "acceleration": what of the motion of a
+        driven base the levels are amplitudes of. The response is relative to the base, the force per mass
+        minus the acceleration of the base.
+
+    label
+        (n,) number by which the test calls the level of a point, where that is no amount of what was
+        measured; None: the levels are their own names. ``hold_out`` takes it.
+
+    Raises
+    ------
+    RsgenError
+        A shape does not fit, a level or frequency is not finite, a frequency is not positive, a response
+        without phases is given as if it had them, a sweep or outcome is unknown.
+
+    Examples
+    --------
+    >>> surface = ResponseSurface(2.0, [9, 10, 11], 2.0, [1e-3, 2e-3 - 4e-3j, -1e-3 - 1e-4j])
+    >>> surface
+    ResponseSurface: 3 points, 1 level of 2 N, 9 to 11 Hz, 1 harmonic, measured
+    """
+
+    level: Array
+    frequency: Array
+    force: ComplexArray
+    harmonics: ComplexArray
+    peak: Array
+    sweep: NDArray[np.str_]
+    outcome: NDArray[np.int8]
+    residual: Array
+    error: Array
+    origin: str
+    phase_known: bool
+    control: str
+    stable: NDArray[np.bool_]
+    findings: tuple[Finding, ...]
+    force_harmonics: ComplexArray
+    across: ComplexArray | None
+    per_mass: bool
+    base: str
+    label: Array | None
+
+    def __init__(
+        self,
+        level: ArrayLike,
+        frequency: ArrayLike,
+        force: ArrayLike,
+        response: ArrayLike | None = None,
+        *,
+        harmonics: ArrayLike | None = None,
+        peak: ArrayLike | None = None,
+        sweep: ArrayLike | None = None,
+        outcome: ArrayLike | None = None,
+        residual: ArrayLike | None = None,
+        error: ArrayLike | None = None,
+        origin: str = "measured",
+        phase_known: bool = True,
+        control: str = "force",
+        stable: ArrayLike | None = None,
+        findings: tuple[Finding, ...] = (),
+        force_harmonics: ArrayLike | None = None,
+        across: ArrayLike | None = None,
+        per_mass: bool = False,
+        base: str = "",
+        label: ArrayLike | None = None,
+    ) -> None:
+        n = len(np.atleast_1d(np.asarray(frequency)))
+        findings = tuple(findings)
+        columns: dict[str, Any] = {
+            "frequency": column(frequency, "frequency", (n,)),
+            "level": column(level, "level", (n,)),
+            **force_columns(force, force_harmonics, n),
+            "harmonics": response_columns(response, harmonics, phase_known, n),
+            "across": None if across is None else column(across, "across", (n, -1)),
+            "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
+            "residual": column(np.nan if residual is None else residual, "residual", (n,)),
+            "error": column(np.nan if error is None else error, "error", (n,)),
+            "stable": column(True if stable is None else stable, "stable", (n,)),
+            "label": None if label is None else column(label, "label", (n,)),
+        }
+        check_numbers(columns)
+        if sweep is None:
+            sweep = recognise_directions(columns["frequency"], columns["level"])
+        if outcome is None:
+            measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
+            if across is not None:
+                measured &= np.isfinite(columns["across"][:, 1])
+            outcome = np.where(measured, 0, _NOT_MEASURED)
+            lost = int(np.count_nonzero(~measured))
+            if lost:
+                numbers = {"points": Quantity(lost), "all": Quantity(n)}
+                findings += (Finding("points-not-measured", "warning", numbers=numbers),)
+        columns["sweep"] = column(sweep, "sweep", (n,))
+        columns["outcome"] = column(outcome, "outcome", (n,))
+        words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
+        words |= {"phase_known": bool(phase_known), "per_mass": bool(per_mass)}
+        for name, value in (columns | words).items():
+            object.__setattr__(self, name, value)
+        self._check_words()
+
+    def _check_words(self) -> None:
+        if not np.isin(self.sweep, SWEEPS).all():
+            raise RsgenError(f"surface.sweep: must be one of {', '.join(SWEEPS)}")
+        if len(self) and not ((self.outcome >= 0) & (self.outcome < len(OUTCOMES))).all():
+            raise RsgenError(f"surface.outcome: must be 0 to {len(OUTCOMES) - 1}")
+        if self.control not in CONTROLS:
+            raise RsgenError(f"surface.control: {self.control!r}; must be one of {', '.join(CONTROLS)}")
+        if self.origin not in ("simulated", "measured"):
+            raise RsgenError(f"surface.origin: {self.origin!r}; must be 'simulated' or 'measured'")
+        if self.base not in BASE_UNITS:
+            raise RsgenError(
+                f"surface.base: {self.base!r}; must be '' where a force drives, or 'displacement', "
+                "'velocity' or 'acceleration'"
+            )
+
+    def __len__(self) -> int:
+        """Count the test points."""
+        return len(self.frequency)
+
+    @property
+    def omega(self) -> Array:
+        """(n,) angular frequency [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    @property
+    def amplitude(self) -> Array:
+        """(n,) X, amplitude of the fundamental of the displacement [m]."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def phase(self) -> Array:
+        """(n,) lag of the displacement behind the force [rad], in [0, 2 pi)."""
+        return np.angle(self.force / self.harmonics[:, 1]) % (2 * np.pi)
+
+    @property
+    def settled(self) -> NDArray[np.bool_]:
+        """(n,) True where the response repeats with the period of the force."""
+        return np.equal(self.outcome, 0)
+
+    @property
+    def levels(self) -> Array:
+        """The distinct nominal levels, ascending, in ``level_unit``."""
+        return np.unique(self.level)
+
+    def find_level(self, asked: float) -> float | None:
+        """The level that somebody means by its label, or by its amount as it is printed; None if none."""
+        if self.label is not None:
+            label = match_level(np.unique(self.label), asked)
+            if label is not None:
+                return float(self.level[self.label == label][0])
+        return match_level(self.levels, asked)
+
+    @property
+    def level_names(self) -> str:
+        """All levels as a message lists them, with their labels where they have any."""
+        names = [f"{level:g}" for level in self.levels]
+        if self.label is not None:
+            labels = [float(self.label[self.level == level][0]) for level in self.levels]
+            names = [f"{name} (label {label:g})" for name, label in zip(names, labels, strict=True)]
+        return ", ".join(names)
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the levels: of the force; "m" where the response was held; of the motion of a base."""
+        if self.response_held:
+            return "m"
+        return BASE_UNITS[self.base] if self.base else self.force_unit
+
+    @property
+    def response_held(self) -> bool:
+        """Whether levels are amplitudes of the response, and the force is what the test found."""
+        return self.control in ("response", "continuation")
+
+    @property
+    def lag_assumed(self) -> bool:
+        """Whether a phase-locked test recorded no phase, and every lag was taken for a quarter period."""
+        return any(finding.code == "phase-lag-assumed" for finding in self.findings)
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
+        return "m/s^2" if self.per_mass else "N"
+
+    @property
+    def drive(self) -> Array:
+        """(n,) amount that the test drove with, in ``level_unit``: |F|, or that of the motion of the base.
+
+        That of a base follows from a force per mass only.
+        """
+        size = np.abs(self.force)
+        if not (self.base and self.per_mass):
+            return size
+        return size / self.omega ** below_acceleration(self.base)
+
+    @property
+    def answer(self) -> Array:
+        """(n,) what the test found at its levels: X [m], or |F| in ``force_unit`` where that was held."""
+        return np.abs(self.force) if self.response_held else self.amplitude
+
+    @property
+    def answer_unit(self) -> str:
+        """Unit of ``answer``."""
+        return self.force_unit if self.response_held else "m"
+
+    def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
+        """Keep some points: a boolean mask (n,) or an index array."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
+        return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
+
+    def on_mass(self, mass: float | None) -> ResponseSurface:
+        """The same test as a force [N] on a mass m [kg], where its force is one per mass; None: as it is."""
+        if mass is None or not self.per_mass:
+            return self
+        return replace(self, force=mass * self.force_harmonics, per_mass=False)
+
+    @classmethod
+    def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:
+        """Make a surface from a data frame (pandas, polars), a structured array or a dict of columns.
+
+        Columns, in any order; others are passed over:
+
+        * ``level``, ``frequency`` [Hz],
+        * ``force`` [N], complex or real; or ``force_real`` and ``force_imag``,
+        * ``response`` [m], complex; or ``response_real`` and ``response_imag``; or ``amplitude`` and
+          ``phase``, the lag of the displacement behind the force (rad; positive: the displacement comes
+          later); ``amplitude`` alone is a test without phases,
+        * where there are any, ``mean``, ``harmonic_2``, ``harmonic_3``, ..., ``peak_max``, ``peak_min``,
+          ``sweep``, ``outcome``, ``residual``, ``error`` and ``stable``, as ``to_frame`` gives them,
+        * where they were recorded, ``force_mean``, ``force_harmonic_2``, ... and, across the elements between
+          two sensors, ``across``, ``across_mean``, ``across_harmonic_2``, ...
+
+        Parameters
+        ----------
+        degrees
+            True where ``phase`` is in degrees.
+        columns
+            Further arguments of ``ResponseSurface``, such as ``origin`` or ``control``.
+
+        Raises
+        ------
+        RsgenError
+            A column is missing; the message names those that there are.
+        """
+        return cls(**{**columns_of_frame(frame, degrees), **columns})
+
+    def to_frame(self) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a test point; ``from_frame`` reads it back.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        return frame_of_surface(self)
+
+    def __repr__(self) -> str:
+        """Size and range in one line."""
+        if not len(self):
+            return "ResponseSurface: no points"
+        levels, unit = self.levels, self.level_unit
+        span = f"of {short(levels[0])} {unit}"
+        if len(levels) > 1:
+            span = f"{short(levels[0])} to {short(levels[-1])} {unit}"
+        unsettled = len(self) - int(np.count_nonzero(self.settled))
+        count = self.harmonics.shape[1] - 1
+        parts = [
+            f"{len(self)} point{'s' if len(self) > 1 else ''}",
+            f"{unsettled} not settled" if unsettled else "",
+            f"{len(levels)} level{'s' if len(levels) > 1 else ''} {span}",
+            f"{short(self.frequency.min())} to {short(self.frequency.max())} Hz",
+            f"{count} harmonic{'s' if count > 1 else ''}",
+            "" if self.phase_known else "phase not measured",
+            _CONTROLLED[self.control],
+            f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
+            "" if self.across is None else "motion across",
+            f"{self.base} of the base" if self.base else "",
+            "per unit mass" if self.per_mass else "",
+            self.origin,
+        ]
+        return f"ResponseSurface: {', '.join(part for part in parts if part)}"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for level in self.levels:
+            f, X = self.frequency[self.level == level], self.amplitude[self.level == level]
+            top = np.max(X, initial=0.0, where=np.isfinite(X))
+            rows.append((short(level), len(f), short(f.min()), short(f.max()), short(top)))
+        heads = (f"level [{self.level_unit}]", "points", "from [Hz]", "to [Hz]", "largest amplitude [m]")
+        return TextTable(heads, tuple(rows), caption=repr(self)).html()

@@ -1,0 +1,187 @@
+"""The surface as an HDF5 file that h5py, MATLAB and Julia read."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import subprocess
+from pathlib import Path
+from threading import Timer
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from rsgen.common.confined import READY, command, environment
+from rsgen.common.errors import MeasurementError, RsgenError, printable, require
+from rsgen.common.finding import Finding
+from rsgen.common.output import write_atomic
+from rsgen.data.surface.columns import COLUMN_UNITS
+from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
+
+__all__ = ["load_surface", "save_surface"]
+
+_FORMAT, _SCHEMA = "rsgen response surface", 1
+
+_WAIT_SECONDS = 60.0
+"""For the process that describes a file, on a busy machine as well; its work has a limit of its own."""
+_LONGEST_ANSWER = 2**20
+"""Bytes: attributes have at most 64 KB each."""
+
+
+def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
+    """Write a surface as HDF5, atomically; every array carries its unit.
+
+    Complex arrays are HDF5 compounds (r, i), as h5py, MATLAB and Julia read them. ``settled`` is written
+    beside ``outcome`` for readers that only want yes or no.
+
+    Raises
+    ------
+    RsgenError
+        The file cannot be written; what was there before is still there.
+    """
+    import h5py  # whatever handles surfaces loads this module, and few of them write one
+
+    require(surface, ResponseSurface, "surface")
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.attrs["format"] = _FORMAT
+        file.attrs["schema"] = _SCHEMA
+        for name in ("origin", "phase_known", "control", "per_mass", "base"):
+            file.attrs[name] = getattr(surface, name)
+        file.attrs["outcomes"] = list(OUTCOMES)
+        values = {name: getattr(surface, name) for name in COLUMN_UNITS}
+        columns = {name: value for name, value in values.items() if value is not None}
+        columns["sweep"] = columns["sweep"].astype("S4")
+        columns["settled"] = surface.settled.astype(np.uint8)
+        columns["stable"] = columns["stable"].astype(np.uint8)
+        forces = dict.fromkeys(("force", "force_harmonics"), surface.force_unit)
+        units = COLUMN_UNITS | forces | {"level": surface.level_unit}
+        found = [finding.to_dict() for finding in surface.findings]
+        columns["findings"] = np.bytes_(json.dumps(found, default=float))
+        for name, values in columns.items():
+            # no time stamps: the same surface gives the same bytes
+            data = file.create_dataset(name, data=values, track_times=False)
+            data.attrs["units"] = units.get(name, "")
+    write_atomic(path, buffer.getvalue())
+
+
+def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
+    """Read a surface that ``save_surface`` wrote.
+
+    Raises
+    ------
+    MeasurementError
+        The file is not HDF5, not a surface of this schema, or an array is missing or of the wrong kind.
+    """
+    place = Path(path)
+    try:
+        if not place.is_file():
+            raise MeasurementError(f"{path}: there is no such file")
+        with place.open("rb") as file:
+            return _surface(_Reader(file, str(path), _described(file, str(path))))
+    except MeasurementError:
+        raise
+    except (*_FAULTS, RsgenError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
+
+
+_MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across", "label")
+"""Columns that surfaces of earlier versions, or without a motion across or labels, do not have."""
+
+_FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
+"""What comes of arrays that do not belong together."""
+
+
+def _described(file: BinaryIO, path: str) -> dict[str, Any]:
+    """Let another process find the arrays in the file, for damage makes the library search without end."""
+    order = json.dumps([*COLUMN_UNITS, "findings"])
+    process = subprocess.Popen(  # noqa: S603 - trusted words: the order names columns
+        command("rsgen.data.surface.surface_worker", order),
+        stdin=file,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment(),
+    )
+    clock = Timer(_WAIT_SECONDS, process.kill)
+    clock.daemon = True
+    clock.start()
+    try:
+        # communicate would read on and on what a process says that the file has taken over
+        said = process.stdout.read(_LONGEST_ANSWER) if process.stdout else b""
+    finally:
+        clock.cancel()
+        process.kill()
+        process.wait()
+        if process.stdout:
+            process.stdout.close()
+    try:
+        answer = json.loads(said.removeprefix(READY))
+    except (ValueError, RecursionError):
+        answer = {
+            "fault": "cannot be read as a response surface: the HDF5 library found no end or broke down"
+        }
+    if "fault" in answer:
+        raise MeasurementError(f"{path}: {printable(str(answer['fault']))}")
+    return dict(answer)
+
+
+class _Reader:
+    """An open file and what lies where in it; all arrays together take no more than the file."""
+
+    def __init__(self, file: BinaryIO, path: str, described: dict[str, Any]) -> None:
+        self.file = file
+        self.path = path
+        self.attributes: dict[str, Any] = described["attributes"]
+        self.arrays: dict[str, Any] = described["arrays"]
+        self.size = self.left = file.seek(0, os.SEEK_END)
+
+    def attribute(self, name: str, default: Any = None) -> Any:
+        return self.attributes.get(name, default)
+
+    def array(self, name: str) -> Any:
+        if name not in self.arrays:
+            raise MeasurementError(f"{self.path}: {name}: missing; a surface has {', '.join(COLUMN_UNITS)}")
+        declared = self.arrays[name]
+        dtype, shape, offset = np.dtype(declared["dtype"]), tuple(declared["shape"]), int(declared["offset"])
+        count = math.prod(shape)
+        size = count * dtype.itemsize
+        self.left -= size
+        if dtype.kind not in "fcibuS" or self.left < 0 or offset < 0 or offset + size > self.size:
+            raise MeasurementError(
+                f"{self.path}: {name}: is not stored as rsgen stores it: plain numbers, not in chunks, "
+                "not packed, no more than the file holds"
+            )
+        self.file.seek(offset)
+        values = np.fromfile(self.file, dtype=dtype, count=count)
+        return values.reshape(shape).astype(dtype.newbyteorder("="), copy=False)[()]
+
+
+def _surface(reader: _Reader) -> ResponseSurface:
+    if reader.attribute("format") != _FORMAT:
+        raise MeasurementError(f"{reader.path}: not an rsgen response surface of schema {_SCHEMA}")
+    schema = reader.attribute("schema")
+    if schema != _SCHEMA:
+        raise MeasurementError(f"{reader.path}: is of schema {schema!s:.40}; {_SCHEMA} is needed")
+    values: dict[str, Any] = {
+        name: reader.array(name)
+        for name in (*COLUMN_UNITS, "findings")
+        if name in reader.arrays or name not in _MAY_BE_MISSING
+    }
+    values["sweep"] = np.char.decode(values["sweep"], "ascii")
+    if "findings" in values:
+        found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
+    else:
+        # the plain sentences of earlier versions become notes
+        found = [Finding.note(str(text)) for text in reader.attribute("notes", ())]
+    return ResponseSurface(
+        **values | {"findings": tuple(found)},
+        origin=str(reader.attribute("origin")),
+        # surfaces written before there were tests without phase do not say
+        phase_known=bool(reader.attribute("phase_known", True)),
+        control=str(reader.attribute("control", "force")),
+        per_mass=bool(reader.attribute("per_mass", False)),
+        base=str(reader.attribute("base", "")),
+    )

@@ -1,0 +1,1 @@
+"""A law with values to a motion: kernels, steady states, harmonic balance, virtual tests."""

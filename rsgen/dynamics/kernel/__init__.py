@@ -1,0 +1,18 @@
+"""Force laws as compiled functions: SymPy to readable Python to machine code, cached on disk."""
+
+from __future__ import annotations
+
+from rsgen.dynamics.kernel.compiled import Integrated, Kernel, compile_kernel
+from rsgen.dynamics.kernel.generation import generate, parameter_order
+from rsgen.dynamics.kernel.store import cache_fault, cache_folder, is_stored
+
+__all__ = [
+    "Integrated",
+    "Kernel",
+    "cache_fault",
+    "cache_folder",
+    "compile_kernel",
+    "generate",
+    "is_stored",
+    "parameter_order",
+]

@@ -1,0 +1,350 @@
+"""A force law in normal form becomes readable Python source that numba compiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import sympy
+
+from rsgen.common.errors import ExpressionError
+from rsgen.dynamics.kernel.arithmetic import Body
+from rsgen.dynamics.kernel.memory_rows import DEEPEST, MemoryRows
+from rsgen.formula import symbol, write
+from rsgen.law.character import onset
+from rsgen.law.memory import MemoryForm, memory_form, real_powers
+from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
+
+if TYPE_CHECKING:
+    import jinja2
+
+__all__ = ["generate", "parameter_order"]
+
+_TEMPLATE = "kernel/kernel.py.j2"
+
+_FIXED_ROWS, _EVENT_ROWS, _CURVE_ROWS, _LOOSE_ROWS = 9, 4, 12, 9
+"""Rows of the lane table: of every law, of those with events, of Masing laws, and of these apart from their
+stack; see the template."""
+
+_FEW_CORNERS = 4
+"""Of virgin curves: of more each is slight, and every coarse step would meet several."""
+
+NO_SIMULATION = (
+    "structural(h) exists under periodic motion only: it cannot be simulated in time; identify it, or "
+    'simulate by method "harmonic-balance"'
+)
+"""Why a law with structural damping has no kernel."""
+
+_OF_STATES = {"zs": "z", "zn": "zn", "zm": "zm", "bs": "b"}
+"""Values of the states, at the end of a step and within it, and their rates, as the template names them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Located:
+    """A switch whose zeros the kernel locates, as the template writes it."""
+
+    index: int
+    text: str
+    code: str
+    code_new: str
+    rate_code: str
+    threshold: str
+    jumps: bool
+    holds_still: bool
+    kind: str = "plain"
+
+    @property
+    def rests(self) -> bool:
+        """Dry friction that holds the mass at rest by a bound that stays, against nothing that moves."""
+        return self.jumps and self.threshold == "0.0" and self.holds_still
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """A state with an equation, as the template writes it."""
+
+    index: int
+    name: str
+    text: str
+    body: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A Masing law, as the template writes it."""
+
+    index: int
+    name: str
+    text: str
+    body: list[str]
+
+
+def parameter_order(force: sympy.Expr) -> tuple[str, ...]:
+    """Names of the parameters in the order in which the kernel takes their values."""
+    return tuple(sorted({free.name for free in force.free_symbols} - {"x", "v"}))
+
+
+def _onsets(form: NormalForm, switch: Switch) -> tuple[bool, bool]:
+    """Decide whether the law may jump at a switch, and whether it may have a corner there."""
+    found = [onset(piece, switch) for piece in form.pieces if switch in piece.switches]
+    if not found:
+        return False, False
+    jumps, corners = zip(*found, strict=True)
+    # what an unknown exponent decides is taken for a jump and a corner
+    return any(jump is not False for jump in jumps), any(corner is not False for corner in corners)
+
+
+def _located(
+    forms: Sequence[NormalForm],
+    names: dict[sympy.Symbol, str],
+    states: Sequence[sympy.Symbol],
+    every: bool,
+    still: bool,
+) -> dict[Switch, _Located]:
+    """Find the switches whose zeros are located; ``forms`` are those of the force and of the equations."""
+    x, v, a = symbol("x"), symbol("v"), sympy.Dummy("a", real=True)
+    rates = {z: sympy.Dummy(f"b{number}", real=True) for number, z in enumerate(states)}
+    known = {**names, a: "a", **{rate: rate.name for rate in rates.values()}}
+    switches = dict.fromkeys(switch for form in forms for piece in form.pieces for switch in piece.switches)
+    found: dict[Switch, _Located] = {}
+    for switch in switches:
+        onsets = [_onsets(form, switch) for form in forms]
+        if not (every or any(jumps or corners for jumps, corners in onsets)):
+            continue
+        moving = [(x, v), (v, a), *rates.items()]
+        rate = sympy.Add(*(sympy.diff(switch.function, place) * speed for place, speed in moving))
+
+        def code(expression: sympy.Expr, after: str = "") -> str:
+            places = {z: f"z{after}{number}" for number, z in enumerate(states)}
+            return Body({**known, x: f"x{after}", v: f"v{after}", **places}, inline=True).write(expression)
+
+        found[switch] = _Located(
+            index=len(found),
+            text=write(switch.function),
+            code=code(switch.function),
+            code_new=code(switch.function, "n"),
+            rate_code=code(rate),
+            threshold=code(switch.threshold) if switch.threshold is not None else "0.0",
+            # only the force itself can hold the mass
+            jumps=onsets[0][0] and switch.variable == "v",
+            holds_still=still,
+        )
+    return found
+
+
+def _turning(located: list[_Located], corners: bool) -> tuple[int, int]:
+    """Add what Masing laws locate, the end of a loop and corners, and v = 0 where it is missing.
+
+    The numbers of v = 0 and of the end of a loop; that of corners comes next.
+    """
+    turns = [entry.index for entry in located if entry.code == "v"]
+    if not turns:
+        located.append(_Located(len(located), "v", "v", "vn", "a", "0.0", False, False, "turn"))
+        turns = [len(located) - 1]
+    close = len(located)
+    code, after, rate = "(lim - x)*sw", "(lim - xn)*sw", "(-v)*sw"
+    located.append(_Located(close, "end of the loop", code, after, rate, "0.0", False, False, "close"))
+    if corners:
+        code, after = "corner - abs(x - xr)*iw", "corner - abs(xn - xr)*iw"
+        # w times the direction over w squared: the direction over w
+        rate = "(-v)*sw*iw*iw"
+        located.append(
+            _Located(close + 1, "before a corner", code, after, rate, "0.0", False, False, "corner")
+        )
+    return turns[0], close
+
+
+def _corners(forms: Sequence[NormalForm], every: bool) -> tuple[sympy.Expr, ...]:
+    """Where virgin curves have corners that are located, as distances from the last reversal."""
+    places = dict.fromkeys(
+        switch.threshold
+        for form in forms
+        for switch in dict.fromkeys(switch for piece in form.pieces for switch in piece.switches)
+        if switch.variable == "x" and (every or any(_onsets(form, switch)))
+    )
+    return tuple(places)
+
+
+def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
+    gates = [f"g{located[s].index}" for s in piece.switches if s in located]
+    inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
+    return gates, inside
+
+
+def _past(piece: Piece, places: Sequence[sympy.Expr], body: Body) -> list[str]:
+    """Say where a piece of a virgin curve acts: beyond corners that are past, or others as it is there."""
+    return [
+        f"(past >= {body.write(s.threshold)})"
+        if s.threshold in places
+        else f"({body.write(s.function)} > 0.0)"
+        for s in piece.switches
+    ]
+
+
+def _force_body(
+    form: NormalForm,
+    names: dict[sympy.Symbol, str],
+    located: Mapping[Switch, _Located],
+    corners: Sequence[sympy.Expr] | None = None,
+) -> list[str]:
+    """Write the sum of all pieces; ``corners`` are the located ones of a virgin curve."""
+    x, v = symbol("x"), symbol("v")
+    body = Body({x: "x", v: "v", **names})
+    terms = [_factored(piece.term, x, v) for piece in form.pieces]
+    shared, terms = sympy.cse(terms, symbols=sympy.numbered_symbols("s", real=True), order="canonical")
+    for number, (stand_in, expression) in enumerate(shared):
+        code = body.write(expression)
+        body.name(stand_in, f"s{number}")
+        body.assign(f"s{number}", code)
+    parts = []
+    for piece, term in zip(form.pieces, terms, strict=True):
+        code = body.write(term)
+        gates, inside = _gate(piece, located, body) if corners is None else ([], _past(piece, corners, body))
+        if inside:
+            code = f"({code} if {' & '.join(inside)} else 0.0)"
+        parts.append("*".join([*gates, code]))
+    body.lines.append("return " + (" + ".join(parts) or "0.0"))
+    return body.lines
+
+
+def _factored(term: sympy.Expr, x: sympy.Symbol, v: sympy.Symbol) -> sympy.Expr:
+    """Write polynomials in x and v with one product a power, parameters gathered."""
+    if term.is_polynomial(x, v):
+        polynomial = sympy.Poly(term, x, v)
+        return sympy.Add(*(c * x**i * v**j for (i, j), c in polynomial.terms()))
+    return term
+
+
+def generate(
+    force: sympy.Expr,
+    *,
+    values: Mapping[str, float] | None = None,
+    locate_all: bool = False,
+    coarse: bool = False,
+) -> str:
+    """Write the kernel of a force law as Python source.
+
+    Parameters of the law appear as p0, p1, ... in the order of ``parameter_order``; their own names only
+    stand in the text at the top. Laws with a jump or a corner get events, and friction a true stick state;
+    smooth laws have none of that code.
+
+    Parameters
+    ----------
+    force
+        n(x, v) [N].
+    values
+        Of the parameters [SI]. The kernel then holds for values of the same signs and order, and is the same
+        for every wording of the law; without, it holds for all values.
+    locate_all
+        Also locate where only the curvature of the law jumps, as in v|v|: for accuracies beyond 1e-6.
+    coarse
+        For the way to a steady state only: many corners of a virgin curve are passed without being located.
+
+    Raises
+    ------
+    ExpressionError
+        The law holds a function that no law may use.
+    """
+    memory = memory_form(force)
+    if memory is not None and memory.lag is not None:
+        raise ExpressionError(NO_SIMULATION)
+    rates = () if memory is None else tuple(rate.rate for rate in memory.rates)
+    curves = () if memory is None else tuple(real_powers(curve.virgin) for curve in memory.curves)
+    forms, virgins = (
+        tuple(normal_form(law) if values is None else normal_form_at(law, values) for law in laws)
+        for laws in ((force, *rates), curves)
+    )
+    places = _corners(virgins, locate_all)
+    if coarse and len(places) > _FEW_CORNERS:
+        places = ()
+    return _source(forms, virgins, places, memory, parameter_order(force), locate_all)
+
+
+@lru_cache(maxsize=64)
+def _source(
+    forms: tuple[NormalForm, ...],
+    virgins: tuple[NormalForm, ...],
+    places: tuple[sympy.Expr, ...],
+    memory: MemoryForm | None,
+    order: tuple[str, ...],
+    locate_all: bool,
+) -> str:
+    names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
+    symbols = [] if memory is None else [rate.symbol for rate in memory.rates]
+    masing = [] if memory is None else [curve.symbol for curve in memory.curves]
+    plain = _located(forms, names, symbols, locate_all, memory is None)
+    located = list(plain.values())
+    turn, close = _turning(located, bool(places)) if masing else (-1, -1)
+    inside = names | {z: f"z{number}" for number, z in enumerate(symbols)}
+    along = names | {symbol("x"): "q"}
+    curves = [
+        _Curve(number, z.name, _comment(write(form.expression)), _force_body(form, along, {}, places))
+        for number, (z, form) in enumerate(zip(masing, virgins, strict=True))
+    ]
+    inside |= {z: f"m{number}" for number, z in enumerate(masing)}
+    states = [
+        _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, plain))
+        for number, (z, form) in enumerate(zip(symbols, forms[1:], strict=True))
+    ]
+    rows = MemoryRows(len(states), len(curves))
+    first = _FIXED_ROWS + (_EVENT_ROWS if located else 0)
+    first_curve = first + 2 * len(states)
+    forces = range(len(curves))
+    return _template().render(
+        law=_comment(write(forms[0].expression)),
+        parameters=[(f"p{number}", name) for number, name in enumerate(order)],
+        names=[f"p{number}" for number in range(len(order))],
+        arguments=_listed("p", len(order)),
+        gates=_listed("g", len(located)),
+        located=located,
+        force_body=_force_body(forms[0], inside, plain),
+        states=states,
+        curves=curves,
+        turn=turn,
+        close=close,
+        corners=[Body(names, inline=True).write(place) for place in places],
+        deepest=DEEPEST,
+        kept=rows.names[: rows.stack - rows.first] if curves else [],
+        first_kept=rows.first,
+        size=rows.count,
+        smooth=rows.smooth,
+        first=first,
+        first_curve=first_curve,
+        gate=first_curve + (_CURVE_ROWS + 3 * len(curves) if curves else 0),
+        stack=_LOOSE_ROWS + DEEPEST * (1 + len(curves)) if curves else 0,
+        ms=", xr, iw, sw, lim, past, corner" + _listed("nr", len(curves)) if curves else "",
+        lane_ms="".join(
+            f", lane[{row}, i]"
+            for row in ("XR", "IW", "SW", "LIMIT", "PAST", "CORNER", *(f"NR + {c}" for c in forces))
+        )
+        if curves
+        else "",
+        **{name: _listed(letters, len(states)) for name, letters in _OF_STATES.items()},
+    )
+
+
+@cache
+def _template() -> jinja2.Template:
+    """Load the template of a kernel's source."""
+    import jinja2  # only generation needs it
+
+    environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
+        loader=jinja2.FileSystemLoader(Path(__file__).parents[2] / "templates"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(_TEMPLATE)
+
+
+def _listed(letters: str, count: int) -> str:
+    """Arguments of a function after others."""
+    return "".join(f", {letters}{number}" for number in range(count))
+
+
+def _comment(text: str) -> str:
+    """Let a formula stand in a docstring: the writer's alphabet, nothing that could end it."""
+    allowed = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_+-*/().,<>=&| ")
+    return "".join(c if c in allowed else "?" for c in text)

@@ -1,0 +1,325 @@
+"""Harmonic balance by alternating between frequency and time: the oracle that shares nothing with the kernel.
+
+The displacement is a sum of harmonics; the law is evaluated on its waveform and projected back; Newton's
+method makes the balance of every harmonic vanish. Few harmonics are enough for a smooth law; a jump in v
+leaves errors of the order of 1/H^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import sympy
+from numpy.typing import ArrayLike, NDArray
+
+from rsgen.common.arrays import ComplexArray
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.simulation.harmonic_basis import (
+    Array,
+    Basis,
+    basis_of,
+    product,
+    project,
+    to_coefficients,
+    to_harmonics,
+    waveforms,
+)
+from rsgen.dynamics.simulation.memory_balance import MemoryLoops
+from rsgen.dynamics.simulation.point_grid import Progress, in_parts, swept
+from rsgen.dynamics.simulation.virtual_test import SimulatedTest
+from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.law.memory import memory_form
+
+__all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
+
+_ITERATIONS = 40
+"""Newton steps at most; ten are usual, a step that jumps over a corner needs more."""
+_CONVERGED = 1e-12
+"""Last Newton correction, of the amplitude: rounding."""
+_CHUNK = 512
+"""Points solved at once: bounds the memory of the Jacobians."""
+_HALVINGS = 6
+"""Halvings of a Newton step that does not bring the balance down."""
+_FAINT = 1e-9
+"""Of |F|/(m omega^2): an amplitude below it is none."""
+_TINY = 1e-9
+"""Of |F|/(m omega^2): the amplitude at which the slopes at rest are taken."""
+_NEIGHBOUR = 1e-7
+"""Of the motion: distance of neighbouring loops, where truncation and rounding are both small."""
+_DAMPED = 0.02
+"""Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
+
+
+class _Law(Protocol):
+    """A law along motions that are given by their coefficients q (n, 2H+1)."""
+
+    @property
+    def mass(self) -> float:
+        """m [kg]."""
+        ...
+
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
+        """Waveforms (n, samples) of the force [N]."""
+        ...
+
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
+        """Coefficients (n, 2H+1) of the force [N], and how they change with q (n, 2H+1, 2H+1) [N/m]."""
+        ...
+
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
+        """States with equations at the start of the period (r, n)."""
+        ...
+
+
+def _law_of(oscillator: Oscillator) -> _Law:
+    form = memory_form(oscillator.force)
+    if form is not None:
+        return _Remembering(oscillator.mass, MemoryLoops.of(oscillator, form))
+    return _Plain.of(oscillator)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plain:
+    """n(x, v) and its two slopes as numpy functions, mass included."""
+
+    mass: float
+    functions: Numeric
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, oscillator: Oscillator) -> _Plain:
+        x, v = symbol("x"), symbol("v")
+        law = oscillator.force
+        slopes = (law, _slope(law, x), _slope(law, v))
+        names = oscillator.parameters
+        functions = compiled(slopes, (x, v, *(symbol(name) for name in names)))
+        return cls(oscillator.mass, functions, tuple(oscillator.values[name] for name in names))
+
+    def _along(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, ...]:
+        x = q @ basis.displacement.T
+        v = omega[:, None] * (q @ basis.velocity.T)
+        return tuple(wave + 0 * x for wave in self.functions(x, v, *self.values))
+
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
+        return self._along(basis, q, omega)[0]
+
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
+        force, by_x, by_v = self._along(basis, q, omega)
+        slope = product(basis, by_x) + product(basis, omega[:, None] * by_v) @ basis.turn
+        return project(basis, force), slope
+
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
+        return np.zeros((0, len(q)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Remembering:
+    """A law with memory: closed loops along the motion, and neighbouring loops for how they change."""
+
+    mass: float
+    loops: MemoryLoops
+
+    def loop(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
+        """Waveforms of the force, and the states at the start of the period."""
+        order = np.maximum(basis.order, 1)
+        between = waveforms(2 * basis.samples, int(basis.order[-1]))
+        x, v = (q @ wave.T for wave in between)
+        return self.loops(x, omega[:, None] * v, q @ (basis.velocity / order).T, omega)
+
+    def force(self, basis: Basis, q: Array, omega: Array) -> Array:
+        return self.loop(basis, q, omega)[0]
+
+    def states(self, basis: Basis, q: Array, omega: Array) -> Array:
+        return self.loop(basis, q, omega)[1]
+
+    def linearised(self, basis: Basis, q: Array, omega: Array) -> tuple[Array, Array]:
+        n, size = q.shape
+        offset = _NEIGHBOUR * np.linalg.norm(q, axis=1) + np.finfo(float).tiny
+        trials = np.concatenate([q, *(q + offset[:, None] * unit for unit in np.eye(size))])
+        found = project(basis, self.force(basis, trials, np.tile(omega, 1 + size)))
+        force, others = found[:n], found[n:].reshape(size, n, size)
+        return force, np.moveaxis((others - force) / offset[:, None], 0, 2)
+
+
+def _slope(law: sympy.Expr, variable: sympy.Symbol) -> sympy.Expr:
+    """The derivative between jumps: the impulse at a jump is left out, Newton's method does without."""
+    slope = sympy.diff(law, variable)
+    return slope.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
+
+
+def _balance(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> tuple[Array, Array]:
+    """Residual (n, 2H+1) [N] and Jacobian (n, 2H+1, 2H+1) [N/m] of the balance of every harmonic."""
+    inertia = law.mass * (omega[:, None] * basis.order) ** 2
+    force, jacobian = law.linearised(basis, q, omega)
+    residual = force - inertia * q - load
+    jacobian[:, np.arange(len(basis.order)), np.arange(len(basis.order))] -= inertia
+    return residual, jacobian
+
+
+def _residual(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> Array:
+    inertia = law.mass * (omega[:, None] * basis.order) ** 2
+    return project(basis, law.force(basis, q, omega)) - inertia * q - load
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Solve a batch; a singular member gets the shortest of its best steps instead of ending all others."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        step = np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ np.nan_to_num(right))
+        step[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
+        return step
+
+
+def _newton(law: _Law, basis: Basis, q: Array, load: Array, omega: Array) -> tuple[Array, NDArray[np.bool_]]:
+    q = q.copy()
+    done = np.zeros(len(q), dtype=bool)
+    active = np.arange(len(q))
+    smallest = _FAINT * np.linalg.norm(load, axis=1) / (law.mass * omega**2)
+    for _ in range(_ITERATIONS):
+        residual, jacobian = _balance(law, basis, q[active], load[active], omega[active])
+        here = np.linalg.norm(residual, axis=1)
+        step = -_solve(jacobian, residual[:, :, None])[:, :, 0]
+        size = np.linalg.norm(q[active], axis=1) + smallest[active]
+        done[active] = np.linalg.norm(step, axis=1) <= _CONVERGED * size
+        factor = np.ones(len(active))
+        for _ in range(_HALVINGS):
+            trial = _residual(law, basis, q[active] + factor[:, None] * step, load[active], omega[active])
+            worse = ~(np.linalg.norm(trial, axis=1) <= here * (1 + 1e-9)) & ~done[active]
+            if not worse.any():
+                break
+            factor[worse] /= 2
+        q[active] += factor[:, None] * step
+        active = active[~done[active]]
+        if not len(active):
+            break
+    return q, done
+
+
+def solve_harmonic_balance(
+    oscillator: Oscillator,
+    force: ArrayLike,
+    frequency: ArrayLike,
+    *,
+    harmonics: int,
+    guess: ComplexArray | None = None,
+) -> SteadyStates:
+    """Find steady states by harmonic balance; stable or not, near the guess.
+
+    Parameters
+    ----------
+    oscillator
+        The structure.
+    force
+        (n,) complex amplitude F [N].
+    frequency
+        (n,) [Hz].
+    harmonics
+        H, how many harmonics are balanced, in addition to the mean.
+    guess
+        (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
+        at rest, damped enough to be finite.
+
+    Returns
+    -------
+    SteadyStates
+        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); more
+        harmonics make it smaller. ``error`` is not known.
+    """
+    F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
+    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    law, basis = _law_of(oscillator), basis_of(harmonics)
+    load = np.zeros((len(F), 2 * harmonics + 1))
+    load[:, 1], load[:, 2] = F.real, -F.imag
+    q = _linear_guess(law, F, omega, harmonics) if guess is None else to_coefficients(guess)
+    parts = [slice(low, low + _CHUNK) for low in range(0, len(F), _CHUNK)]
+    solved = [_newton(law, basis, q[part], load[part], omega[part]) for part in parts]
+    q = np.concatenate([entry[0] for entry in solved])
+    done = np.concatenate([entry[1] for entry in solved])
+    return _states(law, basis, q, F, omega, done)
+
+
+def _linear_guess(law: _Law, F: ComplexArray, omega: Array, harmonics: int) -> Array:
+    basis = basis_of(1)
+    tiny = np.zeros((len(F), 3))
+    tiny[:, 1] = _TINY * np.maximum(np.abs(F), np.finfo(float).tiny) / (law.mass * omega**2)
+    _, slope = law.linearised(basis, tiny, omega)
+    inertia = law.mass * omega**2
+    impedance = slope[:, 1, 1] - inertia + 1j * (_DAMPED * inertia - slope[:, 2, 1])
+    guess = np.zeros((len(F), harmonics + 1), dtype=np.complex128)
+    guess[:, 1] = F / impedance
+    return to_coefficients(guess)
+
+
+def _states(
+    law: _Law, basis: Basis, q: Array, F: ComplexArray, omega: Array, done: NDArray[np.bool_]
+) -> SteadyStates:
+    x = q @ basis.displacement.T
+    v = omega[:, None] * (q @ basis.velocity.T)
+    n = law.force(basis, q, omega)
+    acceleration = -(omega[:, None] ** 2) * ((q * basis.order**2) @ basis.displacement.T)
+    phase = 2 * np.pi * np.arange(basis.samples) / basis.samples
+    applied = F.real[:, None] * np.cos(phase) - F.imag[:, None] * np.sin(phase)
+    rest = law.mass * acceleration + n - applied
+    left = np.linalg.norm(rest, axis=1) / np.sqrt(basis.samples) / np.abs(F)
+    harmonics = to_harmonics(q)
+    harmonics[~done] = complex(np.nan, np.nan)
+    peak = np.where(done[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan)
+    return SteadyStates(
+        harmonics=harmonics,
+        peak=peak,
+        state=np.column_stack([x[:, 0], v[:, 0]]),
+        residual=left,
+        outcome=np.where(done, 0, 1).astype(np.int8),
+        error=np.full(len(F), np.nan),
+    )
+
+
+def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
+    """Solve the grid of a test by harmonic balance, ordered level by level.
+
+    With sweep "rest" every point starts from its linear response; with "up" or "down" from its neighbour.
+    Harmonic balance does not separate stable answers from unstable ones.
+    """
+
+    def solve(level: Array, frequency: Array, guess: ComplexArray | None = None) -> SteadyStates:
+        force = test.drive(oscillator.mass, level, frequency)
+        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
+
+    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
+        if last is None:
+            return solve(test.level, frequency)
+        near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
+        if near.settled.all():
+            return near
+        # where the branch has ended, from the linear response
+        fresh, n = solve(test.level, frequency), len(near)
+        return SteadyStates.joined([near, fresh], np.arange(n) + n * ~near.settled)
+
+    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)
+
+
+def first_order_force(
+    oscillator: Oscillator, amplitude: Array, omega: Array
+) -> tuple[ComplexArray, Array, Array]:
+    """Force (n,) [N] and mean (n,) [m] of x = X0 + X cos(omega t), from the balance of one harmonic.
+
+    Then the states of the law at t = 0, (r, n), r = 0 without memory.
+    """
+    law, basis = _law_of(oscillator), basis_of(1)
+    mean = np.zeros_like(amplitude)
+    for _ in range(_ITERATIONS):
+        q = np.column_stack([mean, amplitude, np.zeros_like(amplitude)])
+        fundamental, slope = law.linearised(basis, q, omega)
+        stiffness = slope[:, 0, 0]
+        move = -fundamental[:, 0] / np.where(np.abs(stiffness) > 0, stiffness, 1.0)
+        move = np.clip(move, -amplitude, amplitude)
+        mean = mean + move
+        if np.all(np.abs(move) <= _FAINT * amplitude):
+            break
+    F = to_harmonics(fundamental)[:, 1] - law.mass * omega**2 * amplitude
+    return F, mean, law.states(basis, q, omega)

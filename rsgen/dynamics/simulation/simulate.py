@@ -1,0 +1,121 @@
+"""From a virtual test to its response surface."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import overload
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError, require
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.dynamics.simulation.free_mean import free_mean_fault
+from rsgen.dynamics.simulation.harmonic_balance import balance_grid
+from rsgen.dynamics.simulation.multisine import MultisineTest, simulate_multisine
+from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.dynamics.simulation.phase_control import phase_grid
+from rsgen.dynamics.simulation.point_grid import Progress, grid_of, in_parts, swept
+from rsgen.dynamics.simulation.response_control import ControlledStates, control_grid
+from rsgen.dynamics.simulation.virtual_test import SimulatedTest
+from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+
+__all__ = ["simulate"]
+
+
+@overload
+def simulate(
+    oscillator: Oscillator, test: SimulatedTest, *, progress: Progress = None
+) -> ResponseSurface: ...
+
+
+@overload
+def simulate(
+    oscillator: Oscillator, test: MultisineTest, *, progress: Progress = None
+) -> MultisineSpectra: ...
+
+
+def simulate(
+    oscillator: Oscillator, test: SimulatedTest | MultisineTest, *, progress: Progress = None
+) -> ResponseSurface | MultisineSpectra:
+    """Run a virtual test: the grid of levels and frequencies, level by level.
+
+    Parameters
+    ----------
+    progress
+        Called with the share that is done, from 0 to 1, on long work.
+
+    Returns
+    -------
+    ResponseSurface or MultisineSpectra
+        Of a multisine its spectra, a record a level and realisation. Else a surface of
+        len(level) * len(frequency) points. Points without a steady state of the period of the force are in
+        it with their outcome and NaN harmonics. With ``control="response"`` or ``"continuation"`` the levels
+        are the amplitudes X [m] that were held, the error is that of the force, and ``stable`` is False
+        between folds. With ``control="phase"`` there is a point for each level and lag, at the frequency that
+        was found. Of a shaken base the response is relative to it and the force one per mass, -a_b.
+
+    Raises
+    ------
+    RsgenError
+        The test asks for a combination that does not exist, or is to be integrated and no spring holds the
+        mean displacement.
+    """
+    require(oscillator, Oscillator, "oscillator")
+    require(test, (SimulatedTest, MultisineTest), "test")
+    if isinstance(test, MultisineTest):
+        return simulate_multisine(oscillator, test)
+    fault = free_mean_fault(oscillator, test)
+    if fault:
+        raise RsgenError(f"law: {fault}")
+    level, frequency = grid_of(test)
+    states: SteadyStates
+    if test.response_held:
+        states = control_grid(oscillator, test, progress)
+    elif test.control == "phase":
+        level, states = phase_grid(oscillator, test)
+        frequency = states.frequency
+    elif test.method == "harmonic-balance":
+        states = balance_grid(oscillator, test, progress)
+    else:
+        states = _integrate(oscillator, test, progress)
+    force = test.drive(oscillator.mass, level, frequency)
+    controlled = states if isinstance(states, ControlledStates) else None
+    surface = ResponseSurface(
+        level=level,
+        frequency=frequency,
+        force=controlled.force if controlled else force / oscillator.mass if test.base else force,
+        harmonics=states.harmonics,
+        peak=states.peak,
+        sweep=test.sweep,
+        outcome=states.outcome,
+        residual=states.residual,
+        error=states.error,
+        origin="simulated",
+        control=test.control,
+        stable=controlled.stable if controlled else None,
+        per_mass=test.base is not None,
+        base=test.base or "",
+    )
+    surface = add_noise(surface, test.noise_relative, test.seed)
+    return replace(surface, findings=(*surface.findings, *lag_findings(surface)))
+
+
+def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
+    """Solve the grid by time integration: points from rest, or sweeps that go on from the last state."""
+
+    def solve(level: Array, frequency: Array, start: Array | None = None) -> SteadyStates:
+        force = test.drive(oscillator.mass, level, frequency)
+        return solve_steady_states(
+            oscillator, force, frequency, harmonics=test.harmonics, accuracy=test.accuracy, start=start
+        )
+
+    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
+        # a motion without bound ends the run; the test engineer starts again from rest
+        start = None if last is None else np.where(np.isfinite(last.state), last.state, 0.0)
+        return solve(test.level, frequency, start)
+
+    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)

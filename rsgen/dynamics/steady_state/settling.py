@@ -1,0 +1,260 @@
+"""From a start to the neighbourhood of the steady state that the motion itself would reach.
+
+Transients are carried for a few periods, then Newton's method looks for the fixed point. It is believed
+only if it attracts and if the last periods already obeyed its linear map: then the motion is inside its
+basin, and no further transient could lead elsewhere. All others are carried on, twice as long each time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.dynamics.steady_state.fixed_point import (
+    FixedPoints,
+    attraction,
+    find_fixed_points,
+    jacobians,
+    norm,
+    times,
+)
+from rsgen.dynamics.steady_state.loop_memory import HeldMemory, LoopMemory
+from rsgen.dynamics.steady_state.period_map import Indices, PeriodMap
+from rsgen.dynamics.steady_state.step_grid import grid_above
+
+__all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
+
+SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
+COARSE = 24  # steps a period: enough to separate branches; accuracy comes afterwards
+_LONG, _CLOSER = 128, 4  # periods from which on the steps are four times finer
+_STIFF = 8  # times as many steps before a motion is called unbounded
+# periods of each round: about twice as long each time; a start near the answer is recognised earlier
+_FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_TOLERANCE = 1e-3  # last Newton correction, of the amplitude: what is left is its square
+_LINEAR = 0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
+_CLOSE = 1e-5  # of the amplitude: nearer than this the departure is rounding
+_CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
+_STILL = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
+_GROWS = 1.5  # times the amplitude at the start of a round, for which its steps are stable
+_LEAST_OF_DRIVEN = 2.5e-7  # of the least size: four times what the force makes of the mass alone
+_TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
+# below the first of attraction, the map is made again with this many steps and this offset; then it attracts
+# if more than the last
+_FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settling:
+    """Where n points settled on the coarse map: ``y`` (D, n), ``jacobian`` (D, D, n), steps, outcome."""
+
+    y: Array
+    jacobian: Array
+    steps: NDArray[np.int64]
+    outcome: NDArray[np.int8]
+
+
+def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE) -> Settling:
+    """Carry n points from ``start`` (D, n) until each has settled or is known not to."""
+    size, n = start.shape
+    result = Settling(
+        y=start.copy(),
+        jacobian=np.zeros((size, size, n)),
+        steps=np.full(n, steps),
+        outcome=np.full(n, UNSETTLED, dtype=np.int8),
+    )
+    least = period_map.scale()
+    active = np.arange(n)
+    for periods in _FROM_REST if from_rest else _FROM_START:
+        if periods == _LONG:
+            # a corner that is just touched is seen or not with the place of the steps: closer, it is seen
+            result.steps[active] *= _CLOSER
+        active = _one_round(period_map, result, active, periods, least)
+        if not len(active):
+            break
+    return result
+
+
+def _one_round(
+    period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Array
+) -> Indices:
+    if period_map.stiffness is not None:
+        # states that follow fast need short steps; the motion may still grow in this round
+        largest = np.maximum(_GROWS * norm(result.y[:2, active]), least[active] / _LEAST_OF_DRIVEN)
+        wanted = period_map.stiffness.steps(largest, period_map.omega[active])
+        result.steps[active] = np.maximum(result.steps[active], grid_above(wanted))
+    before, steps = result.y[:, active], result.steps[active]
+    memory = None if period_map.memory is None else period_map.memory.rows[:, active]
+    moved = period_map.carry(active, before, steps, periods, transient=True)
+    y, history = moved.state, moved.history
+    bounded = np.isfinite(norm(y))
+    if not bounded.all():
+        for _ in range(2):
+            lost = np.flatnonzero(~bounded & (steps < COARSE * _STIFF**2))
+            if not len(lost):
+                break
+            # too few steps make a stiff law explode: that is no answer yet
+            steps[lost] *= _STIFF
+            if period_map.memory is not None and memory is not None:
+                period_map.memory.rows[:, active[lost]] = memory[:, lost]
+            again = period_map.carry(active[lost], before[:, lost], steps[lost], periods, transient=True)
+            y[:, lost], history[:, :, lost] = again.state, again.history
+            bounded = np.isfinite(norm(y))
+        result.steps[active] = steps
+        result.y[:, active] = y
+        result.outcome[active[~bounded]] = DIVERGED
+        active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
+    else:
+        result.y[:, active] = y
+    settled = _accept(period_map, result, active, y, history, least[active])
+    left = np.flatnonzero(~settled)
+    size = np.maximum(norm(y[:, left]), least[active[left]])
+    two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
+    twice = (two_ago < _TWICE * size) & (one_ago > 1e3 * _TWICE * size)
+    result.outcome[active[left[twice]]] = PERIOD_TWO
+    return active[left[~twice]]
+
+
+def _accept(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
+) -> NDArray[np.bool_]:
+    """Record the points whose fixed point is certain; True for these."""
+    if period_map.sticking is None:
+        return _accept_any(period_map, result, active, y, history, least)
+    settled = _accept_sticking(period_map, result, active, y, history, least)
+    left = np.flatnonzero(~settled)
+    settled[left] = _accept_any(
+        period_map, result, active[left], y[:, left], history[:, :, left], least[left]
+    )
+    return settled
+
+
+def _accept_any(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
+) -> NDArray[np.bool_]:
+    steps = result.steps[active]
+    fixed = find_fixed_points(period_map, active, y, steps, _TOLERANCE, least)
+    hidden = np.zeros(len(active), dtype=bool)
+    if period_map.memory is not None:
+        # loops within the loop are not those of the closed loop alone
+        hidden = period_map.memory.has_inner_loops(active)
+    sure = _is_reached(period_map, active, fixed, y, history, least, steps, ~hidden)
+    size = np.maximum(norm(fixed.y), least)
+    still = ~sure & (norm(y - history[1]) <= _STILL * size) & (norm(y - history[0]) <= _STILL * size)
+    settled = np.asarray(sure | still)
+    if sure.all():
+        result.y[:, active], result.jacobian[:, :, active] = fixed.y, fixed.jacobian
+    else:
+        result.y[:, active[sure]] = fixed.y[:, sure]
+        result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
+    result.outcome[active[settled]] = SETTLED
+    return settled
+
+
+def _accept_sticking(
+    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
+) -> NDArray[np.bool_]:
+    """Record the points at which nothing slips any more, on the way to the steady state and in it."""
+    memory, sticking, settled = period_map.memory, period_map.sticking, np.zeros(len(active), dtype=bool)
+    if memory is None or sticking is None:
+        return settled
+    layout, first = memory.layout, memory.layout.first
+    middle, offset = memory.middle(active, sticking.slope)
+    here = np.flatnonzero(sticking.reaches(middle, y[first], y[first + 1]))
+    if not len(here):
+        return settled
+    points, middle, offset, steps = active[here], middle[here], offset[here], result.steps[active[here]]
+    before, history, least, all_here = (
+        y[:first, here],
+        history[:, :first, here],
+        least[here],
+        np.arange(len(here)),
+    )
+    held = replace(period_map.of(points), memory=HeldMemory.at(layout, middle, offset))
+    fixed = find_fixed_points(held, all_here, before, steps, _TOLERANCE, least, spared=True)
+    peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak
+    # later beats bring the greatest of both together
+    swing = _swing(before - fixed.y, fixed.jacobian)
+    stays = sticking.reaches(middle, peak[:, 0] + swing, peak[:, 1] - swing)
+    sure = np.flatnonzero(_is_reached(held, all_here, fixed, before, history, least, steps, stays))
+    # the same as a closed loop, as all that follows has it
+    points, peak, least, steps = points[sure], peak[sure], least[sure], steps[sure]
+    force = offset[sure] + sticking.slope * (peak.mean(axis=1) - middle[sure])
+    closed = LoopMemory.closed(layout, force[None])
+    start = np.concatenate([fixed.y[:, sure], peak.T])
+    alone = replace(period_map.of(points), memory=closed)
+    found = find_fixed_points(alone, np.arange(len(points)), start, steps, _TOLERANCE, least)
+    same = norm(found.y[:first] - start[:first]) <= _TOLERANCE * np.maximum(norm(start[:first]), least)
+    kept = np.flatnonzero(found.found & same)
+    result.y[:, points[kept]], result.jacobian[:, :, points[kept]] = (
+        found.y[:, kept], found.jacobian[:, :, kept],
+    )  # fmt: skip
+    memory.put(points[kept], closed.of(kept))
+    result.outcome[points[kept]] = SETTLED
+    settled[here[sure[kept]]] = True
+    return settled
+
+
+def _swing(away: Array, jacobian: Array) -> Array:
+    """(k,) amplitude of the displacement of free vibrations that begin with ``away`` (D, k).
+
+    Their path is an ellipse in displacement and velocity, whose axes follow from the map of a period.
+    """
+    square = -np.divide(jacobian[0, 1], jacobian[1, 0], out=-np.ones(len(away[0])), where=jacobian[1, 0] != 0)
+    return np.asarray(np.hypot(away[0], np.sqrt(np.where(square > 0, square, 1.0)) * away[1]))
+
+
+def _is_reached(
+    period_map: PeriodMap,
+    points: Indices,
+    fixed: FixedPoints,
+    y: Array,
+    history: Array,
+    least: Array,
+    steps: NDArray[np.int64],
+    possible: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """(k,) where the motion will go on to its fixed point, among those where it is possible."""
+    size = np.maximum(norm(fixed.y), least)
+    earlier, away = history[0] - fixed.y, y - fixed.y
+    departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
+    distance, inside = norm(earlier), attraction(fixed.jacobian)
+    linear = (departure <= _LINEAR * distance + _CLOSE * size) & (distance < size)
+    sure = fixed.found & linear & (inside > 0) & possible
+    faint = np.flatnonzero(sure & (inside < _FAINT))
+    if len(faint):
+        # the integration itself damps a little: look with steps so fine that it does not
+        fine = np.maximum(_FAINT_STEPS, steps[faint])
+        _, jacobian = jacobians(
+            period_map, points[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
+        )
+        sure[faint] = attraction(jacobian) > _NEUTRAL
+    wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
+    if len(wide):
+        around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
+        sure[wide] = _is_linear_around(period_map, points[wide], around, slope, away[:, wide], steps[wide])
+    return sure
+
+
+def _is_linear_around(
+    period_map: PeriodMap,
+    points: Indices,
+    center: Array,
+    jacobian: Array,
+    away: Array,
+    steps: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Find where the map is linear on the whole circle around a fixed point that the motion will spiral on.
+
+    The last periods only show one direction; in another one a stop or a gap may still be met.
+    """
+    turned = np.zeros_like(away)
+    turned[0], turned[1] = -away[1], away[0]
+    along, across = times(jacobian, away), times(jacobian, turned)
+    rays = np.concatenate([center - away, center + turned, center - turned], axis=1)
+    predicted = np.concatenate([center - along, center + across, center - across], axis=1)
+    departure = norm(period_map.carry(points, rays, steps, 1).state - predicted).reshape(3, -1).max(axis=0)
+    return np.asarray(departure <= _CIRCLE * norm(away))

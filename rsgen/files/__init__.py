@@ -1,0 +1,18 @@
+"""Measured files to response surfaces: one reader a format, one plan for where what is found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rsgen.common.first_use import on_first_use
+
+if TYPE_CHECKING:
+    from rsgen.files.files_to_surface import read_measurement
+    from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
+
+__all__ = ["HistoryRule", "Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]
+
+# a process that opens a file of strangers loads what it needs for that alone
+__getattr__ = on_first_use(
+    __name__, dict.fromkeys(__all__, "plan") | {"read_measurement": "files_to_surface"}
+)

@@ -1,0 +1,367 @@
+"""Measured files and their plan to a response surface: displacement and force as SI peak values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.finding import Finding, quantities
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.surface import ResponseSurface, recognise_directions
+from rsgen.data.surface.columns import below_acceleration
+from rsgen.data.surface.driven_base import base_findings
+from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.data.surface.plausibility import quantity_findings
+from rsgen.files.column_titles import is_angular, unit_in
+from rsgen.files.consistency import repeated_rows, run_findings, tell_branches_apart
+from rsgen.files.controls import amplitude_steps, hold
+from rsgen.files.data_files import file_label
+from rsgen.files.file_table import Table
+from rsgen.files.nominal_levels import (
+    level_of_file,
+    settle_levels,
+)
+from rsgen.files.passivity import passivity_findings
+from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
+from rsgen.files.sources import Sources, read_sources, with_across
+from rsgen.files.title_units import contradiction
+from rsgen.formula.units import quantity, sensor_unit
+
+if TYPE_CHECKING:
+    from rsgen.data.history import TimeHistory
+
+__all__ = ["read_measurement"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """What one file gives; the level is None where it is to be found from the forces of all files."""
+
+    frequency: Array
+    force: ComplexArray
+    displacement: ComplexArray
+    across: ComplexArray | None
+    level: Array | None
+    mark: Array | None
+    block: NDArray[np.int64]
+    findings: tuple[Finding, ...]
+    unit_said: bool
+
+
+def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
+    """Give the level of each row [N]; None where it is to be found from the forces of all files."""
+    alone = level_of_file(test, number)
+    if alone is not None:
+        return np.full(len(table.number), alone)
+    if test.level.values:
+        entries = int(table.block.max()) + 1
+        if entries != len(test.level.values):
+            raise MeasurementError(
+                f"{table.label}: {entries} entries and {len(test.level.values)} levels; a level for each "
+                "entry is needed"
+            )
+        return np.array(test.level.values)[table.block]
+    if test.level.column is None:
+        return None
+    level = table.real(test.level.column) * _level_factor(test, table.units.get(test.level.column, ""))
+    if not test.level.labels:
+        table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
+    return level
+
+
+def _level_factor(test: MeasuredTest, unit: str) -> float:
+    """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
+    if test.level.unit is None and unit and test.calibrated:
+        try:
+            return test.factor("level") * quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
+        except RsgenError:
+            # a unit of something else, such as the volts of a drive: the measured forces will tell
+            return test.factor("level")
+    return test.factor("level")
+
+
+def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
+    """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
+    column = cast("int | str", test.frequency)
+    unit = unit_in(table.names.get(column, ""))
+    if test.frequency_unit is not None:
+        other = unit in HERTZ and HERTZ[unit] != test.frequency_factor
+        return test.frequency_factor, [
+            contradiction(table.label, table.names.get(column, str(column)), test.frequency_unit, unit)
+        ] if other else []
+    unit, title = table.units.get(column, ""), table.names.get(column, "")
+    if table.unit_of_place == "row":
+        title = title.rpartition("/")[2]
+    if unit in HERTZ and unit != "Hz":
+        about = {"file": table.label, "column": str(column), "unit": unit, "source": "the file"}
+        return HERTZ[unit], [Finding("unit-of-file", "info", names=about)]
+    if unit not in HERTZ and is_angular(title):
+        about = {"file": table.label, "column": title}
+        return 1.0, [Finding("frequency-angular", "doubt", names=about)]
+    return 1.0, []
+
+
+def _part(test: MeasuredTest, number: int) -> _Part:
+    sources = read_sources(test, number)
+    raw = sources.main.real(cast("int | str", test.frequency))
+    sources.main.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
+    # exported receptances often begin at 0 Hz, where there is no harmonic test
+    keep = raw > 0
+    if not keep.any():
+        raise MeasurementError(f"{sources.main.label}: no row with a frequency above 0")
+    sources = sources.keep(keep)
+    table = sources.main
+    factor, doubts = _hertz(test, table)
+    frequency = raw[keep] * factor
+    level = _level(test, number, table)
+    force, displacement, across = _driven(sources, frequency, level)
+    doubts = [*doubts, *sources.doubts()]
+    twice = repeated_rows(frequency, force, displacement)
+    if twice.any():
+        numbers = quantities(rows=int(twice.sum()), all=len(twice))
+        doubts = [*doubts, Finding("rows-twice", "warning", numbers=numbers, names={"file": table.label})]
+        table, frequency, force, displacement = (
+            table.keep(~twice),
+            frequency[~twice],
+            force[~twice],
+            displacement[~twice],
+        )
+        level = None if level is None else level[~twice]
+        across = None if across is None else across[~twice]
+    if not test.phase_known:
+        force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
+    mark = None if test.sweep.column is None else table.real(test.sweep.column)
+    findings = (*sources.findings, *doubts)
+    said = test.unit_said or (test.level.column is not None and bool(table.units.get(test.level.column)))
+    return _Part(frequency, force, displacement, across, level, mark, table.block, findings, said)
+
+
+def _driven(
+    sources: Sources, frequency: Array, level: Array | None
+) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
+    """(n,) force [N], [N/kg] of a driven base; displacement [m], relative to the base; motion across [m]."""
+    test = sources.test
+    displacement = sources.sum("response", frequency)
+    across = None if test.across is None else sources.sum("across", frequency)
+    if test.base is not None:
+        base = sources.sum("base", frequency)
+        if test.base.response == "absolute":
+            displacement = displacement - base
+        return (2 * np.pi * frequency) ** 2 * base, displacement, across
+    if test.force is not None:
+        force = sources.sum("force", frequency)
+    else:
+        # without a force the plan asks for a level
+        force = np.asarray(cast("Array", level), dtype=np.complex128)
+    return force, displacement * force if test.per_force else displacement, across
+
+
+def _as_number(value: int | str | None) -> float:
+    try:
+        return float(value if value is not None else "nan")
+    except ValueError:
+        raise MeasurementError(
+            f"sweep: {value!r} is no number; the column of directions holds numbers"
+        ) from None
+
+
+def _directions(
+    rule: SweepRule,
+    frequency: Array,
+    level: Array,
+    marks: list[Array],
+    block: NDArray[np.int64],
+) -> NDArray[np.str_]:
+    if marks:
+        mark = np.concatenate(marks)
+        up, down = (_as_number(value) for value in (rule.up, rule.down))
+        return np.where(mark == up, "up", np.where(mark == down, "down", "rest"))
+    if rule.direction == "recognise":
+        return recognise_directions(frequency, level, block)
+    return np.full(len(frequency), rule.direction, dtype="U4")
+
+
+def _has_entries(test: MeasuredTest) -> bool:
+    """Whether a * of the plan means the entries of a file, each of which is a run."""
+    places = (test.frequency, *(column for source in test.sources for column in source.signal.columns))
+    return any("*" in place for place in places if isinstance(place, str))
+
+
+def _blocks(part: _Part) -> range:
+    return range(int(part.block[-1]) + 1)
+
+
+def _called(test: MeasuredTest, number: int, entry: int) -> str:
+    """Call a block of a file."""
+    name = file_label((test.response_files or test.files)[number])
+    return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
+
+
+def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> ComplexArray:
+    """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
+    if test.base is None:
+        return force
+    left = below_acceleration(test.terms("base")[0][1].quantity)
+    return np.asarray(force / (2 * np.pi * frequency) ** left)
+
+
+def _joined(parts: list[ComplexArray]) -> ComplexArray | None:
+    """(n, 2) mean, which no such test measures, and fundamental of all files; None without any."""
+    if not parts:
+        return None
+    fundamental = np.concatenate(parts)
+    return np.stack([np.zeros_like(fundamental), fundamental], axis=1)
+
+
+def _amplitudes(test: MeasuredTest) -> ResponseSurface:
+    parts = [_part(test, number) for number in range(len(test.files))]
+    frequency = np.concatenate([part.frequency for part in parts])
+    force = np.concatenate([part.force for part in parts])
+    displacement = np.concatenate([part.displacement for part in parts])
+    marks = [part.mark for part in parts if part.mark is not None]
+    counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
+    block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
+    levels = [part.level for part in parts if part.level is not None]
+    known, entries = bool(levels), _has_entries(test)
+    run = np.concatenate(levels) if known else block if entries else None
+    files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
+    held = hold(test, frequency, _drive(test, force, frequency), displacement, run, block, files)
+    followed = held.control == "continuation"
+    findings = [*(finding for part in parts for finding in part.findings), *held.findings]
+    if test.force is None and test.base is None:
+        findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
+    surface = ResponseSurface(
+        level=held.level,
+        frequency=frequency,
+        force=force,
+        response=held.displacement.astype(np.complex128),
+        across=_joined([part.across for part in parts if part.across is not None]),
+        per_mass=test.base is not None,
+        base="" if test.base is None else test.terms("base")[0][1].quantity,
+        sweep="rest" if followed else _directions(test.sweep, frequency, held.level, marks, block),
+        phase_known=test.phase_known or held.control == "phase",
+        control=held.control,
+        stable=held.stable,
+        findings=tuple(findings),
+    )
+    names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
+    consistent = run_findings(surface, block, names, test.per_force)
+    surface = replace(surface, findings=(*surface.findings, *consistent))
+    if test.sweep.direction == "recognise" and test.sweep.column is None and not followed:
+        sweep = tell_branches_apart(surface, block)
+        turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
+        if turned["points"].value:
+            finding = Finding("direction-from-branch", "info", numbers=turned)
+            surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
+    if followed or test.level.spread is not None or (run is None and held.control != "response"):
+        return surface
+    return settle_levels(surface, test, known, any(part.unit_said for part in parts))
+
+
+def _levels_of_histories(
+    surface: ResponseSurface, test: MeasuredTest, histories: list[TimeHistory]
+) -> ResponseSurface:
+    """Say what was held, and settle the levels that the plan gives."""
+    surface = replace(surface, control=test.control or "force")
+    if surface.control == "continuation":
+        return replace(surface, level=amplitude_steps(surface.amplitude, test.level.spread))
+    known = all(history.level is not None for history in histories)
+    return settle_levels(surface, test, known, test.unit_said) if known else surface
+
+
+def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
+    # imported here, as below
+    from rsgen.data.history import from_multisine, record_findings
+    from rsgen.files.histories import read_histories
+
+    histories = read_histories(test)
+    labels = [history.level for history in histories] if test.level.labels else [None]
+    if test.level.labels:
+        histories = [replace(history, level=None) for history in histories]
+    spectra = from_multisine(histories, period=rule.multisine.period, transient=rule.multisine.transient)
+    records = [found for history in histories for found in record_findings(history)]
+    # a force that is not in N has no amount that a level could be
+    kept = [f for f in spectra.findings if test.calibrated or f.code != "multisine-levels-disagree"]
+    if None not in labels:
+        spectra = replace(spectra, label=np.array(labels, dtype=np.float64))
+    return replace(spectra, findings=(*records, *kept))
+
+
+def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    # imported here, for a table needs none of it
+    from rsgen.data.history import record_findings
+    from rsgen.files.histories import read_both
+
+    both = read_both(test)
+    histories = [history for history, _ in both]
+    across = [history for _, history in both if history is not None]
+    surface = _demodulated(histories, test, rule)
+    if across:
+        surface = with_across(surface, _demodulated(across, test, rule))
+    if test.base is not None:
+        surface = replace(surface, per_mass=True, base="acceleration")
+    if rule.excitation != "ring-down":
+        surface = _levels_of_histories(surface, test, histories)
+    records = [found for history in histories for found in (*history.findings, *record_findings(history))]
+    return replace(surface, findings=(*records, *surface.findings))
+
+
+def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    from rsgen.data.history import from_free_decay, from_stepped_sine, from_swept_sine
+
+    # the force on a driven base is one on a kilogram
+    mass = rule.mass if test.base is None else 1.0
+    given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}
+    if rule.excitation == "swept-sine":
+        return from_swept_sine(
+            histories, band=rule.band, law=rule.law, bandwidth=rule.bandwidth, mass=mass, **given
+        )
+    if rule.excitation == "stepped-sine":
+        return from_stepped_sine(histories, band=rule.band, **given)
+    return from_free_decay(histories, mass=mass, band=rule.band, start=rule.start, **given)
+
+
+def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
+    """Read a measured test.
+
+    Velocity and acceleration are integrated in the frequency domain, X = V/(i omega) = -A/omega^2. The
+    phase of the response counts from the force. Rows at 0 Hz are skipped. The mean is not measured by
+    such a test and stands as 0; peaks, residual and error are unknown (NaN).
+
+    Parameters
+    ----------
+    test
+        Which files, and where in them what is found.
+
+    Returns
+    -------
+    ResponseSurface or MultisineSpectra
+        For tables of amplitudes one row a row of the files, in their order, with origin "measured"; of a
+        periodic multisine its spectra.
+
+    Raises
+    ------
+    MeasurementError
+        A file cannot be read as the plan says; the message names file and line or row.
+    """
+    if test.history is not None and test.history.excitation == "multisine":
+        return _from_multisine(test, test.history)
+    if test.history is not None and test.history.excitation == "ring-down":
+        return _from_histories(test, test.history)
+    surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
+    sense = None if test.history is not None else "lag" if test.sources[-1].signal.lags else "lead"
+    quantity = cast("str", test.quantity)
+    # a force per mass and a motion relative to the base are made of several measured quantities
+    other = tuple(quantity_findings(surface, quantity)) if test.base is None else ()
+    if test.base is not None:
+        absolute = test.base.response == "absolute"
+        other = base_findings(surface, absolute=absolute, senses=test.history is None)
+    # a base that was misread feeds or mirrors by that
+    passive = () if test.base is not None and other else passivity_findings(surface, sense, quantity)
+    lag = lag_findings(surface)
+    return replace(surface, findings=(*surface.findings, *passive, *other, *lag))

@@ -1,0 +1,221 @@
+"""Time histories from files of any format: force and response, evenly sampled, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError, quote
+from rsgen.common.finding import Finding
+from rsgen.data.history import TimeHistory
+from rsgen.data.history.record import sampling_rate
+from rsgen.files.data_files import file_label
+from rsgen.files.file_table import read_channels
+from rsgen.files.file_units import scaled
+from rsgen.files.nominal_levels import level_of_file
+from rsgen.files.plan import HistoryRule, MeasuredTest
+from rsgen.files.sources import file_of
+from rsgen.files.title_units import unit_doubts
+
+__all__ = ["read_both", "read_histories", "shifted"]
+
+
+_ON_SAMPLE = 1e-6
+"""Of a sample: start and stop as near to one are the instant of it."""
+
+
+def _rows(
+    path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
+) -> dict[int | str, NDArray[Any]]:
+    """Read rows of samples, as they are in the file; a title that contradicts the case is doubted."""
+    label = file_label(path)
+    groups, found, _ = read_channels(test, path, wanted, sha256)
+    findings += found
+    rows: dict[int | str, NDArray[Any]] = {}
+    for name, channels in zip(wanted, groups, strict=True):
+        if len(channels) != 1:
+            raise MeasurementError(
+                f"{label}: {quote(name)} means {len(channels)} arrays; name one of them, or write each "
+                "record to a file of its own: of time histories a file is one level"
+            )
+        values = channels[0].values.reshape(-1)
+        if values.size != max(channels[0].values.shape, default=1):
+            raise MeasurementError(
+                f"{label}: {quote(name)}: shape {channels[0].values.shape}; name one channel, as in "
+                f"{quote(f'{name}[1]')}"
+            )
+        if values.dtype.kind == "c":
+            raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
+        rows[name] = values
+    titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
+    for signal, target in test.signals:
+        if signal is not None and signal.samples in rows:
+            findings += unit_doubts(test, label, titles, signal, target)
+    return rows
+
+
+def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
+    distinct = np.unique(values)
+    if len(distinct) != 1 or not (np.isfinite(distinct[0]) and distinct[0] > 0):
+        raise MeasurementError(f"{label}: {quote(name)} is no sampling rate; one number above 0 is needed")
+    return float(distinct[0])
+
+
+_TAPS = 48
+"""Samples on either side of the sinc that shifts by a part of a sample: good to 1e-4 up to 0.47 of the
+sampling rate, beyond which no channel is trusted."""
+
+_BETA = 9.0
+"""Of the Kaiser window over these: side lobes of 1e-4 and less."""
+
+
+def shifted(samples: NDArray[Any], delay: float) -> Array:
+    """Move samples to earlier times by ``delay`` samples; what lies beyond the ends is their last value.
+
+    By whole samples, and by a part of one with a windowed sinc.
+
+    Examples
+    --------
+    >>> shifted(np.array([0.0, 1.0, 2.0, 3.0]), 1).tolist()
+    [1.0, 2.0, 3.0, 3.0]
+    """
+    whole = int(np.round(delay))
+    part = delay - whole
+    place = np.clip(np.arange(len(samples)) + whole, 0, len(samples) - 1)
+    moved = np.asarray(samples, dtype=np.float64)[place]
+    if part == 0:
+        return moved
+    taps = np.arange(-_TAPS, _TAPS + 1)
+    away = (taps - part) / (_TAPS + 1)
+    kernel = np.sinc(taps - part) * np.i0(_BETA * np.sqrt(1 - away**2))
+    padded = np.pad(moved, _TAPS, mode="edge")
+    # x(t + part) is the sum of x(k) sinc(t + part - k)
+    return np.asarray(np.convolve(padded, kernel[::-1] / kernel.sum(), mode="valid"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Record:
+    """The channels of one file and of those beside it, as samples in the order of ``test.sources``."""
+
+    test: MeasuredTest
+    rate: float
+    start: float
+    samples: list[NDArray[Any]]
+    findings: list[Finding]
+
+    def sum(self, what: str, part: slice) -> NDArray[Any] | None:
+        """Samples of what the test makes of its channels, in SI; None where it makes nothing."""
+        total: NDArray[Any] | None = None
+        for factor, channel in self.test.terms(what):
+            values = self.samples[self.test.sources.index(channel)]
+            if abs(channel.delay) * self.rate >= len(values):
+                raise MeasurementError(
+                    f"{what}: {channel.delay:g} s of delay; the record lasts {len(values) / self.rate:g} s"
+                )
+            if channel.delay:
+                values = shifted(values, channel.delay * self.rate)
+            # a named channel may be needed again: only others are scaled in place
+            values = values[part] if self.test.channels is None else np.array(values[part])
+            values = scaled(values, factor * self.test.scale_of(channel))
+            total = values if total is None else total + values
+        return total
+
+
+def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
+    main = test.files[number]
+    label = file_label(main)
+    files = [file_of(test, channel, number) for channel in test.sources]
+    places = [cast("int | str", channel.signal.samples) for channel in test.sources]
+    if len(set(zip(files, places, strict=True))) < len(places) and test.channels is None:
+        raise MeasurementError(f"{label}: {quote(places[-1])} is force and response; they must differ")
+    wanted: dict[Path, list[int | str]] = {}
+    for path, place in zip(files, places, strict=True):
+        wanted.setdefault(path, []).append(place)
+    for timing in (rule.time, rule.rate_column):
+        if timing is not None:
+            wanted.setdefault(main, []).append(timing)
+    findings: list[Finding] = []
+    rows = {}
+    for path, names in wanted.items():
+        sha256 = test.sha256[number] if test.sha256 and path == main else None
+        rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
+    start = 0.0
+    if rule.time is not None:
+        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {quote(rule.time)}")
+        rate, start = rate / rule.factor, start * rule.factor
+    elif rule.rate_column is not None:
+        rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column]) * rule.factor
+    else:
+        rate = rule.rate or 0.0
+    samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
+    lengths = {len(values) for values in samples}
+    if len(lengths) > 1:
+        counts = ", ".join(
+            f"{len(values)} of {quote(place)}" for values, place in zip(samples, places, strict=True)
+        )
+        raise MeasurementError(f"{label}: samples differ in number: {counts}; as many of each are needed")
+    return _Record(test, rate, start, samples, findings)
+
+
+def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> tuple[TimeHistory, TimeHistory | None]:
+    """One file as the history of its response, and with the motion across in its place."""
+    label, record = file_label(test.files[number]), _record(test, rule, number)
+    rate, start, length = record.rate, record.start, len(record.samples[-1])
+    # a sample that lies on start or stop, but for round-off, is between them
+    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate - _ON_SAMPLE)))
+    end = length
+    if rule.stop is not None:
+        end = min(length, int(np.floor((rule.stop - start) * rate + _ON_SAMPLE)) + 1)
+    if end <= begin:
+        raise MeasurementError(
+            f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"
+        )
+    part = slice(begin, end)
+    force, response = record.sum("force", part), cast("NDArray[Any]", record.sum("response", part))
+    across, base = record.sum("across", part), record.sum("base", part)
+    if base is not None:
+        # per mass, on the motion relative to the base
+        force = -base
+        response = response - base if test.base is not None and test.base.response == "absolute" else response
+    history = TimeHistory(
+        rate=rate,
+        force=force,
+        response=response,
+        quantity=cast("str", test.quantity),
+        level=level_of_file(test, number),
+        start=start + begin / rate,
+        label=label,
+        findings=tuple(record.findings),
+    )
+    if across is None:
+        return history, None
+    return history, replace(history, response=across, quantity=test.terms("across")[0][1].quantity)
+
+
+def read_histories(test: MeasuredTest) -> list[TimeHistory]:
+    """Read the time histories of a test whose plan has a ``history``, one a file.
+
+    Raises
+    ------
+    MeasurementError
+        A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
+    """
+    return [history for history, _ in read_both(test)]
+
+
+def read_both(test: MeasuredTest) -> list[tuple[TimeHistory, TimeHistory | None]]:
+    """Read the time histories, each with that of the motion across where the plan asks for one.
+
+    Raises
+    ------
+    MeasurementError
+        As of ``read_histories``.
+    """
+    rule = cast("HistoryRule", test.history)
+    return [_histories(test, rule, number) for number in range(len(test.files))]

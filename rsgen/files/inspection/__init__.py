@@ -1,0 +1,9 @@
+"""What a data file holds, and a guess of the case that would read it."""
+
+from __future__ import annotations
+
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import Proposal, propose
+from rsgen.files.tree import Contents, Entry
+
+__all__ = ["Contents", "Entry", "Proposal", "list_contents", "propose"]

@@ -1,0 +1,266 @@
+"""What is in a data file of any format; of a text also how it is laid out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError
+from rsgen.files.column_titles import unit_in
+from rsgen.files.data_files import file_label, open_text, recognise_format
+from rsgen.files.inspection.clues import unit_for
+from rsgen.files.plan import Layout
+from rsgen.files.sandbox import list_binary
+from rsgen.files.text_cells import (
+    MISSING,
+    automatic_delimiter,
+    is_of_words,
+    number_in,
+    split_cells,
+)
+from rsgen.files.text_columns import (
+    MAX_COLUMNS,
+    REMARKS,
+    Columns,
+    column_names,
+    read_columns,
+)
+from rsgen.files.text_lines import TextLines
+from rsgen.files.tree import Contents, Entry, facts
+
+__all__ = ["list_contents"]
+
+LOOKED_AT = 300
+"""Lines of a text from which its layout is recognised."""
+FEWEST_LINES = 3
+"""Of these at least: names, units, numbers."""
+LOOKED_AT_BYTES = 2**18
+"""Bytes of them: enough for 300 lines of 40 columns; every way to split them is tried."""
+_ALONE_BYTES = 32 * 2**20
+"""Where reading each column alone reads more bytes than this in all, none is."""
+_PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
+_DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
+_BLOCK = 3
+"""At least this number of rows of numbers above a row of words belong to the table; fewer, such as the
+numbers of the channels, to its header."""
+
+
+def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
+    cells = split_cells(text, layout.delimiter)
+    return tuple(number_in(cell, layout.decimal) is not None for cell in cells)
+
+
+def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
+    """Give the kinds of the row with the most numbers, of those as wide as the last one with a number."""
+    kinds = [_kinds(text, layout) for _, text in reversed(lines)]
+    width = next((len(row) for row in kinds if any(row)), 0)
+    return max((row for row in kinds if len(row) == width), key=sum, default=())
+
+
+def _row_kind(text: str, layout: Layout, full: tuple[bool, ...]) -> str:
+    """Tell a row of "numbers", one with "gaps", one of "words", or "other"."""
+    cells = split_cells(text, layout.delimiter)
+    if is_of_words(cells, layout.decimal):
+        return "words"
+    if len(cells) != len(full):
+        return "other"
+    asked = [cell for cell, kind in zip(cells, full, strict=True) if kind]
+    missing = [cell for cell in asked if number_in(cell, layout.decimal) is None]
+    if not missing:
+        return "numbers"
+    return "gaps" if all(MISSING.match(cell) or cell[:1].isalpha() for cell in missing) else "other"
+
+
+def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
+    """Judge a layout: (numbers less other cells in its rows of numbers, first of these, numbers in one).
+
+    Rows of words and rows with gaps among the numbers do not end the table, so that nothing above is lost.
+    """
+    sign = None if layout.delimiter == "whitespace" else layout.delimiter
+    if any(len(text.split(sign, MAX_COLUMNS)) > MAX_COLUMNS for _, text in lines):
+        return 0, len(lines), 0
+    full = _full(lines, layout)
+    if not any(full):
+        return 0, len(lines), 0
+    kinds: list[str] = []
+    for _, text in reversed(lines):
+        kinds.insert(0, _row_kind(text, layout, full))
+        if kinds[0] == "other":
+            break
+    begin = len(lines) - len(kinds)
+    headers = [lines[begin + place][1].split() for place, kind in enumerate(kinds) if kind == "words"]
+    first, stop = len(lines), len(kinds)
+    for place in range(len(kinds) - 1, -2, -1):
+        if place >= 0 and kinds[place] not in ("words", "other"):
+            continue
+        # rows of numbers between two rows of words
+        block = kinds[place + 1 : stop]
+        repeated = place >= 0 and headers.count(lines[begin + place][1].split()) > 1
+        if block.count("numbers") >= (1 if first == len(lines) or repeated else _BLOCK):
+            first = begin + place + 1
+        stop = place
+    rows = sum(kind in ("numbers", "gaps") for kind in kinds[first - begin :])
+    return (2 * sum(full) - len(full)) * rows, first, sum(full)
+
+
+def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
+    """Find delimiter, decimal sign and how many lines stand before; and the first row of numbers."""
+    candidates = [Layout(delimiter=sign) for sign in (",", ";", "\t", "|", "whitespace")]
+    candidates += [Layout(delimiter=sign, decimal=",") for sign in (";", "\t", "|", "whitespace")]
+    judged = [(*_judge(lines, layout), layout) for layout in candidates]
+    numbers, first, _, layout = max(judged, key=lambda found: (found[0], found[2]))
+    if numbers <= 0:
+        raise MeasurementError(f"{label}: no rows of numbers in it; a table of numbers is needed")
+    return layout, first
+
+
+def _is_foreign(lines: Iterable[bytes]) -> bool:
+    """Whether a line is not UTF-8."""
+    try:
+        for line in lines:
+            line.decode("utf-8")
+    except UnicodeDecodeError:
+        return True
+    return False
+
+
+def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Give the lines from which the layout is recognised, the first ones whatever their lengths."""
+    left = LOOKED_AT_BYTES
+    for number, text in islice(lines, LOOKED_AT):
+        yield number, text
+        left -= len(text)
+        if left < 0 and number >= FEWEST_LINES:
+            return
+
+
+def _list_text(path: Path) -> Contents:
+    label = file_label(path)
+    with open_text(path, hashlib.sha256()) as file:
+        begin = list(_beginning(TextLines(file, label, hashlib.sha256()).lines()))
+        file.seek(0)
+        foreign = _is_foreign(islice(file, LOOKED_AT))
+    comments = Layout().comments
+    lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
+    if not lines:
+        raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
+    layout, first = _layout(lines, label)
+    head = _head(lines, first, layout)
+    units = bool(head) and first > 1 and _are_units(head)
+    titles = _head(lines, first - 1, layout) if units else []
+    # a row of units is passed over with the names above it: columns then go by number
+    skipped = first if units or not head else first - 1
+    skip = lines[skipped - 1][0] if skipped > 0 else 0
+    layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
+    kinds = _full(lines[first:], layout)
+    used = first if units or not head else first - 1
+    if layout.delimiter == automatic_delimiter(lines[used][1], layout.decimal):
+        layout = replace(layout, delimiter="auto")
+    if not head:
+        head = _remarked(begin, lines[first][0], len(kinds))
+    entries, passed = _entries(path, layout, [] if units else head, kinds)
+    if units:
+        titles += [""] * (len(entries) - len(titles))
+        entries = tuple(
+            replace(entry, title=title, unit=unit)
+            for entry, title, unit in zip(entries, titles, head, strict=True)
+        )
+    return Contents(path, "csv", entries, layout, passed)
+
+
+def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
+    """Give the cells of the line above where they are names: one a column, and no numbers."""
+    if first < 1:
+        return []
+    cells, below = (split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
+    if len(cells) == len(below) + 1 and cells[-1].casefold() == REMARKS:
+        cells.pop()
+    named = len(cells) == len(below) and all(number_in(cell, layout.decimal) is None for cell in cells)
+    return cells if named else []
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
+    units = [cell.strip("[]()") for cell in cells]
+    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in units)
+
+
+def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
+    """Give the names in the last comment above the numbers, as ``read_columns`` takes them."""
+    found = (column_names(text.strip(), Layout().comments) for n, text in begin if n < first)
+    names = [cells for cells in found if cells is not None]
+    return names[-1] if names and len(names[-1]) == width else []
+
+
+def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, Array], dict[int, str], str]:
+    """Read columns, together or, where one is at fault, each alone: numbers, faults by column, a remark."""
+    try:
+        found = read_columns(path, layout, wanted)
+    except MeasurementError as error:
+        if len(wanted) < 2 or len(wanted) * path.stat().st_size > _ALONE_BYTES:
+            return {}, dict.fromkeys(wanted, str(error)), ""
+    else:
+        values = found.values
+        return (
+            {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)},
+            {},
+            _passed(found),
+        )
+    numbers: dict[int, Array] = {}
+    faults: dict[int, str] = {}
+    remark = ""
+    for number in wanted:
+        alone, fault, said = _numbers(path, layout, [number])
+        numbers |= alone
+        faults |= fault
+        remark = remark or said
+    return numbers, faults, remark
+
+
+def _passed(found: Columns) -> str:
+    """Say how many rows of words stand among the numbers."""
+    count = len(found.words)
+    if not count:
+        return ""
+    rows = "a row" if count == 1 else f"{count} rows"
+    return f"{rows} of words among the numbers, passed over; the first is line {found.words[0]}"
+
+
+def _entries(
+    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]
+) -> tuple[tuple[Entry, ...], str]:
+    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
+    numbers, faults, remark = _numbers(path, layout, wanted)
+    entries = []
+    for number, kind in enumerate(kinds, start=1):
+        name = names[number - 1] if names else ""
+        alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
+        values = numbers.get(number)
+        entry = Entry(
+            path=alone,
+            shape=() if values is None else (values.size,),
+            dtype="float64" if kind else "",
+            unit=unit_in(name),
+            title=name,
+            fault=faults.get(number, "") if kind else "is no column of numbers",
+        )
+        entries.append(entry if values is None else replace(entry, **facts(values)))
+    return tuple(entries), remark
+
+
+def list_contents(path: Path) -> Contents:
+    """List what a data file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, no regular file, too large, damaged, or nothing in it.
+    """
+    known = recognise_format(path)
+    return _list_text(path) if known == "csv" else list_binary(path, known)

@@ -1,0 +1,244 @@
+"""Which columns of a table are one channel: its amplitude and its phase, its real and its imaginary part.
+
+Columns belong together by the words of their titles, never by their order alone where a title says otherwise.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rsgen.files.column_titles import split_title
+from rsgen.files.inspection.beside import without_unit
+from rsgen.files.inspection.clues import PHASE, QUOTIENT, REAL, Clue, complex_parts, last_name
+from rsgen.files.tree import Entry
+
+__all__ = ["Sensor", "Sensors", "find_sensors", "fundamentals", "is_of_another", "words_of"]
+
+_TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
+"""Words of a title: "accTip_1" has acc, tip, 1."""
+_MOST_PAIRS = 100_000
+"""Phases times amplitudes that are compared word by word; of thousands only equal words count."""
+_OF_PHASE = re.compile(
+    r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
+)
+_MANNER = re.compile(
+    r"ampl?(?:itude)?|mag(?:nitude)?|abs|betrag|value|wert|peak|pk|rms|eff|of|von|the|in|signal"
+    r"|re(?:al)?|im(?:ag)?(?:inary)?|part|teil"
+)
+"""Words that do not say which channel a column is of."""
+_UNIT_BEHIND = re.compile(r"[_ ]([A-Za-zµ]{1,4})(?:[/_]s\^?2?)?\Z")
+_HARMONIC = re.compile(
+    r"(?<![A-Za-z\d])(?:h|harm(?:onic|onische)?\.?|ord(?:er|nung)\.?)[ _-]?(?P<behind>\d{1,2})(?![\d.])"
+    r"|(?<![A-Za-z\d.,])(?P<before>\d{1,2})(?:st|nd|rd|th|\.)?[ _*-]?"
+    r"(?:harm\w*|ord(?:er|nung)|omega|ω|w|f|x|h)(?![A-Za-z\d])",
+    re.IGNORECASE,
+)
+"""The order of a harmonic in a title: "x H3", "F 3f", "3rd harmonic"."""
+
+_QUOTIENT_UNIT = QUOTIENT & Clue(lambda entry: entry.unit.endswith("/N"))
+"""A frequency response with a word for angles in its name is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """The columns of one channel.
+
+    Parameters
+    ----------
+    main
+        What is asked for clues: the amplitude, the complex column, or what two parts have in common.
+    places
+        Keys of a case and their columns: ("amplitude", ...), ("phase", ...).
+    doubt
+        Why it is not sure that they belong together; "" where their names say so.
+    """
+
+    main: Entry
+    places: tuple[tuple[str, Entry], ...]
+    doubt: str = ""
+
+    @property
+    def columns(self) -> tuple[Entry, ...]:
+        """All its columns."""
+        return tuple(column for _, column in self.places)
+
+    @property
+    def phase(self) -> Entry | None:
+        """Its phase, None without one or where it has two parts."""
+        return dict(self.places).get("phase")
+
+    @property
+    def has_phase(self) -> bool:
+        """Whether its phase is known."""
+        return len(self.places) > 1 or self.places[0][0] == "complex"
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """The channels of a table, and the phases that no title gives to one of them."""
+
+    found: tuple[Sensor, ...]
+    loose: tuple[Entry, ...]
+
+
+def words_of(entry: Entry) -> tuple[str, ...]:
+    """Give the words of a title that say which channel a column is of.
+
+    Examples
+    --------
+    >>> words_of(Entry("Tip Amplitude [g]", title="Tip Amplitude [g]")), words_of(Entry("phase_x1_deg"))
+    (('tip',), ('x', '1'))
+    """
+    name, unit = split_title(last_name(entry))
+    name = without_unit(name)
+    behind = _UNIT_BEHIND.search(name)
+    if behind and unit.startswith(behind[1]):
+        name = name[: behind.start()]
+    words = [word.casefold() for word in _TOKEN.findall(name)]
+    return tuple(word for word in words if not (_OF_PHASE.fullmatch(word) or _MANNER.fullmatch(word)))
+
+
+def fundamentals(entries: Sequence[Entry]) -> tuple[list[Entry], dict[int, list[Entry]]]:
+    """Set columns of higher harmonics aside, and take the order from the titles of the fundamental.
+
+    Returns
+    -------
+    What is left, and the others by their order. "H1" alone is a frequency response, no harmonic.
+    """
+    orders: dict[str, dict[int, Entry]] = defaultdict(dict)
+    for entry in entries:
+        title = last_name(entry)
+        found = _HARMONIC.search(title)
+        if found and not entry.unit.endswith("/N"):
+            rest = (
+                f"{title[: found.start()].rstrip(' _-.,(')} {title[found.end() :].lstrip(' _-.,)')}".strip()
+            )
+            order = int(found["behind"] or found["before"])
+            # "H1_re" is a part of a frequency response
+            if order and words_of(replace(entry, title=rest)):
+                orders[rest].setdefault(order, entry)
+    higher: dict[int, list[Entry]] = defaultdict(list)
+    renamed: dict[str, Entry] = {}
+    for rest, members in orders.items():
+        if 1 in members and len(members) > 1:
+            for order, entry in members.items():
+                if order == 1:
+                    renamed[entry.path] = replace(entry, title=rest)
+                else:
+                    higher[order].append(entry)
+    aside = {entry.path for members in higher.values() for entry in members}
+    return [renamed.get(e.path, e) for e in entries if e.path not in aside], dict(sorted(higher.items()))
+
+
+def _likeness(phase: Sequence[str], other: Sequence[str]) -> int:
+    """Judge whether a phase is of a channel: 3 equal words, 2 one has all words of the other, else 0."""
+    one, two = set(phase), set(other)
+    if not one or not two:
+        return 0
+    return 3 if sorted(phase) == sorted(other) else 2 if one <= two or two <= one else 0
+
+
+def is_of_another(phase: Entry, main: Entry) -> bool:
+    """Whether a phase says that it is of another channel: "phase x2" beside "x1"."""
+    one, two = words_of(phase), words_of(main)
+    if not one or _likeness(one, two):
+        return False
+    numbers = [{word for word in words if word.isdigit()} for words in (one, two)]
+    return bool(set(one) & set(two)) or (all(numbers) and numbers[0] != numbers[1])
+
+
+def find_sensors(entries: Sequence[Entry], fits: Clue) -> Sensors:
+    """Put the columns of each channel together.
+
+    Parameters
+    ----------
+    entries
+        Columns of a table in the order of the file, without frequency and level.
+    fits
+        What a column must be to belong to the table.
+    """
+    columns = [entry for entry in entries if fits(entry)]
+    place = {id(entry): number for number, entry in enumerate(columns)}
+    real = [entry for entry in columns if REAL(entry)]
+    found: dict[int, Sensor] = {}
+    used: set[int] = set()
+    for common, first, second in complex_parts(real):
+        if not {id(first), id(second)} & used:
+            used |= {id(first), id(second)}
+            parts = (("real", first), ("imaginary", second))
+            found[place[id(first)]] = Sensor(common, parts, _lock_in(first, second))
+    for entry in columns:
+        if not REAL(entry):
+            found[place[id(entry)]] = Sensor(entry, (("complex", entry),))
+    left = [entry for entry in real if id(entry) not in used]
+    phases = [entry for entry in left if PHASE(entry) and not _QUOTIENT_UNIT(entry)]
+    amplitudes = [entry for entry in left if not PHASE(entry) or _QUOTIENT_UNIT(entry)]
+    of, loose = _partners(phases, amplitudes)
+    for entry in amplitudes:
+        partner = of.get(id(entry))
+        pair = (("amplitude", entry), ("phase", partner[0])) if partner else (("amplitude", entry),)
+        found[place[id(entry)]] = Sensor(entry, pair, partner[1] if partner else "")
+    by_place, still = _by_place(columns, found, loose)
+    return Sensors(tuple(by_place[number] for number in sorted(by_place)), tuple(still))
+
+
+def _lock_in(first: Entry, second: Entry) -> str:
+    """Say so where only X and Y tell a real and an imaginary part: they may be directions of two sensors."""
+    named = last_name(first).casefold(), last_name(second).casefold()
+    alike = "y" in named[1] and named[0] == named[1].replace("y", "x")
+    return "X and Y taken for those of a lock-in amplifier; not so for two directions" if alike else ""
+
+
+def _partners(
+    phases: Sequence[Entry], amplitudes: Sequence[Entry]
+) -> tuple[dict[int, tuple[Entry, str]], list[Entry]]:
+    """Find the phase of each amplitude by their words: by the identity of the amplitude, and the others."""
+    words = {id(entry): words_of(entry) for entry in (*phases, *amplitudes)}
+    alike: dict[tuple[str, ...], deque[Entry]] = defaultdict(deque)
+    for entry in amplitudes:
+        alike[tuple(sorted(words[id(entry)]))].append(entry)
+    of: dict[int, tuple[Entry, str]] = {}
+    others: list[Entry] = []
+    for phase in phases:
+        equal = alike[tuple(sorted(words[id(phase)]))] if words[id(phase)] else None
+        if equal:
+            of[id(equal.popleft())] = (phase, "")
+        else:
+            others.append(phase)
+    open_ones = [entry for entry in amplitudes if id(entry) not in of]
+    if len(others) * len(open_ones) > _MOST_PAIRS:
+        return of, others
+    loose = []
+    for phase in others:
+        spoken = words[id(phase)]
+        near = [e for e in open_ones if id(e) not in of and _likeness(spoken, words[id(e)])]
+        if not near or (len(near) > 1 and set(spoken) < set(words[id(near[1])])):
+            loose.append(phase)
+            continue
+        # "phase x/F" is that of x: its word stands first
+        first = min(near, key=lambda e: min(spoken.index(w) for w in words[id(e)] if w in spoken))
+        of[id(first)] = (phase, "")
+    return of, loose
+
+
+def _by_place(
+    columns: Sequence[Entry], found: dict[int, Sensor], loose: Sequence[Entry]
+) -> tuple[dict[int, Sensor], list[Entry]]:
+    """Give several phases without a name of a channel to the amplitudes that they stand behind."""
+    nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
+    if len(nameless) < 2:
+        return found, list(loose)
+    place = {id(column): number for number, column in enumerate(columns)}
+    taken: dict[int, Sensor] = {}
+    for entry in nameless:
+        before = place[id(entry)] - 1
+        sensor = found.get(before)
+        if sensor is None or sensor.has_phase or before in taken:
+            return found, list(loose)
+        places = (*sensor.places, ("phase", entry))
+        taken[before] = Sensor(sensor.main, places, "the column behind; its title names no channel")
+    given = {id(entry) for entry in nameless}
+    return found | taken, [entry for entry in loose if id(entry) not in given]

@@ -1,0 +1,389 @@
+"""Where in measured files what is found: the plan by which a reader fills a response surface.
+
+The classes are declarations, too: a case file's [test] table has the same keys, derived by ``rsgen.cases``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi, sqrt
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+from rsgen.common.declaration import Rule, check, declare, documented, given
+from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.files.channel_rules import channel_faults
+from rsgen.files.multisine_rule import FROM_RECORDS, MultisineRule, multisine_faults
+from rsgen.files.signals import (
+    AMPLITUDES,
+    BaseRule,
+    Checked,
+    Column,
+    Factor,
+    NamedChannel,
+    Scale,
+    Seconds,
+    Signal,
+    Unit,
+    combination,
+)
+from rsgen.formula.units import quantity, sensor_factor, sensor_unit
+
+__all__ = [
+    "HERTZ", "LABEL", "SECONDS", "Excitation", "HistoryRule", "Layout", "LevelRule", "MeasuredTest",
+    "Signal", "SweepRule",
+]  # fmt: skip
+
+MAX_FILES = 200
+# by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
+HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+LABEL = "label"
+"""The unit of levels that are names of runs: of none."""
+_UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m)(?![A-Za-z])")
+"""A unit right behind the number in a file's name: "run_{level}mN.csv"."""
+
+Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
+Mark = Annotated[int | str, Rule(most=200, what="a whole number or a text of at most 200 characters")]
+Hertz = Annotated[float, Rule(unit="Hz", above=0)]
+Newton = Annotated[float, Rule(unit="N", above=0)]
+Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
+_SHA256 = Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class Layout(Checked):
+    """How the text of a data file is laid out."""
+
+    delimiter: Literal["auto", "whitespace", ",", ";", "\t", "|"] = declare(
+        "auto", "Between the numbers of a line."
+    )
+    decimal: Literal[".", ","] = "."
+    comments: tuple[Annotated[str, Rule(fewest=1, most=4)], ...] = declare(
+        ("#", "%", "//"), "Lines that begin with one of these are no data.", most=8
+    )
+    skip: int = declare(0, "Lines to pass over first.", at_least=0, at_most=10_000)
+    encoding: Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"] = (
+        declare("auto", "Of names and remarks; auto is UTF-8, and cp1252 where it is not.")
+    )
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name and what is wrong with it."""
+        if self.decimal == "," == self.delimiter:
+            yield "delimiter", "',' is the decimal sign here; ';', '\\t', '|' or 'whitespace' is allowed"
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class SweepRule(Checked):
+    """From which side a point was reached: the same for all, a column, or recognised from the order."""
+
+    direction: Literal["recognise", "rest", "up", "down"] = "recognise"
+    column: Column | None = declare(None, "A column of directions; what is neither up nor down is rest.")
+    up: Mark | None = declare(None, "What the column says for an upward sweep.")
+    down: Mark | None = declare(None, "What the column says for a downward sweep.")
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        if self.column is not None and given(self, "direction"):
+            yield "", "has column and direction; give one or the other"
+        if self.column is not None and None in (self.up, self.down):
+            yield "", "up and down must say what the column contains"
+        if self.column is None and given(self, "up", "down"):
+            yield "column", "is missing; up and down need it"
+        if self.up is not None and self.up == self.down:
+            yield "", "up and down are the same; they must differ"
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class LevelRule(Checked):
+    """The nominal level of a point: values, a column, a part of the file's name, or what was measured."""
+
+    value: Newton | None = declare(None, "One level for all files.")
+    column: Column | None = None
+    factor: Factor = 1.0
+    spread: float | None = declare(
+        None,
+        "Points whose force differs by less than this fraction share a level, wherever they stand. Without "
+        "it each entry that a * means is a level, and so are runs of like force.",
+        above=0,
+        below=1,
+    )
+    values: tuple[Newton, ...] = declare(
+        (), "One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES
+    )
+    name: str | None = declare(
+        None, 'The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000
+    )
+    unit: Unit | None = declare(
+        None,
+        "Of the column or the name; N without it, m where the response was held. 'label': the numbers only "
+        "tell runs apart, and the levels are called by what was measured.",
+    )
+    scale: Scale = "peak"
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
+        if self.labels and not self.known:
+            yield "unit", f"is {LABEL!r}, but there are none; value, values, column or name is needed"
+        both = given(self, "value", "values", "column", "name", "spread")
+        if len(both) > 1:
+            yield "", f"has {' and '.join(both)}; give one of them"
+        if self.name is not None and self.name.count("{level}") != 1:
+            yield "name", "must have {level} once, where the number stands: run_{level}N.csv"
+
+    @property
+    def labels(self) -> bool:
+        """Whether the levels are said to be names of runs."""
+        return self.unit == LABEL
+
+    @property
+    def known(self) -> bool:
+        """Whether the level is known without looking at the force."""
+        return bool(given(self, "value", "values", "column", "name"))
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class HistoryRule(Checked):
+    """How time histories were taken, and where their time is."""
+
+    excitation: Excitation
+    rate: Hertz | None = declare(None, "The sampling rate, such as 400 Hz.", key="time.rate")
+    rate_column: Column | None = declare(None, "Where the file has the rate [Hz].", key="time.rate_column")
+    time: Column | None = declare(None, "A column of evenly spaced instants.", key="time.column")
+    unit: Literal["s", "ms", "us"] = declare("s", "Of the column of instants.", key="time.unit")
+    start: Seconds | None = declare(None, "Leave out what comes before.", key="time.start")
+    stop: Seconds | None = declare(None, "Leave out what comes after.", key="time.stop")
+    band: tuple[Edge, Edge] | None = declare(
+        None, "Lowest and highest frequency of the result; all without.", key="demodulation.band"
+    )
+    law: Literal["linear", "logarithmic"] | None = declare(
+        None, "Of a swept sine; recognised without.", key="demodulation.law"
+    )
+    bandwidth: Hertz | None = declare(
+        None, "Of a swept sine's demodulation; chosen without.", key="demodulation.bandwidth"
+    )
+    harmonics: int | None = declare(
+        None, "Of the result; chosen without.", key="demodulation.harmonics", at_least=1, at_most=64
+    )
+    multisine: MultisineRule = FROM_RECORDS
+    mass: float | None = declare(None, "Moving mass, if known.", unit="kg", above=0, outside=True)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
+        yield from multisine_faults(self, self.excitation, self.multisine)
+        if sum(place is not None for place in (self.rate, self.rate_column, self.time)) != 1:
+            yield "time", "one of column, rate and rate_column is needed"
+        if self.band is not None and self.band[0] >= self.band[1]:
+            yield "band", "the lowest frequency stands first, the highest above it"
+
+    @property
+    def factor(self) -> float:
+        """The column's numbers times this are seconds."""
+        return SECONDS[self.unit] if self.time is not None else 1.0
+
+
+@documented
+@dataclass(frozen=True, slots=True)
+class MeasuredTest:
+    """A real test: which files, and where in them frequency, force and response are.
+
+    One path alone may be given for ``files``. Raises MeasurementError where values contradict.
+    """
+
+    files: Annotated[
+        tuple[Path, ...],
+        Rule("The data files, all laid out alike.", key="file", fewest=1, most=MAX_FILES),
+    ]
+    frequency: Annotated[
+        Column | None,
+        Rule("The column of the frequency; None for histories.", key="frequency.column", required=True),
+    ]
+    force: Annotated[
+        Signal | None, Rule("None: not recorded, the level stands for it. Its phase is the reference.")
+    ]
+    response: Annotated[Signal, Rule("Where the response is, and what was measured.")]
+    quantity: Annotated[
+        Literal["displacement", "velocity", "acceleration"] | None,
+        Rule("What the response is; None: what its channels are.", key="response.quantity"),
+    ]
+    frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] | None = declare(
+        None, "Without it the unit that the file names, else Hz.", key="frequency.unit"
+    )
+    sweep: SweepRule = SweepRule()
+    level: LevelRule = LevelRule()
+    layout: Layout = Layout()
+    sha256: tuple[Annotated[str, _SHA256], ...] = declare(
+        (), "The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES
+    )
+    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff", "lvm", "tdms", "xlsx", "wav"] = (
+        declare("auto", "auto: recognised by how the file begins. csv: columns of text.")
+    )
+    per_force: bool = declare(False, "The response is response over force.", key="response.per_force")
+    phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")
+    response_files: tuple[Path, ...] = declare(
+        (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
+    )
+    control: Literal["force", "response", "phase", "continuation"] | None = declare(
+        None,
+        "What was held constant within a level; recognised without. Levels of a held response are "
+        "amplitudes. phase: a phase-locked loop, one point a level. continuation: points on any branch.",
+    )
+    history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
+    calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
+    base: BaseRule | None = declare(None, "Instead of a force: the motion of a driven base.")
+    channels: dict[str, NamedChannel] | None = declare(
+        None, "Channels by name, of which force, response, base and elements are made."
+    )
+    across: str | None = declare(
+        None, "Sum of channels that is the motion across the elements which say so.", outside=True
+    )
+
+    def __post_init__(self) -> None:
+        files = self.files if isinstance(self.files, tuple) else (self.files,)
+        object.__setattr__(self, "files", tuple(map(Path, files)))
+        check(self, MeasurementError)
+        if self.quantity is None:
+            object.__setattr__(self, "quantity", self.terms("response")[0][1].quantity)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Find what does not fit together: a field's name and what is wrong with it."""
+        files = len(self.files)
+        found = list(channel_faults(self))
+        if found:
+            yield from found
+            return
+        for name, count in (("sha256", len(self.sha256)), ("response_files", len(self.response_files))):
+            if count not in (0, files):
+                yield name, f"{count} for {files} files; one for each is needed"
+        pairs = list(zip(self.files, self.response_files or self.files, strict=False))
+        for file, _ in [pair for number, pair in enumerate(pairs) if pair in pairs[:number]][:1]:
+            yield "files", f"{file.name!r:.80} stands twice; each file once"
+        one = files == 1 and self.history is None
+        if len(self.level.values) not in (0, files) and not one:
+            yield "level.values", f"{len(self.level.values)} for {files} files; one for each is needed"
+        if self.level.spread is not None and self.control == "response":
+            yield "level.spread", "groups forces, but the response was held; leave one of them out"
+        if self.history is None:
+            if self.frequency is None:
+                yield "frequency", "is missing; its column is needed"
+            driven = self.force is not None or self.base is not None
+            if not driven and not self.level.known:
+                yield "level", "is missing; without a force value, values, column or name is needed"
+            if not driven and (self.level.labels or self.control == "response"):
+                yield "level", "stands for the force, which was not recorded; it must be a force"
+            needed = f"give {AMPLITUDES}; 'samples' is for time histories"
+        else:
+            if self.frequency is not None:
+                yield "frequency", "is found from the time histories; leave it out"
+            if self.per_force:
+                yield "per_force", "is for frequency responses, not for time histories"
+            needed = "a time history needs 'samples', its column, and nothing else"
+        for name in ("force", "base", "response", "across", "level"):
+            for _, channel in self.terms(name) if name != "level" else ():
+                signal = channel.signal
+                if signal.columns and (signal.samples is None) != (self.history is None):
+                    yield name, needed
+            try:
+                self.factor(name)
+            except RsgenError as fault:
+                yield name, " ".join(str(fault).split())
+
+    def terms(self, what: str) -> tuple[tuple[float, NamedChannel], ...]:
+        """Give factors and channels of "force", "response", "base" or "across"; none where it is not."""
+        files = self.response_files if what == "response" else ()
+        signal, quantity = {
+            "force": (self.force, "force"),
+            "response": (self.response, self.quantity),
+            "base": (None, None) if self.base is None else (self.base.signal, self.base.quantity),
+            "across": (None, None) if self.across is None else (Signal(channels=self.across), None),
+        }[what]
+        if signal is None:
+            return ()
+        if signal.channels is None:
+            return ((1.0, NamedChannel(signal, cast("Any", quantity), files=files)),)
+        named = self.channels or {}
+        return tuple((factor, named[name]) for name, factor in combination(signal.channels).items())
+
+    @property
+    def sources(self) -> tuple[NamedChannel, ...]:
+        """Every channel that is needed, once."""
+        found: list[NamedChannel] = []
+        for what in ("force", "base", "response", "across"):
+            found += [channel for _, channel in self.terms(what) if channel not in found]
+        return tuple(found)
+
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """The files of the test and of its channels, each once."""
+        named = [path for channel in (self.channels or {}).values() for path in channel.files]
+        return tuple(dict.fromkeys((*self.files, *self.response_files, *named)))
+
+    @property
+    def file(self) -> Path:
+        """The first file."""
+        return self.files[0]
+
+    @property
+    def frequency_factor(self) -> float:
+        """The frequency column times this is in Hz, where the file names no unit."""
+        return HERTZ[self.frequency_unit or "Hz"]
+
+    @property
+    def signals(self) -> tuple[tuple[Signal | None, str], ...]:
+        """All signals, each with its SI unit: of a response over force per newton."""
+        return tuple((channel.signal, self._unit_of(channel)) for channel in self.sources)
+
+    def _unit_of(self, channel: NamedChannel) -> str:
+        per_force = self.per_force and channel.signal is self.response
+        return channel.unit + ("/N" if per_force else "")
+
+    def scale_of(self, channel: NamedChannel) -> float:
+        """The numbers of a channel times this are SI peak values."""
+        return self._size(channel.signal, self._unit_of(channel))
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the levels: "N", "m" where the response was held, that of the motion of a base."""
+        if self.base is not None:
+            return self.terms("base")[0][1].unit
+        return "m" if self.control in ("response", "continuation") else "N"
+
+    def factor(self, name: str) -> float:
+        """The numbers of the "force", the "response" or the "level" times this are SI peak values.
+
+        Where the test is not calibrated, any unit stands for the SI unit: 1 V of a drive for 1 N.
+        """
+        if name == "level":
+            return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
+        return [1.0, *(self.scale_of(channel) for _, channel in self.terms(name))][-1]
+
+    def _size(self, said: Signal | LevelRule, target: str, in_name: str = "") -> float:
+        unit = said.unit or in_name or target
+        peak = sqrt(2) if said.scale == "rms" else 1.0
+        if isinstance(said.factor, str):
+            return sensor_factor(said.factor, unit, target) * peak
+        size = quantity(f"1 {sensor_unit(unit, target)}", target if self.calibrated else None)
+        return size * said.factor * peak
+
+    @property
+    def _unit_in_name(self) -> str:
+        """The unit that stands behind the number in the form of the files' names, or ""."""
+        found = _UNIT_IN_NAME.match((self.level.name or "").partition("{level}")[2])
+        # a factor says what the numbers are already
+        if not found or given(self.level, "factor"):
+            return ""
+        # beside a recorded force a length is that of a gap, or a place, and the number is a label
+        label = self.force is not None and found[1].endswith("m") != (self.level_unit == "m")
+        return "" if label else found[1]
+
+    @property
+    def unit_said(self) -> bool:
+        """Whether somebody said in which unit the levels are: the case, or the names of the files."""
+        return bool(self.level.unit or self._unit_in_name or given(self.level, "value", "values"))

@@ -1,0 +1,238 @@
+"""Open a binary file in a separate process that can be killed, and take nothing but numbers from it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.confined import MEMORY_STATUS, READY, command, environment
+from rsgen.common.errors import MeasurementError, printable
+from rsgen.files.data_files import check_digest, file_label, open_regular
+from rsgen.files.tree import Channel, Contents, Entry, array_bytes, largest_bytes
+
+__all__ = ["list_binary", "read_binary", "reading_fault"]
+
+MAX_BYTES = 2**30
+"""Largest binary file that is opened."""
+MAX_HEADER = 64 * 2**20
+START_SECONDS = 60.0
+"""To start the process, on a busy machine as well."""
+WAIT_SECONDS = 30.0
+WAIT_RATE = 2 * 2**20
+"""Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
+ends sooner, after a second of work or some of a text, but only where the system can count that."""
+UNCOUNTED = 10.0
+"""Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
+_TEXTS = ("lvm", "xlsx")
+_WORKER = "rsgen.files.sandbox_worker"
+_EXTRAS = {"tdms": ("nptdms", "TDMS files"), "xlsx": ("openpyxl", "Excel workbooks")}
+"""Formats that need a package of their own; the extra that brings it is called as the format."""
+_DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
+
+
+class _Process:
+    """A reading process and the clock that ends it."""
+
+    def __init__(self, file: IO[bytes], name: str, order: dict[str, Any], seconds: float) -> None:
+        self.name = name
+        self.seconds = seconds
+        self.late = False
+        # trusted words, as S603 asks: the order is JSON, the file is standard input
+        self.process = subprocess.Popen(  # noqa: S603
+            command(_WORKER, json.dumps(order)),
+            stdin=file,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment(),
+        )
+        self.clock = self.start(START_SECONDS)
+
+    def start(self, seconds: float) -> threading.Timer:
+        clock = threading.Timer(seconds, self.end)
+        clock.daemon = True
+        clock.start()
+        return clock
+
+    def end(self) -> None:
+        self.late = True
+        self.process.kill()
+
+    def __enter__(self) -> _Process:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clock.cancel()
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdout:
+            self.process.stdout.close()
+
+    def broken(self) -> MeasurementError:
+        """Say why no answer came."""
+        if self.late:
+            return MeasurementError(
+                f"{self.name}: reading was ended after {self.seconds:.1f} s; an undamaged file is needed"
+            )
+        try:
+            code = self.process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            code = 0
+        if code == -getattr(signal, "SIGXCPU", 0):
+            return MeasurementError(
+                f"{self.name}: takes more time than a file of its size may; an undamaged file is needed"
+            )
+        return MeasurementError(
+            f"{self.name}: the reading process broke down (code {code}), so the file is damaged or hostile; "
+            "a file that MATLAB, h5py or the measuring system itself opens is needed"
+        )
+
+    def line(self) -> bytes:
+        stream = self.process.stdout
+        line = stream.readline(MAX_HEADER) if stream else b""
+        if not line.endswith(b"\n"):
+            raise self.broken()
+        return line
+
+    def answer(self) -> dict[str, Any]:
+        if self.line() != READY:
+            raise self.broken()
+        self.clock.cancel()
+        self.clock = self.start(self.seconds)
+        try:
+            header = json.loads(self.line())
+        except (ValueError, RecursionError):
+            raise self.broken() from None
+        if not isinstance(header, dict):
+            raise self.broken()
+        if "fault" in header:
+            raise MeasurementError(f"{self.name}: {printable(str(header['fault']))}")
+        return header
+
+    def array(self, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+        values = np.empty(shape, dtype=dtype)
+        if not values.size:
+            return values
+        view = values.reshape(-1).view(np.uint8).data
+        done = 0
+        while done < len(view):
+            # typing.IO does not declare readinto, which every pipe has
+            part = self.process.stdout.readinto(view[done:]) if self.process.stdout else 0  # type: ignore[attr-defined]
+            if not part:
+                raise self.broken()
+            done += part
+        return values
+
+
+def _hash(file: IO[bytes]) -> str:
+    # any IO[bytes] will do at run time; the stubs ask for a narrower protocol
+    digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+    file.seek(0)
+    return digest
+
+
+def reading_fault() -> str | None:
+    """Say what this system does not limit while a binary file is read; None where every limit holds."""
+    if not find_spec("resource"):
+        return "nothing but the time"
+    return None if Path(MEMORY_STATUS).exists() else "everything but the memory"
+
+
+def _check_extra(name: str, form: str) -> None:
+    """Refuse a format whose package is not installed."""
+    package, files = _EXTRAS.get(form, ("", ""))
+    if package and not find_spec(package):
+        raise MeasurementError(
+            f"{name}: {files} are read by {package}, which is not installed: "
+            f'python -m pip install "rsgen[{form}]"; or export the file as text'
+        )
+
+
+def _seconds(size: int, form: str) -> float:
+    seconds = WAIT_SECONDS + size / WAIT_RATE
+    return seconds if find_spec("resource") or form in _TEXTS else seconds / UNCOUNTED
+
+
+@contextmanager
+def _reading(
+    path: Path, form: str, wanted: list[int | str] | None, sha256: str | None = None
+) -> Iterator[tuple[_Process, dict[str, Any], int]]:
+    """Start the process that reads a file; give it, the header of its answer and the size of the file."""
+    name = file_label(path)
+    _check_extra(name, form)
+    with open_regular(path, MAX_BYTES) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if sha256 is not None:
+            check_digest(name, _hash(file), sha256)
+        with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size, form)) as process:
+            try:
+                yield process, process.answer(), size
+            except (KeyError, TypeError, ValueError, IndexError):
+                # an answer of another form than the program's: the file has taken it over
+                raise process.broken() from None
+
+
+def read_binary(
+    path: Path, form: str, wanted: Sequence[int | str], sha256: str | None = None
+) -> list[list[Channel]]:
+    """Read channels of a binary file in a separate process.
+
+    Parameters
+    ----------
+    path, form
+        The file and its format.
+    wanted
+        Addresses in its tree.
+    sha256
+        What the file must hash to, if known.
+
+    Returns
+    -------
+    For each address the arrays that it means: one, or with wildcards several.
+
+    Raises
+    ------
+    MeasurementError
+        Missing, too large, damaged, not what it says to be, an address that is not there; the reading process
+        broke down or took too long.
+    """
+    channels: list[list[Channel]] = [[] for _ in wanted]
+    with _reading(path, form, list(wanted), sha256) as (process, header, size):
+        most = 2 * largest_bytes(size)
+        for item in header["arrays"]:
+            shape = tuple(int(length) for length in item["shape"])
+            if item["dtype"] not in _DTYPES:
+                raise process.broken()
+            most -= array_bytes(shape, np.dtype(item["dtype"]), most)
+            values = process.array(shape, item["dtype"])
+            unit, source, scale = (str(item[key]) for key in ("unit", "unit_source", "scale"))
+            channel = Channel(str(item["path"]), values, unit, source, scale, int(item["row"]))
+            channels[int(item["wanted"])].append(channel)
+    return channels
+
+
+def list_binary(path: Path, form: str) -> Contents:
+    """List what a binary file holds.
+
+    Raises
+    ------
+    MeasurementError
+        As ``read_binary``.
+    """
+    # imported here, for reading alone needs no checks of entries
+    from pydantic import TypeAdapter
+
+    with _reading(path, form, None) as (_, header, _):
+        entries = TypeAdapter(tuple[Entry, ...]).validate_python(header["entries"])
+    return Contents(path, form, entries)

@@ -1,0 +1,324 @@
+"""Numbers in columns of a text file: line by line, sizes first, every number checked, formulas are text.
+
+Only the columns asked for are read as numbers; others may hold dates and remarks. A cell where a number is
+missing ("NA", "nan", nothing) is a NaN, a row of words (a header that repeats) is passed over and counted,
+and whatever else is no plain finite number refuses the file with the line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError, quote
+from rsgen.files.data_files import check_digest, file_label, open_text
+from rsgen.files.plain_rows import PLAIN, plain_rows
+from rsgen.files.plan import Layout
+from rsgen.files.text_cells import (
+    LONGEST_NUMBER,
+    MISSING,
+    WORD,
+    automatic_delimiter,
+    is_of_words,
+    number_in,
+    split_cells,
+)
+from rsgen.files.text_lines import TextLines
+
+__all__ = [
+    "MAX_COLUMNS",
+    "REMARKS",
+    "Columns",
+    "column_names",
+    "read_columns",
+]
+
+MAX_ROWS = 3_000_000
+"""Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
+MAX_COLUMNS = 10_000
+_PLAIN = re.compile(rf"[{re.escape(PLAIN)}]*\Z")
+REMARKS = "comment"
+"""Title of the last column of LabVIEW's measurement files, which the rows leave out."""
+_ANY = ".{1,40}?"
+"""What a * in the name of a column stands for."""
+_MOST_STARS = 2
+"""In the name of a column: what each stands for is tried in turn, against thousands of names."""
+_FORMULA = ("=", "+", "-", "@")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Some columns of a file.
+
+    Parameters
+    ----------
+    values
+        (n, c) numbers, the columns asked for in that order, those of a * in the file's; NaN where one is
+        missing.
+    line
+        (n,) line of each row in the file, from 1.
+    block
+        (n,) number of the block of each row; blank lines, comments and rows of words separate blocks.
+    names
+        What the header calls the columns asked for; "" where it does not say.
+    words
+        Lines among the numbers that hold words only, as a header that repeats; they are passed over.
+    spans
+        To how many of these columns each address led; more than one where it has a *.
+    ended
+        False where the last row has no line end, as that of a file that was cut off.
+    """
+
+    values: Array
+    line: NDArray[np.int64]
+    block: NDArray[np.int64]
+    names: tuple[str, ...] = ()
+    words: tuple[int, ...] = ()
+    spans: tuple[int, ...] = ()
+    ended: bool = True
+
+
+def column_names(line: str, comments: Sequence[str]) -> list[str] | None:
+    """Give the names that a comment above the numbers may hold; None where the line is no comment."""
+    sign = next((sign for sign in comments if line.startswith(sign)), None)
+    return None if sign is None else re.split(r"[\s,;|]+", line.removeprefix(sign).strip())
+
+
+class _Table:
+    """The state of reading: delimiter and columns are settled by the first line that is no comment."""
+
+    def __init__(self, name: str, layout: Layout, wanted: Sequence[int | str]) -> None:
+        self.name = name
+        self.layout = layout
+        self.wanted = wanted
+        self.delimiter: str | None = None if layout.delimiter == "auto" else layout.delimiter
+        self.width = 0
+        self.widths: tuple[int, ...] = ()
+        self.places: list[int] = []
+        self.spans: tuple[int, ...] = ()
+        self.names: tuple[str, ...] = ()
+        self.remark: list[str] = []
+        self.values = array("d")
+        self.lines = array("q")
+        self.blocks = array("q")
+        self.words = array("q")
+        self.block = 0
+        self.separated = False
+
+    def fail(self, line: int, what: str) -> MeasurementError:
+        return MeasurementError(f"{self.name}: line {line}: {what}")
+
+    def settle(self, line: int, text: str) -> None:
+        """Find delimiter, number of columns and places of the wanted ones from the first line."""
+        if self.delimiter is None:
+            self.delimiter = automatic_delimiter(text, self.layout.decimal)
+        cells = split_cells(text, self.delimiter)
+        self.width = len(cells)
+        if self.width > MAX_COLUMNS:
+            raise self.fail(line, f"{self.width} columns; at most {MAX_COLUMNS} are read")
+        header = all(number_in(cell, self.layout.decimal) is None for cell in cells)
+        names = cells if header else self.remark if len(self.remark) == self.width else []
+        for name in names if header else []:
+            if name.startswith(_FORMULA):
+                raise self.fail(
+                    line, f"column name {quote(name)} looks like a formula; a plain name is needed"
+                )
+        places = [self.place(line, column, names) for column in self.wanted]
+        self.spans = tuple(map(len, places))
+        self.places = [place for found in places for place in found]
+        self.names = tuple(names[place] if names else "" for place in self.places)
+        self.widths = (self.width,)
+        if names and names[-1].casefold() == REMARKS and self.width - 1 not in self.places:
+            self.widths = (self.width, self.width - 1)
+        if not header:
+            self.row(line, text)
+
+    def place(self, line: int, column: int | str, names: list[str]) -> list[int]:
+        if isinstance(column, int):
+            if not 1 <= column <= self.width:
+                raise self.fail(line, f"no column {column}; the file has {self.width}")
+            return [column - 1]
+        found = [place for place, name in enumerate(names) if name == column]
+        if column.count("*") > _MOST_STARS and not found:
+            raise self.fail(
+                line, f"{quote(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
+            )
+        if "*" in column and not found:
+            pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
+            found = [place for place, name in enumerate(names) if pattern.fullmatch(name)]
+        if len(found) == 1 or (found and "*" in column):
+            return found
+        if found:
+            raise self.fail(line, f"{len(found)} columns are named {quote(column)}; give the column's number")
+        known = ", ".join(quote(name) for name in names[:12]) or "none, the file has no header; give a number"
+        raise self.fail(line, f"no column named {quote(column)}; known: {known}")
+
+    def row(self, line: int, text: str) -> None:
+        values = self.quick(text)
+        if values is None:
+            values = self.careful(line, text)
+        if values is None:
+            # words before the first number are the header's, such as units below the names
+            if self.lines:
+                self.words.append(line)
+            self.separated = True
+            return
+        self.values.extend(values)
+        if self.separated and self.lines:
+            self.block += 1
+        self.separated = False
+        self.lines.append(line)
+        self.blocks.append(self.block)
+        if len(self.lines) > MAX_ROWS:
+            raise self.fail(line, f"more than {MAX_ROWS} rows; at most that many are read")
+
+    def quick(self, text: str) -> list[float] | None:
+        """Read a line that holds nothing but plain numbers, three times as fast; None for any other line."""
+        if not _PLAIN.match(text):
+            return None
+        if self.layout.decimal == ",":
+            if "." in text:
+                return None
+            text = text.replace(",", ".")
+        cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
+        if len(cells) not in self.widths:
+            return None
+        if len(text) > LONGEST_NUMBER and any(len(cells[place]) > LONGEST_NUMBER for place in self.places):
+            return None
+        try:
+            values = [float(cells[place]) for place in self.places]
+        except ValueError:
+            return None
+        return values if all(map(isfinite, values)) else None
+
+    def careful(self, line: int, text: str) -> list[float] | None:
+        """Read a line cell by cell, say what is wrong with the first faulty one; None for a row of words."""
+        cells = split_cells(text, self.delimiter)
+        if is_of_words(cells, self.layout.decimal):
+            return None
+        if len(cells) not in self.widths:
+            raise self.fail(line, f"{len(cells)} values; every line must have {self.width}, as the first")
+        numbers = [number_in(cells[place], self.layout.decimal) for place in self.places]
+        for place, value in zip(self.places, numbers, strict=True):
+            cell = cells[place]
+            if value is None and not (MISSING.match(cell) or WORD.match(cell)):
+                raise self.fail(line, f"column {place + 1}: {self.reason(cell)}")
+            if value is not None and not isfinite(value):
+                raise self.fail(line, f"column {place + 1}: {quote(cell)} is too large for a number")
+        return [nan if value is None else value for value in numbers]
+
+    def reason(self, cell: str) -> str:
+        if len(cell) > LONGEST_NUMBER:
+            return f"{quote(cell)} has {len(cell)} signs; a number has at most {LONGEST_NUMBER}"
+        if self.layout.decimal == "." and "," in cell:
+            return f"{quote(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
+        return f"{quote(cell)} is no number; digits, sign, decimal point and exponent are allowed"
+
+    def take_many(self, line: int, block: bytes) -> int:
+        """Read whole lines that hold nothing but plain numbers; how many, 0 where some hold other things."""
+        if self.delimiter is None or any(not sign.strip(PLAIN) for sign in self.layout.comments):
+            return 0
+        values = plain_rows(block, self.delimiter, self.layout.decimal)
+        if values is None or values.shape[1] not in self.widths or len(self.lines) + len(values) > MAX_ROWS:
+            return 0
+        self.values.frombytes(np.ascontiguousarray(values[:, self.places]).tobytes())
+        self.block += self.separated and bool(self.lines)
+        self.separated = False
+        self.lines.extend(range(line, line + len(values)))
+        self.blocks.extend([self.block] * len(values))
+        return len(values)
+
+    def take(self, line: int, text: str) -> None:
+        stripped = text.strip()
+        if self.width and stripped and not stripped.startswith(self.layout.comments):
+            self.row(line, text)
+            return
+        names = column_names(stripped, self.layout.comments)
+        if not stripped or names is not None:
+            self.separated = True
+            if names is not None and not self.width:
+                self.remark = names
+        else:
+            self.settle(line, text)
+
+
+def _ends_with_line(file: IO[bytes]) -> bool:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - 1, 0))
+    return file.read(1) in (b"", b"\n")
+
+
+def read_columns(
+    path: Path, layout: Layout, wanted: Sequence[int | str], sha256: str | None = None
+) -> Columns:
+    """Read columns of a text file as numbers, NaN where one is missing.
+
+    Parameters
+    ----------
+    path
+        The file, at most 256 MiB.
+    layout
+        Delimiter, decimal sign, comments, lines to skip.
+    wanted
+        Column numbers from 1, or names: of the header, or of a comment right above the numbers. A name with a
+        * means all columns that are called so with something in its place.
+    sha256
+        What the file must hash to, if known.
+
+    Returns
+    -------
+    Columns
+        At least one row.
+
+    Raises
+    ------
+    MeasurementError
+        File missing, no regular file, too large, not text; a row with fewer or more cells than
+        the first; a wanted cell that is neither a number nor a word; a column that is not there; the hash
+        differs.
+    """
+    name = file_label(path)
+    digest = hashlib.sha256()
+    table = _Table(name, layout, wanted)
+    with open_text(path, digest) as file:
+        source = TextLines(file, name, digest, layout.encoding)
+        try:
+            for line, text in source.lines():
+                if line > layout.skip:
+                    table.take(line, text)
+                if table.lines:
+                    break
+            while block := source.block():
+                many = table.take_many(source.number + 1, block)
+                source.number += many
+                for line, text in () if many else source.texts(block):
+                    table.take(line, text)
+            ended = _ends_with_line(file)
+        except OSError as fault:
+            raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
+    found = digest.hexdigest()
+    if sha256 is not None:
+        check_digest(name, found, sha256)
+    rows = len(table.lines)
+    if not rows:
+        raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")
+    return Columns(
+        values=np.array(table.values).reshape(rows, len(table.places)),
+        line=np.array(table.lines, dtype=np.int64),
+        block=np.array(table.blocks, dtype=np.int64),
+        names=table.names,
+        words=tuple(table.words),
+        spans=table.spans,
+        ended=ended or table.lines[-1] < source.number,
+    )

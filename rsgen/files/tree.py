@@ -1,0 +1,261 @@
+"""What is inside a data file: a tree of named arrays of numbers, whatever the format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from math import prod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.errors import MeasurementError
+
+if TYPE_CHECKING:
+    from rsgen.files.plan import Layout
+
+__all__ = [
+    "LARGEST_BYTES", "MAX_NODES", "TEXT", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe",
+    "facts", "is_wanted", "largest_bytes",
+]  # fmt: skip
+
+LARGEST_BYTES = 2**30
+"""Bytes of numbers that are taken from one file, at most."""
+MAX_NODES = 50_000
+"""Arrays that are listed of one file, at most."""
+_SMALL_BYTES = 32 * 2**20
+_EXPANSION = 20
+"""A file may unpack to this multiple of its size: measurements hardly compress, bombs do a thousandfold."""
+TEXT = "text"
+"""Kind of a node that holds a text; its remark is the text."""
+_LONGEST_TEXT = 60
+_KINDS = "fiubc"
+FIRST = 4
+"""Values shown of each array."""
+EVEN = 0.1
+"""Numbers off their even places by less than this fraction of a step are evenly spaced; texts are rounded."""
+MANY = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Array:
+    path: str
+    shape: tuple[int, ...] = ()
+    dtype: str = ""
+    unit: str = ""
+    unit_source: str = ""
+    remark: str = ""
+    fault: str = ""
+    title: str = ""
+    scale: str = ""
+
+
+def _unread() -> NDArray[Any]:
+    raise MeasurementError("was not asked for")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node(_Array):
+    """An array in a file that is open, seen by the process that reads it; read when it is asked for.
+
+    Parameters
+    ----------
+    path
+        Names from the root, with / between.
+    shape, dtype
+        As the file declares them; ``dtype`` is "" or TEXT where it is no array of numbers.
+    unit, remark
+        What the file says about it.
+    unit_source
+        Where the unit comes from, or why it is not known; "" where the format has one place for it.
+    fault
+        Why it cannot be read; "" where it can.
+    title
+        What the file calls a column; "" where the path says it.
+    scale
+        "rms", "peak" or "half-peak" where the file says what its amplitudes are; "" elsewhere.
+    load
+        Reads the numbers, once sizes are checked.
+    column
+        The number by which a table's column goes as well, from 1; 0 where there is none.
+    row
+        The row of the file, from 1, in which its first number stands.
+    """
+
+    load: Callable[[], NDArray[Any]] = _unread
+    column: int = 0
+    row: int = 1
+
+    @classmethod
+    def text(cls, path: str, content: str, shape: tuple[int, ...] = ()) -> Node:
+        """Make a node of a short text, such as a unit, which is shown and not read."""
+        return cls(
+            path=path,
+            shape=shape,
+            dtype=TEXT,
+            remark=content[:_LONGEST_TEXT],
+            fault="is a text; numbers are needed",
+        )
+
+    @classmethod
+    def refused(cls, path: str, reason: str, shape: tuple[int, ...] = ()) -> Node:
+        """Make a node that cannot be read."""
+        return cls(path=path, shape=shape, fault=reason)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry(_Array):
+    """An array in a file, described: path, shape, kind of number, unit, first values.
+
+    Parameters
+    ----------
+    path, shape, dtype, unit, remark, fault, unit_source, title, scale
+        As in ``Node``.
+    first
+        The first values, as text.
+    low, high
+        Smallest and largest value, None where unknown or complex.
+    order
+        "rising", "falling", "constant" or "mixed"; "" where unknown.
+    step
+        Distance of the values where it is even, else None.
+    distinct
+        How many different values there are; 0 where unknown.
+    """
+
+    first: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    order: str = ""
+    step: float | None = None
+    distinct: int = 0
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return prod(self.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a data file holds.
+
+    Parameters
+    ----------
+    file, format
+        The file, and the format it was recognised as.
+    entries
+        Its arrays, in their order.
+    layout
+        How a text is laid out; None for other formats.
+    remark
+        What a reader of the file passes over; "" where nothing is.
+    """
+
+    file: Path
+    format: str
+    entries: tuple[Entry, ...]
+    layout: Layout | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """An array that was read.
+
+    Parameters
+    ----------
+    path
+        Where it was found; with wildcards there are several.
+    values
+        Real or complex numbers, of any shape.
+    unit, unit_source, scale, row
+        As in ``Node``.
+    """
+
+    path: str
+    values: NDArray[Any]
+    unit: str = ""
+    unit_source: str = ""
+    scale: str = ""
+    row: int = 1
+
+
+def is_wanted(name: str, heads: set[str] | None) -> bool:
+    """Whether a name at the root of a file is wanted: all are for None, and where a * may stand for any."""
+    return heads is None or name in heads or "*" in "".join(heads)
+
+
+def largest_bytes(size: int) -> int:
+    """Limit the bytes of numbers that a file of ``size`` bytes may unpack to."""
+    return min(LARGEST_BYTES, max(_SMALL_BYTES, _EXPANSION * size))
+
+
+def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> int:
+    """Check the declared size of an array before anything is read.
+
+    Returns
+    -------
+    Its bytes.
+
+    Raises
+    ------
+    MeasurementError
+        A length is negative, it is too large, or holds no numbers; the message has no place yet.
+    """
+    if dtype.kind not in _KINDS or dtype.itemsize > 16:
+        raise MeasurementError("holds no numbers of a kind that is read; real and complex numbers are")
+    if any(length < 0 for length in shape):
+        raise MeasurementError(f"declares a length of {min(shape)}; 0 or more is allowed")
+    size = prod(shape) * dtype.itemsize
+    if size > largest:
+        raise MeasurementError(f"declares {size} bytes; at most {largest} are read from a file of this size")
+    return size
+
+
+def facts(values: NDArray[Any]) -> dict[str, Any]:
+    """Give the facts of ``Entry``: first values, range, order, even step, count of distinct ones."""
+    flat = values.ravel()
+    known: dict[str, Any] = {"first": tuple(f"{value:.6g}" for value in flat[:FIRST])}
+    if not flat.size or flat.dtype.kind not in "fiu":
+        return known
+    finite = np.isfinite(flat)
+    if not finite.all():
+        # rows with gaps are left out when the file is read
+        known["remark"] = f"{int((~finite).sum())} of {len(flat)} are not finite"
+        flat = flat[finite]
+        if not flat.size:
+            return known
+    known |= {"low": float(flat.min()), "high": float(flat.max()), "distinct": _distinct(flat)}
+    if len(flat) > 1:
+        steps = np.diff(flat.astype(np.float64, copy=False))
+        low, high = float(steps.min()), float(steps.max())
+        if low == high == 0:
+            known["order"] = "constant"
+        else:
+            known["order"] = "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
+        step = float(steps.mean())
+        del steps
+        off = np.linspace(flat[0], flat[-1], len(flat))
+        np.subtract(flat, off, out=off)
+        if 0 < max(-off.min(), off.max()) <= EVEN * abs(step) or not (off.any() or step == 0):
+            known["step"] = step
+    return known
+
+
+def _distinct(flat: NDArray[Any]) -> int:
+    # a part of a long history shows that there are many
+    return int(np.count_nonzero(np.diff(np.sort(flat[:MANY])))) + 1
+
+
+def describe(node: Node) -> Entry:
+    """Describe an array; what cannot be read is described by its fault."""
+    known: dict[str, Any] = {field.name: getattr(node, field.name) for field in fields(_Array)}
+    if node.dtype and not node.fault:
+        try:
+            known |= facts(node.load())
+        except MeasurementError as fault:
+            known["fault"] = str(fault)
+    return Entry(**known)

@@ -1,0 +1,215 @@
+"""Excel workbooks (.xlsx): the columns of each table of each sheet, by their titles, with stored values.
+
+Formulas are read as the values that the spreadsheet program stored; macros and links to other files are not
+looked at.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import MeasurementError
+from rsgen.files.column_titles import is_unit, unit_in
+from rsgen.files.text_cells import MISSING, WORD
+from rsgen.files.tree import Node, is_wanted
+
+__all__ = ["walk_xlsx"]
+
+MAX_ROWS = 2**20
+"""Rows of a sheet, as Excel has them."""
+MAX_CELLS = 20_000_000
+"""Cells of a sheet, empty ones among others: reading as many takes longer than any file may."""
+_LONGEST_TITLE = 120
+_Row = Sequence[Any]
+
+
+def _check_archive(file: BinaryIO, largest: int) -> None:
+    """Check what the parts of the archive unpack to, before any is; none unpacks to more than it declares."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError) as fault:
+        raise MeasurementError(f"is no workbook: {str(fault)[:120]}; send it again") from None
+    size = sum(member.file_size for member in members)
+    if size > largest:
+        raise MeasurementError(
+            f"declares {size} bytes of sheets; at most {largest} are read from a file of this size"
+        )
+    file.seek(0)
+
+
+def _letter(column: int) -> str:
+    """Give the letters of a column by its number from 1: A to Z, AA ..."""
+    above, last = divmod(column - 1, 26)
+    return (_letter(above) if above else "") + chr(ord("A") + last)
+
+
+def _is_number(cell: Any) -> bool:
+    return isinstance(cell, int | float) and not isinstance(cell, bool)
+
+
+def _signature(row: _Row) -> tuple[int, ...]:
+    return tuple(place for place, cell in enumerate(row) if _is_number(cell))
+
+
+def _rows(sheet: Any) -> list[tuple[Any, ...]]:
+    """Read the rows of a sheet, whatever size it declares."""
+    sheet.reset_dimensions()
+    rows: list[tuple[Any, ...]] = []
+    cells = 0
+    for row in sheet.iter_rows(values_only=True):
+        cells += len(row) + 1
+        if len(rows) >= MAX_ROWS or cells > MAX_CELLS:
+            raise MeasurementError(
+                f"more than {MAX_ROWS} rows or {MAX_CELLS} cells in a sheet; fewer are read"
+            )
+        rows.append(row)
+    return rows
+
+
+def _blocks(rows: Sequence[_Row]) -> Iterator[tuple[int, int]]:
+    """Find tables side by side: runs of columns with something in them, as (first, behind the last)."""
+    width = max(map(len, rows), default=0)
+    filled = [False] * width
+    for row in rows:
+        for place, cell in enumerate(row):
+            filled[place] = filled[place] or cell is not None
+    first = None
+    for place, full in enumerate([*filled, False]):
+        if full and first is None:
+            first = place
+        elif not full and first is not None:
+            yield first, place
+            first = None
+
+
+def _begin(rows: Sequence[_Row]) -> tuple[int, tuple[int, ...]]:
+    """Find the first row of numbers and which columns have them; settings above have fewer columns."""
+    kinds = [_signature(row) for row in rows]
+    counted = Counter(kind for kind in kinds if kind)
+    if not counted:
+        return len(rows), ()
+    columns = max(counted, key=lambda kind: (counted[kind], len(kind)))
+    first = kinds.index(columns)
+    # rows with gaps above the first whole one
+    while (
+        first
+        and kinds[first - 1]
+        and set(kinds[first - 1]) <= set(columns)
+        and not any(isinstance(cell, str) and not MISSING.match(cell) for cell in rows[first - 1])
+    ):
+        first -= 1
+    return first, columns
+
+
+def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int) -> list[str]:
+    """Give the titles above a table, with the units of a row of their own."""
+    heads: list[list[str]] = []
+    for row in reversed(rows[max(0, first - 2) : first]):
+        cells = [str(cell).strip()[:_LONGEST_TITLE] if isinstance(cell, str) else "" for cell in row]
+        heads.append([*cells, *[""] * width][:width])
+        named = [heads[-1][place] for place in columns if heads[-1][place]]
+        if not named or not all(map(is_unit, named)):
+            break
+    if not heads:
+        return [""] * width
+    units = heads[0] if len(heads) == 2 and any(heads[1]) else [""] * width
+    names = heads[1] if len(heads) == 2 and any(heads[1]) else heads[0]
+    return [
+        f"{name} [{unit.strip('[]() ')}]" if is_unit(unit) else name
+        for name, unit in zip(names, units, strict=True)
+    ]
+
+
+def _column(rows: Sequence[_Row], place: int, begin: int) -> Array:
+    """Read a column; words and errors of formulas are numbers that are missing."""
+    values = np.full(len(rows), np.nan)
+    for number, row in enumerate(rows):
+        cell = row[place] if place < len(row) else None
+        if _is_number(cell):
+            try:
+                values[number] = cell
+            except OverflowError:
+                raise MeasurementError(f"row {begin + number + 1}: a number that is too large") from None
+        elif isinstance(cell, str):
+            text = cell.strip()
+            if not (MISSING.match(text) or WORD.match(text) or text.startswith("#")):
+                raise MeasurementError(
+                    f"row {begin + number + 1}: {text[:20]!r} is a text; make it a number in the sheet"
+                )
+    return values
+
+
+def _refused(cells: Sequence[Any]) -> str:
+    """Say why a column without numbers is none."""
+    kinds = {type(cell) for cell in cells if cell is not None}
+    if not kinds:
+        return "has no stored values; where they are formulas, open and save the workbook in Excel"
+    if kinds <= {str}:
+        return "holds texts; numbers are needed"
+    return "holds dates or yes and no; numbers are needed"
+
+
+def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterator[Node]:
+    first, columns = _begin(rows)
+    width = max(map(len, rows), default=0)
+    titles = _titles(rows, first, columns, width)
+    if not columns:
+        # texts alone, or formulas without their values below a title
+        cells = [cell for row in rows for cell in row[:1]]
+        title = next((cell.strip()[:_LONGEST_TITLE] for cell in cells if isinstance(cell, str)), "")
+        yield Node.refused(f"{sheet}/{title or _letter(offset + 1)}", _refused(cells[1:]))
+        return
+    last = max((n for n, row in enumerate(rows) if any(cell is not None for cell in row)), default=-1)
+    below = rows[first : last + 1]
+    used: set[str] = set()
+    for place in range(width):
+        letter = _letter(offset + place + 1)
+        title = titles[place]
+        path = f"{sheet}/{title or letter}"
+        if path in used or not title:
+            path = f"{sheet}/{letter}"
+        used.add(path)
+        if place not in columns:
+            cells = [row[place] for row in below if place < len(row)]
+            if title or any(cell is not None for cell in cells):
+                yield Node.refused(path, _refused(cells))
+            continue
+        fault = ""
+        values = np.empty(0)
+        try:
+            values = _column(below, place, first)
+        except MeasurementError as error:
+            fault = str(error)
+        yield Node(
+            path, values.shape, "float64", load=partial(np.asarray, values), unit=unit_in(title), title=title,
+            fault=fault,
+            column=offset + place + 1 if only else 0, row=first + 1,
+        )  # fmt: skip
+
+
+def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
+    """Walk through a workbook: sheet/title of each column of numbers, or sheet/letter where it has no title.
+
+    Raises
+    ------
+    MeasurementError
+        No workbook, damaged, or it unpacks to more than a file of its size may.
+    """
+    from openpyxl import load_workbook  # comes with an extra
+
+    _check_archive(file, largest)
+    book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
+    sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]
+    for sheet in sheets:
+        rows = _rows(sheet)
+        for first, behind in _blocks(rows):
+            part = [row[first:behind] for row in rows]
+            yield from _table(sheet.title, part, first, len(book.worksheets) == 1)

@@ -1,0 +1,149 @@
+"""Names of the language: functions, states and parameters, and the symbols that stand for them."""
+
+from __future__ import annotations
+
+import difflib
+import keyword
+import re
+from collections.abc import Iterable
+
+import sympy
+
+from rsgen.common.errors import ExpressionError
+
+__all__ = [
+    "CONSTANTS", "FUNCTIONS", "OMEGA", "PHI", "STATES", "STATE_V", "STATE_X", "X0", "X", "check_name",
+    "closest", "shown", "symbol",
+]  # fmt: skip
+
+FUNCTIONS = (
+    "abs", "Abs", "sign", "Piecewise", "Min", "Max", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos",
+    "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "besselj", "besseli", "gamma",
+    "masing", "structural",
+)  # fmt: skip
+"""Everything that may be called, in the order in which messages list it."""
+
+CONSTANTS = ("pi",)
+
+STATES = {
+    "x": "the displacement",
+    "v": "the velocity",
+    "X": "the amplitude",
+    "X0": "the mean displacement",
+    "omega": "the angular frequency",
+    "t": "the time",
+    "F": "the force level",
+}
+"""Names with a fixed meaning: formulas may contain them, no parameter may be called so."""
+
+# gamma is a customary parameter name; it is the function only where it is called
+_RESERVED = frozenset(FUNCTIONS) - {"gamma"} | frozenset(CONSTANTS) | {"inf", "nan"}
+_POSITIVE = frozenset({"X", "omega"})
+_LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_LONGEST = 40
+_FORM = f"a name is a letter followed by letters, digits and _, at most {_LONGEST} characters"
+
+
+def shown(text: object, longest: int = 40) -> str:
+    """Text from a file as it may stand in a message: quoted, ASCII, cut to ``longest`` characters."""
+    plain = text if isinstance(text, str) else repr(text)
+    return ascii(plain if len(plain) <= longest else plain[: longest - 3] + "...")
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is most probably meant by ``name``, or None."""
+    names = list(known)
+    folded = {other.casefold(): other for other in reversed(names)}
+    if name.casefold() in folded:
+        return folded[name.casefold()]
+    found = difflib.get_close_matches(name, names, n=1, cutoff=0.7)
+    return found[0] if found else None
+
+
+def _check_form(name: object) -> str:
+    if not isinstance(name, str):
+        raise ExpressionError(f"{shown(name)} is not a name but a {type(name).__name__}; {_FORM}")
+    if len(name) > _LONGEST:
+        raise ExpressionError(f"the name {shown(name)} has {len(name)} characters; {_FORM}")
+    if not _LEGAL.fullmatch(name):
+        raise ExpressionError(f"{shown(name)} cannot be a name; {_FORM}")
+    if keyword.iskeyword(name):
+        raise ExpressionError(
+            f"'{name}' cannot be a name, it is a word of the Python language; write '{name}_', for example"
+        )
+    if name in _RESERVED:
+        what = "a constant" if name in CONSTANTS else "no number" if name in ("inf", "nan") else "a function"
+        raise ExpressionError(
+            f"'{name}' cannot be a name, it is {what} in formulas; write '{name}_', for example"
+        )
+    return name
+
+
+def check_name(name: str) -> str:
+    """Check that a parameter may be called so.
+
+    Parameters
+    ----------
+    name
+        The name as the user wrote it.
+
+    Returns
+    -------
+    str
+        The same name.
+
+    Raises
+    ------
+    ExpressionError
+        It is no ASCII identifier, too long, a word of Python or of the expression language, or has a fixed
+        meaning in formulas (x, v, X, X0, omega, t, F).
+
+    Examples
+    --------
+    >>> check_name("kn1")
+    'kn1'
+    >>> check_name("lambda")
+    Traceback (most recent call last):
+    ...
+    rsgen.common.errors.ExpressionError: 'lambda' cannot be a name, it is a word of the Python language; ...
+    """
+    legal = _check_form(name)
+    if legal in STATES:
+        raise ExpressionError(
+            f"'{legal}' cannot be a parameter, it is {STATES[legal]}; write '{legal}_1', for example"
+        )
+    return legal
+
+
+def symbol(name: str) -> sympy.Symbol:
+    """The symbol of a state or parameter; the same name always gives the same symbol.
+
+    Parameters
+    ----------
+    name
+        A state (x, v, X, X0, omega, t, F) or a parameter.
+
+    Returns
+    -------
+    sympy.Symbol
+        X and omega are positive, every other symbol is real.
+
+    Raises
+    ------
+    ExpressionError
+        The name is not legal in formulas.
+
+    Examples
+    --------
+    >>> symbol("omega").is_positive, symbol("k1").is_real
+    (True, True)
+    """
+    legal = _check_form(name)
+    return sympy.Symbol(legal, positive=True) if legal in _POSITIVE else sympy.Symbol(legal, real=True)
+
+
+STATE_X, STATE_V = symbol("x"), symbol("v")
+"""Displacement [m] and velocity [m/s] in a law."""
+
+X, X0, OMEGA, PHI = symbol("X"), symbol("X0"), symbol("omega"), symbol("phi")
+"""Amplitude and mean [m], angular frequency [rad/s] and phase [rad] of a motion in formulas."""

@@ -1,0 +1,269 @@
+"""What every written form of a formula has in common: when parentheses are needed, where fractions stand."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import lru_cache
+from typing import ClassVar
+
+import sympy
+
+from rsgen.common.errors import ExpressionError
+from rsgen.formula.memory import Masing, State, Structural
+from rsgen.formula.names import shown
+from rsgen.formula.ordering import (
+    common_denominator,
+    interval,
+    is_negative,
+    oriented,
+    split_product,
+    split_sum,
+)
+from rsgen.formula.renaming import free_symbols
+from rsgen.formula.scanning import DIGITS
+
+__all__ = ["Level", "Printer", "decimal_text"]
+
+_PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
+_MOST_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
+_ROUNDED = 15  # to so many digits, and are not read back
+_LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
+_NAMES: dict[type[sympy.Basic], str] = {
+    sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
+    sympy.exp: "exp", sympy.log: "log", sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan",
+    sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan", sympy.atan2: "atan2", sympy.sinh: "sinh",
+    sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.besselj: "besselj", sympy.besseli: "besseli",
+    sympy.gamma: "gamma", Masing: "masing", Structural: "structural",
+}  # fmt: skip
+
+
+class Level(IntEnum):
+    """How tightly a written form holds together; what is looser than its surroundings needs parentheses."""
+
+    ANY = 0
+    SUM = 1
+    PRODUCT = 2
+    POWER = 3
+    ATOM = 4
+
+
+def _digits(number: sympy.Rational) -> tuple[str, int] | None:
+    """Significant digits and decimal exponent of a positive number, None where it has no short decimal."""
+    q, twos, fives = int(number.q), 0, 0
+    while q % 2 == 0:
+        q, twos = q // 2, twos + 1
+    while q % 5 == 0:
+        q, fives = q // 5, fives + 1
+    if q != 1:
+        return None
+    places = max(twos, fives)
+    whole = str(int(number.p) * 10**places // int(number.q))
+    digits = whole.rstrip("0")
+    return (digits, len(whole) - 1 - places) if len(digits) <= DIGITS else None
+
+
+def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
+    """Mantissa and exponent of a positive number that reads better as a decimal, else None.
+
+    Examples
+    --------
+    >>> decimal_text(sympy.Rational(1, 10)), decimal_text(sympy.Rational(3, 4))
+    (('0.1', ''), None)
+    >>> decimal_text(sympy.Integer(4697) * 10**18)
+    ('4.697', '21')
+    """
+    p, q = int(number.p), int(number.q)
+    if max(p.bit_length(), q.bit_length()) > _MOST_BITS:
+        mantissa, _, power = str(sympy.Float(number, _ROUNDED)).partition("e")
+        return mantissa.rstrip("0").rstrip("."), power.lstrip("+")
+    if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _LARGEST_DENOMINATOR)):
+        return None
+    found = _digits(number)
+    if found is None:
+        return None
+    digits, exponent = found
+    if q == 1 and len(digits) > _PLAIN_DIGITS + 2:
+        return None
+    if 0 <= exponent < _PLAIN_DIGITS:
+        whole, fraction = digits[: exponent + 1].ljust(exponent + 1, "0"), digits[exponent + 1 :]
+        return whole + ("." + fraction if fraction else ""), ""
+    if -4 <= exponent < 0:
+        return "0." + "0" * (-exponent - 1) + digits, ""
+    return digits[0] + ("." + digits[1:] if len(digits) > 1 else ""), str(exponent)
+
+
+class Printer(ABC):
+    """Writes an expression; the forms of products, powers, calls and cases are the subclass's own."""
+
+    reads_back = False
+    """Whether ``parse`` must find the same expression: it multiplies a number or minus sign into a sum."""
+
+    def write(self, expr: sympy.Basic, level: Level = Level.ANY) -> str:
+        """The written form of any part of a formula, in parentheses where its surroundings need them."""
+        text, own = _form(self, expr)
+        if expr.is_Add and level <= Level.SUM:
+            below = common_denominator(expr)
+            if below != 1 and decimal_text(sympy.Rational(1, below)) is None:
+                return self.shared(expr * below, sympy.Integer(below))
+        return self.parenthesised(text) if own < level else text
+
+    def form(self, expr: sympy.Basic) -> tuple[str, Level]:
+        """Write a part of a formula, and say how tightly it holds together."""
+        if isinstance(expr, sympy.Symbol | State):
+            return self.name(expr.name), Level.ATOM
+        if expr.is_Float:
+            expr = sympy.Rational(repr(float(expr)))
+        if expr is sympy.pi:
+            return self.constant_pi(), Level.ATOM
+        if expr is sympy.E:
+            return self.call("exp", [sympy.Integer(1)])
+        if expr.is_Add:
+            return self._sum(expr), Level.SUM
+        if expr.is_Mul or expr.is_Rational or (expr.is_Pow and expr.exp.is_Rational and expr.exp.is_negative):
+            return self._term(expr)
+        if expr.is_Pow:
+            return self.power(expr.base, expr.exp)
+        if isinstance(expr, sympy.Piecewise):
+            return self.cases([(pair.expr, pair.cond) for pair in expr.args])
+        if isinstance(expr, sympy.Heaviside) and expr.args[1] == sympy.Rational(1, 2):
+            return self.call("Heaviside", expr.args[:1])
+        if isinstance(expr, sympy.Min | sympy.Max):
+            ordered = sorted(expr.args, key=lambda arg: (not free_symbols(arg), self.write(arg)))
+            return self.call(_NAMES[expr.func], ordered)
+        if expr.func in _NAMES:
+            return self.call(_NAMES[expr.func], expr.args)
+        return self.foreign(expr)
+
+    def _sum(self, expr: sympy.Expr) -> str:
+        text = ""
+        for term in split_sum(expr):
+            if not text:
+                text = self.write(term)
+            elif is_negative(term):
+                text += " - " + self.write(-term, Level.PRODUCT)
+            else:
+                text += " + " + self.write(term, Level.PRODUCT)
+        return text
+
+    def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
+        product = split_product(expr)
+        if expr.is_Mul and len(expr.args) == 2 and expr.args[0] == -1 and expr.args[1].is_Add:
+            return self._sum(sympy.Add(*(-term for term in expr.args[1].args))), Level.SUM
+        above, below, number = product.constants, product.constants_below, product.number
+        factors = list(product.factors)
+        if product.negative and self.reads_back:
+            factors.sort(key=lambda factor: bool(factor.is_Add))
+        decimal = decimal_text(number) is not None
+        lead = [number] if decimal else [sympy.Integer(number.p)] if number.p != 1 else []
+        under = [sympy.Integer(number.q)] if number.q != 1 and not decimal else []
+        lower = [*below, *product.factors_below]
+        apart = self.reads_back and under and len(lower) == 1 and lower[0].is_Add
+        whole = product.factors_below or (factors and not lead and not above)
+        if whole and not apart:
+            upper = [*lead, *above, *factors]
+            text = self.quotient(upper, [*under, *lower])
+        else:
+            upper = [*lead, *above] or factors
+            split = [([*lead, *above], [*under, *below]), (factors, list(product.factors_below))]
+            text = self.juxtaposed([self.quotient(*half) for half in split if half[0] or half[1]] or ["1"])
+        if product.negative:
+            return self.negated(text, bool(upper) and bool(upper[0].is_Add) and not apart), Level.SUM
+        return text, self._term_level([*lead, *above, *factors], [*under, *lower])
+
+    def _term_level(self, upper: Sequence[sympy.Expr], lower: Sequence[sympy.Expr]) -> Level:
+        if lower or len(upper) > 1:
+            return Level.PRODUCT
+        if not upper or upper[0].is_Rational:
+            return self.number_level(upper[0]) if upper else Level.ATOM
+        return _form(self, upper[0])[1]
+
+    def condition(self, condition: sympy.Basic, inner: bool = False) -> str:
+        """A condition of cases, the state on the left of each comparison, an interval as a < x < b."""
+        if isinstance(condition, sympy.And | sympy.Or):
+            both = isinstance(condition, sympy.And)
+            parts = [oriented(part) for part in condition.args]
+            between = interval(parts) if both else None
+            if between:
+                return self._chained(*between)
+            text = (self.both if both else self.either).join(
+                sorted(self.condition(part, inner=True) for part in parts)
+            )
+            return self.parenthesised(text) if inner else text
+        if condition.func not in self.relations:
+            return self.foreign(condition)[0]
+        turned = oriented(condition)
+        return self._chained(turned.lhs, turned.func, turned.rhs)
+
+    def _chained(self, *parts: sympy.Basic | type[sympy.Basic]) -> str:
+        return " ".join(
+            self.relations[part] if isinstance(part, type) else self.write(part) for part in parts
+        )
+
+    both = " and "
+    either = " or "
+    relations: ClassVar[dict[type[sympy.Basic], str]] = {
+        sympy.Lt: "<",
+        sympy.Le: "<=",
+        sympy.Gt: ">",
+        sympy.Ge: ">=",
+    }
+
+    def number_level(self, number: sympy.Rational) -> Level:
+        """How tightly a written positive number holds together."""
+        return Level.ATOM
+
+    def negated(self, text: str, sum_in_front: bool) -> str:
+        """A minus sign in front of a product."""
+        return "-" + text
+
+    def parenthesised(self, text: str) -> str:
+        """The text in parentheses."""
+        return f"({text})"
+
+    def constant_pi(self) -> str:
+        """The ratio of circumference to diameter."""
+        return "pi"
+
+    def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:
+        """What is not in the language."""
+        raise ExpressionError(f"{shown(str(expr))} is not in the language of formulas")
+
+    @abstractmethod
+    def name(self, name: str) -> str:
+        """A state or parameter."""
+
+    @abstractmethod
+    def number(self, number: sympy.Rational) -> str:
+        """A positive integer or decimal."""
+
+    @abstractmethod
+    def juxtaposed(self, pieces: Sequence[str]) -> str:
+        """The product of written pieces, none of which is a sum."""
+
+    @abstractmethod
+    def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
+        """Factors above and below a fraction line; both may be empty."""
+
+    def shared(self, above: sympy.Expr, below: sympy.Integer) -> str:
+        """A sum above one fraction line."""
+        return self.quotient([above], [below])
+
+    @abstractmethod
+    def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:
+        """A power whose exponent is no negative number."""
+
+    @abstractmethod
+    def call(self, name: str, arguments: Sequence[sympy.Expr]) -> tuple[str, Level]:
+        """A function of the language."""
+
+    @abstractmethod
+    def cases(self, branches: Sequence[tuple[sympy.Expr, sympy.Basic]]) -> tuple[str, Level]:
+        """A formula in pieces; the last condition is true."""
+
+
+@lru_cache(maxsize=4096)
+def _form(printer: Printer, expr: sympy.Basic) -> tuple[str, Level]:
+    """Write each part once: every level of a deep formula asks for its parts several times."""
+    return printer.form(expr)

@@ -1,0 +1,320 @@
+"""Text to SymPy: an allow-list walker over Python's syntax tree; no text is ever evaluated."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from rsgen.common.errors import ExpressionError
+from rsgen.formula.bounds import (
+    EXPONENT,
+    Value,
+    check_finished,
+    check_power,
+    check_value,
+    decimal_value,
+    power_terms,
+)
+from rsgen.formula.functions import FUNCTION_TABLE, check_arguments, constant_number
+from rsgen.formula.hints import unknown_function, unknown_name
+from rsgen.formula.names import CONSTANTS, FUNCTIONS, shown, symbol
+from rsgen.formula.scanning import DEPTH, refusal, scan
+
+__all__ = ["parse"]
+
+_NODES = 400
+_COMPARISONS = 16
+
+_COMPARE: dict[type[ast.cmpop], Callable[..., Any]] = {
+    ast.Lt: sympy.Lt,
+    ast.LtE: sympy.Le,
+    ast.Gt: sympy.Gt,
+    ast.GtE: sympy.Ge,
+}
+_SYMPY_FAULTS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError)
+"""What SymPy raises while it builds an expression of values that a function is not defined for."""
+
+
+def parse(text: str, names: Collection[str] | None = None) -> sympy.Expr:
+    """Read a formula without ever evaluating its text.
+
+    Parameters
+    ----------
+    text
+        The formula: numbers, names, + - * / **, parentheses, pi, and the functions abs, sign, Min, Max,
+        Heaviside, sqrt, exp, log (ln), sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, besselj,
+        besseli, gamma and Piecewise((value, condition), ..., (value, True)). Conditions are comparisons with
+        < <= > >=, joined by ``and``, ``or``.
+    names
+        The names that may occur; None allows every legal name.
+
+    Returns
+    -------
+    sympy.Expr
+        The formula with exact numbers ("0.75" is 3/4) and the symbols that ``symbol`` makes.
+
+    Raises
+    ------
+    ExpressionError
+        The text is not in the language, not finite and real, or larger than later stages could handle; the
+        message names what was found, the column, and what is allowed.
+
+    Examples
+    --------
+    >>> parse("0.75*k*x*abs(x)")
+    3*k*x*Abs(x)/4
+    >>> parse("k*x + Ff*sgn(v)")
+    Traceback (most recent call last):
+    ...
+    rsgen.common.errors.ExpressionError: column 10: 'sgn' is not a function of formulas, did you mean...
+    """
+    source = scan(text)
+    start = len(source) - len(source.lstrip(" "))
+    stripped = source.strip(" ")
+    try:
+        tree = ast.parse(stripped, mode="eval")
+    except SyntaxError as error:
+        column = min(max(error.offset or 1, 1), len(stripped))
+        raise refusal(
+            start + column,
+            f"cannot be read at {shown(stripped[column - 1 :])}; write a formula such as k*x**3",
+        ) from None
+    except (ValueError, MemoryError, RecursionError):
+        raise ExpressionError(f"the formula {shown(stripped)} is nested too deeply to be read") from None
+    try:
+        return _Reader(stripped, start, names).read(tree.body)
+    except RecursionError:
+        raise ExpressionError(f"the formula {shown(stripped)} is nested too deeply to be read") from None
+
+
+@dataclass(slots=True)
+class _Reader:
+    source: str
+    start: int
+    names: Collection[str] | None
+
+    def read(self, node: ast.expr) -> sympy.Expr:
+        count = sum(isinstance(part, ast.expr) for part in ast.walk(node))
+        if count > _NODES:
+            raise ExpressionError(f"a formula of {count} parts; at most {_NODES} are allowed")
+        value = self.value(node, 1)
+        fault = check_finished(value.expr)
+        if fault:
+            raise ExpressionError(f"the formula {shown(self.source)} {fault}")
+        return value.expr
+
+    def fault(self, node: ast.expr, text: str) -> ExpressionError:
+        return refusal(self.start + node.col_offset + 1, text)
+
+    def snippet(self, node: ast.expr) -> str:
+        return shown(self.source[node.col_offset : node.end_col_offset])
+
+    def built(self, node: ast.expr, make: Callable[..., Any], *args: Any) -> Any:
+        try:
+            return make(*args)
+        except _SYMPY_FAULTS:
+            raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
+
+    def checked(self, node: ast.expr, expr: sympy.Expr, terms: int) -> Value:
+        fault = check_value(expr, terms)
+        if fault:
+            raise self.fault(node, f"{self.snippet(node)} {fault}")
+        try:
+            return Value(expr, constant_number(expr) if expr.is_number else None, terms)
+        except ArithmeticError:
+            raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
+
+    def value(self, node: ast.expr, depth: int) -> Value:
+        if depth > DEPTH:
+            raise self.fault(node, f"nested more than {DEPTH} deep; at most {DEPTH} levels are allowed")
+        match node:
+            case ast.Constant():
+                return self.number(node)
+            case ast.Name():
+                return self.name(node)
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
+                inner = self.value(node.operand, depth + 1)
+                if isinstance(node.op, ast.UAdd):
+                    return inner
+                return self.checked(node, -inner.expr, inner.terms)
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                return self.sum(node, depth)
+            case ast.BinOp(op=ast.Mult() | ast.Div()):
+                return self.product(node, depth)
+            case ast.BinOp(op=ast.Pow()):
+                return self.power(node, depth)
+            case ast.Call():
+                return self.call(node, depth)
+            case ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                raise self.fault(
+                    node,
+                    f"{self.snippet(node)} joins no conditions; & and | stand in conditions only, between "
+                    "comparisons in parentheses: (x < b) & (v > 0)",
+                )
+            case ast.Compare() | ast.BoolOp():
+                raise self.fault(
+                    node,
+                    f"the condition {self.snippet(node)} stands outside Piecewise; "
+                    "write Piecewise((value, condition), ..., (value, True))",
+                )
+            case _:
+                raise self.fault(
+                    node,
+                    f"{self.snippet(node)} has no meaning in formulas; allowed are numbers, names, "
+                    f"+ - * / **, ( ) and calls of {', '.join(FUNCTIONS)}",
+                )
+
+    def number(self, node: ast.Constant) -> Value:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            where = "; it stands only as the last condition in Piecewise" if node.value is True else ""
+            raise self.fault(node, f"{self.snippet(node)} is not a number{where}")
+        return self.checked(node, decimal_value(self.source[node.col_offset : node.end_col_offset]), 1)
+
+    def name(self, node: ast.Name) -> Value:
+        name = node.id
+        if name in CONSTANTS:
+            return Value(sympy.pi, math.pi, 1)
+        if self.names is not None and name not in self.names:
+            raise self.fault(node, unknown_name(name, self.names or ()))
+        try:
+            return Value(symbol(name), None, 1)
+        except ExpressionError as error:
+            wanted = f"; write {name}(...)" if name in FUNCTION_TABLE else ""
+            raise self.fault(node, f"{error}{wanted}") from None
+
+    def chain(
+        self, node: ast.BinOp, kinds: tuple[type[ast.operator], ...], depth: int
+    ) -> list[tuple[ast.operator | None, ast.expr, Value]]:
+        """The operands of a + b - c ... (or a * b / c ...) from left to right, a long chain as one level."""
+        links: list[tuple[ast.operator, ast.expr]] = []
+        left: ast.expr = node
+        while isinstance(left, ast.BinOp) and isinstance(left.op, kinds):
+            links.append((left.op, left.right))
+            left = left.left
+        first = (None, left, self.value(left, depth + 1))
+        return [first, *((op, right, self.value(right, depth + 1)) for op, right in reversed(links))]
+
+    def sum(self, node: ast.BinOp, depth: int) -> Value:
+        terms: list[sympy.Expr] = []
+        count = 0
+        for op, _, value in self.chain(node, (ast.Add, ast.Sub), depth):
+            terms.append(-value.expr if isinstance(op, ast.Sub) else value.expr)
+            count += value.terms
+        return self.checked(node, self.built(node, sympy.Add, *terms), count)
+
+    def product(self, node: ast.BinOp, depth: int) -> Value:
+        factors: list[sympy.Expr] = []
+        count = 1
+        for op, where, value in self.chain(node, (ast.Mult, ast.Div), depth):
+            divide = isinstance(op, ast.Div)
+            if divide and value.expr == 0:
+                raise self.fault(where, f"division by {self.snippet(where)}, which is zero")
+            factors.append(1 / value.expr if divide else value.expr)
+            count *= value.terms
+        return self.checked(node, self.built(node, sympy.Mul, *factors), count)
+
+    def power(self, node: ast.BinOp, depth: int) -> Value:
+        base, exponent = self.value(node.left, depth + 1), self.value(node.right, depth + 1)
+        if exponent.number is not None and not abs(exponent.number) <= EXPONENT:
+            raise self.fault(node.right, f"the exponent {self.snippet(node.right)} is above {EXPONENT}")
+        fault = check_power(base, exponent)
+        if fault:
+            raise self.fault(node, f"{self.snippet(node)} {fault}")
+        expr = self.built(node, sympy.Pow, base.expr, exponent.expr)
+        if expr.is_Mul:  # SymPy leaves products inside this product
+            expr = sympy.Mul(*(inner for factor in expr.args for inner in sympy.Mul.make_args(factor)))
+        return self.checked(node, expr, power_terms(base, exponent))
+
+    def call(self, node: ast.Call, depth: int) -> Value:
+        if not isinstance(node.func, ast.Name):
+            raise self.fault(node, f"{self.snippet(node.func)} cannot be called; write * for a product")
+        name = node.func.id
+        if name != "Piecewise" and name not in FUNCTION_TABLE:
+            raise self.fault(node, unknown_function(name, self.names or ()))
+        if node.keywords or any(isinstance(arg, ast.Starred) for arg in node.args):
+            raise self.fault(node, f"{name} takes plain arguments only; write {name}(a)")
+        if name == "Piecewise":
+            return self.piecewise(node, depth)
+        function = FUNCTION_TABLE[name]
+        if not function.fewest <= len(node.args) <= function.most:
+            raise self.fault(node, f"{name} with {len(node.args)} arguments; write {function.usage}")
+        values = [self.value(arg, depth + 1) for arg in node.args]
+        fault = check_arguments(name, values)
+        if fault:
+            raise self.fault(node, f"{self.snippet(node)} {fault}")
+        expr = self.built(node, function.make, *(value.expr for value in values))
+        return self.checked(node, expr, function.terms([value.terms for value in values]))
+
+    def piecewise(self, node: ast.Call, depth: int) -> Value:
+        usage = "write Piecewise((value, condition), ..., (value, True))"
+        if not node.args:
+            raise self.fault(node, f"Piecewise without branches; {usage}")
+        pairs: list[tuple[sympy.Expr, Any]] = []
+        comparisons = terms = 0
+        last = len(node.args) - 1
+        for index, branch in enumerate(node.args):
+            if not isinstance(branch, ast.Tuple) or len(branch.elts) != 2:
+                raise self.fault(branch, f"{self.snippet(branch)} is no branch of Piecewise; {usage}")
+            outcome, when = branch.elts
+            always = isinstance(when, ast.Constant) and when.value is True
+            if always != (index == last):
+                wrong = "a branch after True never acts" if always else "the last condition must be True"
+                raise self.fault(when, f"{wrong}; {usage}")
+            value = self.value(outcome, depth + 1)
+            condition, compared, weight = (sympy.true, 0, 1) if always else self.condition(when, depth + 1)
+            comparisons += compared
+            if comparisons > _COMPARISONS:
+                raise self.fault(when, f"more than {_COMPARISONS} comparisons in one Piecewise")
+            pairs.append((value.expr, condition))
+            terms += value.terms * weight
+        expr = self.built(node, sympy.Piecewise, *pairs)
+        return self.checked(node, expr, terms)
+
+    def condition(self, node: ast.expr, depth: int) -> tuple[Any, int, int]:
+        """A condition, how many comparisons it has, and how many terms stand on their sides."""
+        if depth > DEPTH:
+            raise self.fault(node, f"nested more than {DEPTH} deep; at most {DEPTH} levels are allowed")
+        match node:
+            case ast.BoolOp():
+                parts, both = node.values, isinstance(node.op, ast.And)
+            case ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                parts, both = [node.left, node.right], isinstance(node.op, ast.BitAnd)
+            case ast.Compare():
+                return self.comparison(node, depth)
+            case _:
+                raise self.fault(
+                    node,
+                    f"{self.snippet(node)} is no condition; write comparisons such as x < b, joined by and, "
+                    "or (with & and | each comparison needs its parentheses)",
+                )
+        found = [self.condition(part, depth + 1) for part in parts]
+        compared = sum(part[1] for part in found)
+        if compared > _COMPARISONS:
+            raise self.fault(node, f"more than {_COMPARISONS} comparisons in one Piecewise")
+        joined = self.built(node, sympy.And if both else sympy.Or, *(part[0] for part in found))
+        return joined, compared, sum(part[2] for part in found)
+
+    def comparison(self, node: ast.Compare, depth: int) -> tuple[Any, int, int]:
+        if len(node.ops) > 2 or any(type(op) not in _COMPARE for op in node.ops):
+            raise self.fault(
+                node, f"the comparison {self.snippet(node)}; allowed are a < b, <=, >, >=, a < b < c"
+            )
+        sides = [self.value(side, depth + 1) for side in (node.left, *node.comparators)]
+        for side, where in zip(sides, (node.left, *node.comparators), strict=True):
+            if side.expr.has(sympy.Piecewise):
+                raise self.fault(
+                    where, f"Piecewise inside the condition {self.snippet(node)}; write it outside"
+                )
+            if side.number is not None and math.isinf(side.number):
+                raise self.fault(where, f"the number {self.snippet(where)} is too large to be compared")
+        links = [
+            self.built(node, _COMPARE[type(op)], left.expr, right.expr)
+            for op, left, right in zip(node.ops, sides, sides[1:], strict=False)
+        ]
+        joined = links[0] if len(links) == 1 else self.built(node, sympy.And, *links)
+        return joined, len(links), sum(side.terms for side in sides)

@@ -1,0 +1,187 @@
+"""Values of case files: a bare number in SI, or a number with its unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+
+from rsgen.common.errors import RsgenError
+from rsgen.formula.units.dimension import NUMBER, Dimension
+from rsgen.formula.units.unit_text import read_unit
+
+__all__ = ["quantity", "sensor_factor", "sensor_unit", "unit_of"]
+
+_LONGEST = 120
+_SMALLEST, _LARGEST = 1e-300, 1e300
+_NUMBER = re.compile(
+    r" *([+-]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][+-]?[0-9]{1,3})?) *(.*)", re.DOTALL
+)
+UNKNOWN = "?"
+"""Begins a value that only the user knows, in a case that was proposed from a file."""
+_USAGE = 'write a number with its unit, such as "5.92 kN/m", or a bare number in SI units'
+_HERTZ = Dimension({"Hz": Fraction(1)})
+_RATE = Dimension({"s": Fraction(-1)})
+_ACCELERATION = "m/s^2"
+_GRAVITY = re.compile(r"(?<![A-Za-z_\u00b5\u03bc])([mu\u00b5\u03bc]?)(?:g|g_n|gn)(?![A-Za-z_])")
+"""The name of the standard gravity, alone or with a prefix: mg is a thousandth of it, kg is none."""
+_MIL = re.compile(r"(?<![A-Za-z_])mils?(?![A-Za-z_])")
+_SQUARE = re.compile(r"(?<![A-Za-z_])(s|sec)2(?![0-9.])")
+"""m/s2, as loggers without a raised two write it."""
+
+
+def _shown(value: object) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    return ascii(text if len(text) <= 40 else text[:37] + "...")
+
+
+def _split(text: str) -> tuple[Fraction, str]:
+    if len(text) > _LONGEST:
+        raise RsgenError(
+            f"{_shown(text)} has {len(text)} characters, at most {_LONGEST} are allowed; {_USAGE}"
+        )
+    match = _NUMBER.fullmatch(text)
+    if text.startswith(UNKNOWN):
+        raise RsgenError(f"{_shown(text)} is not known yet: write a number in place of the question mark")
+    if match is None:
+        raise RsgenError(f"{_shown(text)} is not a number with a unit; {_USAGE}")
+    unit = match[2].rstrip(" ")
+    if unit.startswith(","):
+        raise RsgenError(f"{_shown(text)} has a comma; write a decimal point, such as 5.92")
+    return Fraction(match[1]), unit
+
+
+def unit_of(value: object) -> str | None:
+    """The unit that stands in a value of a case file, None for a bare number.
+
+    Raises
+    ------
+    RsgenError
+        The value is text and not a number with a unit.
+    """
+    return _split(value)[1] or None if isinstance(value, str) else None
+
+
+def sensor_unit(name: str, target: str) -> str:
+    """Spell a unit of measured data so that it means what a vibration engineer means.
+
+    Among accelerations g is the standard gravity, never the gram; a mil is a length, never an angle; s2 is
+    s^2.
+
+    Examples
+    --------
+    >>> sensor_unit("g/N", "m/s^2/N"), sensor_unit("g", "kg"), sensor_unit("mil", "m")
+    ('standard_gravity/N', 'g', 'thou')
+    >>> sensor_unit("100 mV/g", "V/(m/s^2)"), sensor_unit("(m/s2)/N", "m/s^2/N")
+    ('100 mV/standard_gravity', '(m/s^2)/N')
+    """
+    spelled = _GRAVITY.sub(r"\1standard_gravity", name) if "s^2" in target else name
+    return _SQUARE.sub(r"\1^2", _MIL.sub("thou", spelled))
+
+
+def sensor_factor(text: str, unit: str, target: str) -> float:
+    """Give the factor from numbers in ``unit`` to SI that the sheet of a sensor or amplifier says.
+
+    Parameters
+    ----------
+    text
+        What the numbers are multiplied by, "10 g/V", or a sensitivity, "100 mV/g", by which they are divided:
+        the dimension shows which it is.
+    unit, target
+        Of the numbers, and the SI unit to come out.
+
+    Raises
+    ------
+    RsgenError
+        It leads from one to the other neither way.
+
+    Examples
+    --------
+    >>> sensor_factor("10 g/V", "V", "m/s^2"), sensor_factor("100 mV/g", "mV", "m/s^2")
+    (98.0665, 0.0980665)
+    """
+    faults = []
+    # elsewhere g is the gram where that fits, else the gravity: "2 kg" for a force from a base in g
+    for meaning in dict.fromkeys((target, _ACCELERATION)):
+        name, spelled = sensor_unit(unit, meaning), sensor_unit(text, meaning)
+        size = quantity(f"1 {name}")
+        try:
+            return size * quantity(spelled, f"({target})/({name})")
+        except RsgenError as fault:
+            faults.append(fault)
+        try:
+            return size / quantity(spelled, f"({name})/({target})")
+        except (RsgenError, ZeroDivisionError):
+            continue
+    raise RsgenError(str(faults[0]).replace("standard_gravity", "g"))
+
+
+def quantity(value: object, unit: str | None = None) -> float:
+    """The SI value of a number or of a number with its unit.
+
+    Parameters
+    ----------
+    value
+        A bare number, taken as SI, or text: ``"5.92 kN/m"``.
+    unit
+        Any unit of the dimension that is needed, "1" for a plain number; None takes every dimension.
+
+    Returns
+    -------
+    float
+        The value in SI units (N, m, s, kg; Hz stays Hz, angles are in rad).
+
+    Raises
+    ------
+    RsgenError
+        It is no such value, not finite, or of another dimension than is needed. Hz and rad/s are different.
+
+    Examples
+    --------
+    >>> quantity("5.92 kN/m", "N/m"), quantity("20 mm", "m"), quantity(5920, "N/m")
+    (5920.0, 0.02, 5920.0)
+    >>> quantity("5.92 kN", "N/m")
+    Traceback (most recent call last):
+    ...
+    rsgen.common.errors.RsgenError: '5.92 kN' is a force, but N/m (a stiffness) is needed
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise RsgenError(f"{_shown(value)} is not a number; {_USAGE}")
+    if not isinstance(value, str):
+        return _finite(value, _shown(value))
+    number, text = _split(value)
+    if not text:
+        needed = f"; a unit such as {unit} is missing" if unit and unit != "1" else ""
+        raise RsgenError(f"{_shown(value)} is a number in quotes{needed}; {_USAGE}")
+    try:
+        found = read_unit(text)
+    except RsgenError as fault:
+        raise RsgenError(f"{_shown(value)}: {fault}") from None
+    if unit is not None:
+        needed_dimension = read_unit(unit).dimension
+        if found.dimension != needed_dimension:
+            raise RsgenError(_mismatch(_shown(value), number, found.dimension, needed_dimension, unit))
+    return _finite(number * found.factor, _shown(value))
+
+
+def _finite(number: float | Fraction, shown: str) -> float:
+    try:
+        value = float(number)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value) or abs(value) > _LARGEST or (number and abs(value) < _SMALLEST):
+        raise RsgenError(f"{shown} is out of range; values are 0 or between 1e-300 and 1e300 in magnitude")
+    return value + 0.0  # -0.0 as 0.0
+
+
+def _mismatch(shown: str, number: Fraction, found: Dimension, needed: Dimension, unit: str) -> str:
+    if (found, needed) == (_HERTZ, _RATE):
+        radians = float(number) * 2 * math.pi
+        return f"{shown} counts cycles, but {unit} is needed; a cycle is 2 pi rad: write {radians:.6g} rad/s"
+    if (found, needed) == (_RATE, _HERTZ):
+        return f"{shown} is an angular frequency, but {unit} is needed; 2 pi rad/s are 1 Hz"
+    what = found.name or f"in {found}"
+    wanted = f" ({needed.name})" if needed.name and needed != NUMBER else ""
+    if needed == NUMBER:
+        return f"{shown} is {what}, but a plain number without unit is needed"
+    return f"{shown} is {what}, but {unit}{wanted} is needed"

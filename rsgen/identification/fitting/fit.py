@@ -1,0 +1,344 @@
+"""The one fit: a law, seen through an observation, by a forward model that is asked for every test point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
+from rsgen.identification.fitting.across import MeasuredAcross
+from rsgen.identification.fitting.descent import Descent
+from rsgen.identification.fitting.forward import HarmonicBalance
+from rsgen.identification.fitting.least_squares import Regression, fit
+from rsgen.identification.fitting.noise_across import pull_of_noise
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.simulator import Simulator
+from rsgen.identification.fitting.systematic import is_systematic
+from rsgen.law.motion import Motion, sine_motion
+
+__all__ = ["RESOLUTION", "Fit", "Solution", "fit_balance", "fit_simulator"]
+
+
+_EXACT = 1e-3
+"""Below this misfit, relative, data show what ``SAMPLES`` miss of a switch."""
+
+_FOLLOWED = 0.5
+"""Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
+
+RESOLUTION = 5.0
+"""A misfit up to this many times the simulator's accuracy is the simulator's."""
+
+_STEPS_KEPT, _RENEWALS = 6, 4
+"""Gauss-Newton steps with the same derivatives by the simulator, and times that these are taken anew."""
+
+_WORTH = 0.99
+"""Of simulated rounds one that leaves more of the misfit was the last: the rest is the simulator's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Values of a law and their errors.
+
+    Parameters
+    ----------
+    values, mass
+        (p,) of the law, and m [kg].
+    covariance
+        (q, q) of the values, then of the mass where it is free.
+    freedom
+        Degrees of freedom of the noise that the covariance rests on; (q,) where they differ.
+    misfit
+        Root mean square, relative.
+    """
+
+    values: Array
+    mass: float
+    covariance: Array
+    freedom: int | Array
+    misfit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A fit to every point.
+
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    regression
+        Its parameters are those of the problem; its influence is that of relative deviations.
+    force, harmonics
+        (n,) [N] and (n, H+1) [m]: predicted, of the mode, relative to a fundamental of phase zero.
+    turn
+        (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
+    scale
+        (n,) amplitude of the fundamental that the sensor sees [m].
+    force_noise
+        (n,) noise of the force with that of a motion across, relative to its own; None: not weighed.
+    """
+
+    problem: Problem
+    regression: Regression
+    force: ComplexArray
+    harmonics: ComplexArray
+    turn: Array
+    scale: Array
+    force_noise: Array | None = None
+
+    @property
+    def values(self) -> Array:
+        """(p,) of the law."""
+        return self.problem.split(self.regression.parameters)[0]
+
+    @property
+    def mass(self) -> float:
+        """The given or the fitted one [kg]."""
+        return self.problem.split(self.regression.parameters)[1]
+
+    @property
+    def background(self) -> Array:
+        """(b,) values of the background."""
+        return self.problem.split(self.regression.parameters)[2]
+
+    @property
+    def solution(self) -> Solution:
+        """Of the law, the errors that the background causes included."""
+        found, count = self.regression, self.problem.count
+        covariance = found.covariance[:count, :count]
+        return Solution(self.values, self.mass, covariance, found.freedom, found.noise)
+
+    @property
+    def motion(self) -> Motion:
+        """Predicted, of the mode, in the phase that was measured."""
+        return Motion(self.problem.observed.points.omega, self.harmonics).turned(self.turn)
+
+    def select(self, chosen: NDArray[np.intp]) -> Fit:
+        """Take some of the points; what was found from all stays."""
+        of_points = ("nuisance", "misfit", "used", "influence", "rows", "residual")
+        part = {name: getattr(self.regression, name)[chosen] for name in of_points}
+        return Fit(
+            self.problem.select(chosen),
+            replace(self.regression, **part),
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.turn[chosen],
+            self.scale[chosen],
+            None if self.force_noise is None else self.force_noise[chosen],
+        )
+
+
+def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
+    """Predict at the estimate, relative to a fundamental of phase zero."""
+    response = descent.predict(regression.parameters, regression.nuisance)
+    lag = np.angle(response.harmonics[:, 1])
+    values = problem.split(regression.parameters)[2]
+    influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
+    if descent.scale is None:
+        influence = problem.observed.relative_influence(influence, values, regression.nuisance)
+    if response.force_noise is not None:
+        influence, half = np.array(influence), (influence.shape[1] + 1) // 2
+        influence[:, [0, half]] /= response.force_noise[:, None, None]
+    regression = replace(regression, influence=influence)
+    motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
+    # without a phase the points get the one in which the fundamental of the mode is real
+    known = problem.observed.phase_known
+    return Fit(
+        problem,
+        regression,
+        response.force * np.exp(-1j * lag),
+        motion.harmonics,
+        regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
+        np.abs(problem.observed.seen(response, values)),
+        response.force_noise,
+    )
+
+
+def fit_balance(
+    problem: Problem,
+    parameters: Array,
+    *,
+    order: int,
+    reject: bool = True,
+    steps: int = STEPS,
+    correct: bool = True,
+) -> Fit:
+    """Fit by harmonic balance to all points at once.
+
+    Parameters
+    ----------
+    problem, parameters
+        What is fitted, and where to start.
+    order
+        Harmonics carried in the balance; 1 is first order.
+    reject
+        Whether outliers are set aside.
+    steps
+        Most Gauss-Newton steps.
+    correct
+        Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
+    """
+    observed, law = problem.observed, problem.law
+    mode = observed.mode(problem.split(parameters)[2])
+    nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
+    forward = _forward(problem, mode, order, observed.background.turn(problem.split(parameters)[2]))
+    descent = Descent(problem, forward)
+    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
+    if not law.odd:
+        common["natural"] = _natural_sizes(problem, parameters, mode)
+    if not observed.phase_known:
+        # without phases the sign of a difference is that of its logarithm, and the start is near
+        descent.scale = mode.amplitude
+    found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
+    values, mass, _ = problem.split(found.parameters)
+    if observed.phase_known and found.noise > NOISY and forward.weigh(values, mass, np.abs(mode.force)):
+        weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
+        if is_systematic(weighed.residual, mode.pairs(weighed.used)):
+            # a misfit of the law is no noise: where it is, points count by their force
+            forward.noise = None
+        else:
+            found = weighed
+    # first order is what it says, not what a coarse sum makes of it
+    coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
+    if coarse and (order == 1 or found.noise < _EXACT):
+        forward.samples = SAMPLES_SWITCHED
+        more = 1 if order == 1 else steps
+        found = fit(descent.linearise, found.parameters, found.nuisance, steps=more, **common)
+    # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
+    if found.noise > NOISY and not law.rough:
+        response = descent.predict(found.parameters, found.nuisance)
+        descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
+        place, used = (found.parameters, found.nuisance), found.used
+        found = fit(descent.linearise, *place, steps=steps, used=used, **common)
+        if correct:
+            found = descent.corrected(found)
+    if correct and forward.noise is not None:
+        pull = pull_of_noise(problem, found, forward.noise)
+        found = pull.taken_off(found) if pull else found
+    return _finish(problem, descent, found)
+
+
+def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
+    """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
+    free = problem.given is None
+    if problem.law.acts_across and mode.across is not None:
+        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across), mass_free=free)
+    about_rest, load = 0 not in mode.measured, mode.load
+    if load is not None:
+        # the phase error between force and response turns every harmonic
+        load = load * (turn ** np.arange(load.shape[1]))
+    return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest, load=load)
+
+
+def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
+    """Fit by the compiled steady states, started on the measured branch.
+
+    Parameters
+    ----------
+    problem, start
+        What is fitted, and its fit of the balance.
+    accuracy
+        Of the simulated amplitude, relative.
+
+    Returns
+    -------
+    Fit or None
+        None where the simulator cannot follow enough of the points.
+    """
+    observed, before = problem.observed, start.regression
+    noisy = before.noise > NOISY
+    drive, motion, amplitude = _near_motion(start, noisy)
+    forward = Simulator(
+        problem.elements,
+        problem.law,
+        motion,
+        amplitude,
+        drive,
+        [h for h in observed.points.measured if h != 1] if observed.phase_known else [],
+        before.parameters[: problem.count],
+        before.strength[: problem.count],
+        before.noise,
+        null=_null_of_law(before, problem.count),
+        accuracy=accuracy,
+    )
+    descent = Descent(problem, forward)
+    descent.scale = start.scale if noisy else observed.points.amplitude
+    parameters, noise = before.parameters, before.noise
+    nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
+    values, mass, _ = problem.split(parameters)
+    predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
+    if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
+        return None
+    for _ in range(_RENEWALS):
+        found = fit(
+            descent.linearise,
+            parameters,
+            nuisance,
+            steps=_STEPS_KEPT,
+            neighbours=observed.points.neighbours,
+            attainable=RESOLUTION * accuracy,
+            held=problem.held,
+        )
+        if noisy:
+            found = descent.corrected(found)
+        parameters, nuisance = found.parameters, found.nuisance
+        exact = found.noise < RESOLUTION * accuracy
+        if found.converged and (exact or found.noise > _WORTH * noise):
+            break
+        # near a fold derivatives change quickly
+        noise = found.noise
+        forward.renew()
+    if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
+        return None
+    return _finish(problem, descent, found)
+
+
+def _null_of_law(found: Regression, count: int) -> Array:
+    """(q, d) directions of parameters and mass that change no prediction, without those of a background."""
+    beside = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
+    # round-off beside a parameter without effect would make it one of the others
+    null = np.where(np.abs(found.null[:count]) > NULL_PART, found.null[:count], 0.0)
+    return (null / found.scale[:count, None])[:, ~beside]
+
+
+def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:
+    """(q,) sizes at which a term of the law equals the inertia force of the largest motion; zero for others.
+
+    A constant force moves the mean alone, and is in the fundamental by round-off even if it is zero.
+    """
+    law = problem.law
+    values, mass, _ = problem.split(parameters)
+    largest = [int(np.argmax(mode.amplitude))]
+    motion = sine_motion(mode.omega[largest], mode.amplitude[largest])
+    force = abs(mass) * float(motion.omega[0] ** 2 * mode.amplitude[largest][0])
+    slopes = law.along(motion, values, SAMPLES).by_parameter
+    sizes = np.zeros(len(parameters))
+    for place in law.linear:
+        slope = float(np.max(np.abs(slopes[place])))
+        sizes[place] = force / slope if slope > 0 else 0.0
+    return sizes
+
+
+def _near_motion(start: Fit, noisy: bool) -> tuple[ComplexArray, Motion, Array]:
+    """Force and motion of the mode near the measured ones, and its measured amplitude (n,) [m]."""
+    observed = start.problem.observed
+    mode = observed.mode(start.background)
+    seen = start.problem.law.odd or 0 in mode.measured
+    if observed.phase_known and not noisy and seen:
+        return mode.force, mode.motion, mode.amplitude
+    # what the balance made of force and response together is less noisy, and has a phase
+    smooth, found = start.force * np.exp(1j * start.turn), start.motion.harmonics
+    near = np.zeros((len(mode), max(found.shape[1], mode.harmonics.shape[1])), dtype=complex)
+    near[:, : mode.harmonics.shape[1]] = mode.harmonics
+    good = np.isfinite(smooth) & np.isfinite(found).all(axis=1) & start.regression.used
+    near[good] = 0
+    near[good, : found.shape[1]] = found[good]
+    amplitude = mode.amplitude
+    if not observed.phase_known:
+        amplitude = np.where(np.isfinite(start.force), np.abs(found[:, 1]), amplitude)
+    return np.where(good, smooth, mode.force), Motion(mode.omega, near), amplitude

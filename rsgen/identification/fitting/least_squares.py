@@ -1,0 +1,378 @@
+"""Maximum likelihood where force and response both carry noise.
+
+Every point has one or two unknowns that concern only itself (its true amplitude, its time origin): nuisances.
+They are eliminated point by point, so that the least-squares problem keeps the size of the parameters; the
+matrix is never squared, and its columns are scaled, because parameters differ by many orders of magnitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, blocks
+from rsgen.common.distributions import chi_square_exceeded
+from rsgen.common.tolerances import BLOCK, GAIN, HALVINGS, OUTLIERS, ROUND_OFF, STEPS, UNCHANGED
+from rsgen.identification.fitting.scaled_columns import determined, solve_scaled
+
+__all__ = ["Linearisation", "Regression", "eliminate", "fit", "remove_bias"]
+
+Mask = NDArray[np.bool_]
+
+_FOLLOWED = 0.98
+"""A step after which fewer of the points can still be predicted is too long."""
+
+_OUTLYING = 3e-3
+"""Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
+
+_TOGETHER = 3.0
+"""Outliers that are neighbours more often than chance would bring, by this factor, are none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearisation:
+    """The model around the present parameters, in units of the expected noise.
+
+    Parameters
+    ----------
+    residual
+        (n, M) measured minus predicted; NaN in every row of a point that could not be predicted.
+    by_nuisance
+        (n, M, k) derivative of the prediction by the k nuisances of each point.
+    by_parameter
+        (n, M, q) derivative of the prediction by the parameters.
+    """
+
+    residual: Array
+    by_nuisance: Array
+    by_parameter: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regression:
+    """What a fit leaves.
+
+    Parameters
+    ----------
+    parameters
+        (q,) the estimate.
+    nuisance
+        (n, k) the nuisances of each point.
+    covariance
+        (q, q), scaled with the noise found in the residual; NaN for parameters that are not identifiable.
+    null
+        (q, d) directions in the space of scaled parameters that the points do not tell.
+    scale
+        (q,) by which the parameters are scaled there.
+    noise
+        Noise found, in units of the expected one.
+    misfit
+        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN where it
+        could not be predicted.
+    used
+        (n,) False for outliers and points that could not be predicted.
+    freedom
+        Degrees of freedom left for the noise.
+    converged
+        False where the steps did not become small.
+    strength
+        (q,) root mean square change of the prediction by a unit of each parameter, in units of the
+        expected noise.
+    influence
+        (n, M, q) change of the estimate by a unit of each residual; zero for points that are not used.
+    basis
+        (q, r) the parameters by r independent directions, which the points determine equally well.
+    rows, residual
+        (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
+        sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    """
+
+    parameters: Array
+    nuisance: Array
+    covariance: Array
+    null: Array
+    scale: Array
+    noise: float
+    misfit: Array
+    used: Mask
+    freedom: int
+    converged: bool
+    strength: Array
+    influence: Array
+    basis: Array
+    rows: Array
+    residual: Array
+
+    def first(self, count: int) -> Regression:
+        """What concerns the first parameters; errors that the others cause stay in."""
+        return replace(
+            self,
+            parameters=self.parameters[:count],
+            covariance=self.covariance[:count, :count],
+            null=self.null[:count],
+            scale=self.scale[:count],
+            strength=self.strength[:count],
+            influence=self.influence[:, :, :count],
+            basis=self.basis[:count],
+        )
+
+
+def fit(
+    linearise: Callable[[Array, Array], Linearisation],
+    parameters: Array,
+    nuisance: Array,
+    *,
+    steps: int = STEPS,
+    reject: bool = True,
+    neighbours: NDArray[np.intp] | None = None,
+    used: Mask | None = None,
+    attainable: float = 0.0,
+    natural: Array | None = None,
+    held: Sequence[int] = (),
+) -> Regression:
+    """Gauss-Newton with step halving on parameters and nuisances together.
+
+    Parameters
+    ----------
+    linearise
+        Called with (q,) parameters and (n, k) nuisances.
+    parameters, nuisance
+        Where to start.
+    steps
+        Most Gauss-Newton steps in a round; there is a round for each setting aside of outliers.
+    reject
+        Whether outliers are set aside.
+    neighbours
+        (k, 2) pairs of points next to each other in the test. Where neighbours disagree together it is
+        the law that does not fit, and no point is set aside.
+    used
+        (n,) points to begin with, all where it is None.
+    attainable
+        Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
+    natural
+        (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
+    held
+        Parameters that stay where they are, yet count among the unknowns when errors are stated.
+    """
+    natural = np.zeros(len(parameters)) if natural is None else natural
+    used = np.ones(len(nuisance), dtype=bool) if used is None else used
+    rounds = 4 if reject else 1
+    converged = False
+    for _ in range(rounds):
+        parameters, nuisance, line, converged = _descend(
+            linearise, parameters, nuisance, used, steps, attainable, natural, held
+        )
+        predicted = np.isfinite(line.residual).all(axis=1)
+        kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
+        used, before = kept, used
+        if np.array_equal(used, before):
+            break
+    return _summary(line, parameters, nuisance, used, converged, natural)
+
+
+def eliminate(line: Linearisation) -> tuple[Array, Array]:
+    """Remove from residual and derivatives what the nuisances of each point can take up."""
+    residual, matrix = np.array(line.residual), np.array(line.by_parameter)
+    for part in blocks(len(residual), BLOCK):
+        _eliminate(residual[part], matrix[part], line.by_nuisance[part])
+    return residual, matrix
+
+
+def _eliminate(residual: Array, matrix: Array, by_nuisance: Array) -> None:
+    """Remove it in place."""
+    basis: list[Array] = []
+    for column in np.moveaxis(by_nuisance, 2, 0):
+        for unit in basis:
+            column = column - unit * np.sum(unit * column, axis=1, keepdims=True)
+        norm = np.sqrt(np.sum(column**2, axis=1, keepdims=True))
+        unit = column / np.where(norm > 0, norm, 1.0)
+        basis.append(unit)
+        residual -= unit * np.sum(unit * residual, axis=1, keepdims=True)
+        matrix -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
+
+
+def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array]:
+    """Equations (r, q) of the chosen points, and their right sides (r,)."""
+    if not chosen.all():
+        matrix, residual = matrix[chosen], residual[chosen]
+    right = residual.reshape(-1)
+    return matrix.reshape(len(right), matrix.shape[2]), right
+
+
+def _descend(
+    linearise: Callable[[Array, Array], Linearisation],
+    parameters: Array,
+    nuisance: Array,
+    used: Mask,
+    steps: int,
+    attainable: float,
+    natural: Array,
+    held: Sequence[int],
+) -> tuple[Array, Array, Linearisation, bool]:
+    line = linearise(parameters, nuisance)
+    for _ in range(steps):
+        good = used & np.isfinite(line.residual).all(axis=1)
+        if not good.any():
+            return parameters, nuisance, line, False
+        residual, matrix = eliminate(line)
+        flat, right = _stacked(matrix, residual, good)
+        if held:
+            flat = np.array(flat)
+            flat[:, list(held)] = 0.0
+        change, _, _ = solve_scaled(flat, right, parameters, natural)
+        rest = line.residual - line.by_parameter @ change
+        nuisance_change = np.zeros_like(nuisance)
+        predicted = np.isfinite(rest).all(axis=1)
+        nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted]).clip(-1, 1)
+        with np.errstate(over="ignore"):
+            relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
+        cost = float(np.sum(line.residual[good] ** 2))
+        expected = float(np.sum((residual - matrix @ change)[good] ** 2))
+        gain = (cost - expected) * right.size / max(expected, 1e-300)
+        if gain < GAIN:
+            return parameters, nuisance, line, True
+        realised = -1.0
+        reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
+        for part in 0.5 ** np.arange(1 if reached else HALVINGS):
+            moved = parameters + part * change, nuisance + part * nuisance_change
+            trial = linearise(*moved)
+            both = good & np.isfinite(trial.residual).all(axis=1)
+            if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
+                continue
+            before, after = (float(np.sum(each.residual[both] ** 2)) for each in (line, trial))
+            if after <= before:
+                (parameters, nuisance), line = moved, trial
+                realised = (before - after) * residual[good].size / max(after, 1e-300)
+                break
+        least = max(GAIN, UNCHANGED * residual[good].size) if reached else GAIN
+        if realised < least or relative < ROUND_OFF:
+            # no better point along the step: round-off decides, or the step was already tiny
+            return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
+    return parameters, nuisance, line, False
+
+
+def _least_squares(matrix: Array, right: Array) -> Array:
+    """(n, 2) solutions of n small problems of two unknowns, by orthogonalisation; (n, 1) of one."""
+    first = matrix[:, :, 0]
+    size = np.maximum(np.sum(first**2, axis=1), 1e-300)
+    if matrix.shape[2] == 1:
+        return np.asarray(np.sum(first * right, axis=1) / size)[:, None]
+    second = matrix[:, :, 1]
+    share = np.sum(first * second, axis=1) / size
+    rest = second - share[:, None] * first
+    two = np.sum(rest * right, axis=1) / np.maximum(np.sum(rest**2, axis=1), 1e-300)
+    one = np.sum(first * right, axis=1) / size - share * two
+    return np.stack([one, two], axis=1)
+
+
+def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
+    """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
+    residual, _ = eliminate(line)
+    distance = np.sum(residual**2, axis=1)
+    freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
+    # force and fundamental alone have as many rows more than nuisances as there are nuisances
+    fewest = min(line.by_nuisance.shape[2], freedom)
+    limit = max(_largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _OUTLYING**2)
+    order = np.sort(distance[np.isfinite(distance)])[::-1]
+    most = int(OUTLIERS * len(order))
+    if most < len(order):
+        limit = max(limit, float(order[most]))
+    agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
+    if neighbours is not None:
+        apart = ~agreeing & np.isfinite(distance)
+        together = int(np.count_nonzero(apart[neighbours].all(axis=1)))
+        share = np.count_nonzero(apart) / len(apart)
+        if together > _TOGETHER * share**2 * len(neighbours) + 2:
+            return np.ones(len(apart), dtype=bool)
+    return agreeing
+
+
+def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
+    """What the distance of a point exceeds with a probability, by the median and upper quartile of all.
+
+    Harmonics with less noise than the fundamental leave a distance of fewer degrees of freedom than it has
+    rows, with a longer tail; the fundamental and the force alone leave the ``fewest``.
+    """
+    if not len(distance):
+        return chi_square_exceeded(freedom, chance)
+    middle, upper = np.quantile(distance, [0.5, 0.75])
+
+    def spread(count: int) -> float:
+        return chi_square_exceeded(count, 0.25) / chi_square_exceeded(count, 0.5)
+
+    free = next((count for count in range(freedom, fewest, -1) if spread(count) * middle >= upper), fewest)
+    return float(middle) * chi_square_exceeded(free, chance) / chi_square_exceeded(free, 0.5)
+
+
+def _summary(
+    line: Linearisation, parameters: Array, nuisance: Array, used: Mask, converged: bool, natural: Array
+) -> Regression:
+    residual, matrix = eliminate(line)
+    each = residual.shape[1] - line.by_nuisance.shape[2]
+    count = len(parameters)
+    stacked, right = _stacked(matrix, residual, used)
+    _, inverse, null = solve_scaled(stacked, right, parameters, natural)
+    norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
+    freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
+    variance = float(right @ right) / freedom
+    fisher = inverse @ inverse.T * variance
+    distance = np.sum(residual**2, axis=1)
+    matrix[~used] = 0.0
+    residual[~used] = 0.0
+    # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
+    scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
+    flat = matrix.reshape(residual.size, count)
+    points = int(np.count_nonzero(used))
+    sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
+    spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
+    ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
+    widen = np.maximum(ratio, 1.0)
+    covariance = determined(fisher * np.outer(widen, widen), null)
+    slopes, _ = _stacked(line.by_parameter, line.residual, used)
+    strength = np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1))
+    return Regression(
+        parameters,
+        nuisance,
+        covariance,
+        null,
+        np.where(norm > 0, norm, 1.0),
+        float(np.sqrt(variance)),
+        np.sqrt(distance / each),
+        used,
+        freedom,
+        converged,
+        strength,
+        (flat @ (inverse @ inverse.T)).reshape(matrix.shape),
+        inverse,
+        (flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
+        residual,
+    )
+
+
+def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], Array]) -> Regression:
+    """Correct the parameters for the square of the noise.
+
+    Parameters
+    ----------
+    found, line
+        A fit, and the linearisation at its end.
+    curvature
+        Gives (n, M, k) second derivatives of the prediction by each nuisance; mixed ones vanish.
+    """
+    normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
+    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
+    variance = np.zeros(normal.shape[:2])
+    inverse = np.linalg.inv(normal[regular])
+    variance[regular] = np.diagonal(inverse, axis1=1, axis2=2) * found.noise**2
+    shift = 0.5 * np.einsum("nmk,nk->nm", curvature(), variance)
+    regular &= np.isfinite(shift).all(axis=1)
+    residual, matrix = eliminate(replace(line, residual=shift))
+    change, _, _ = solve_scaled(*_stacked(matrix, residual, regular), found.parameters)
+    # what the points say of the corrected parameters
+    moved = found.residual - np.nan_to_num(matrix) @ change
+    moved[regular] += residual[regular]
+    moved[~found.used] = 0.0
+    return replace(found, parameters=found.parameters + change, residual=moved)

@@ -1,0 +1,264 @@
+"""The test points that take part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Chosen
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import OUTCOMES, ResponseSurface
+from rsgen.data.surface.phase_lag import RESONANT
+from rsgen.law.motion import Motion
+
+__all__ = ["ASYMMETRIC", "Points", "held_out_mask", "per_unit_mass", "select_points"]
+
+
+ASYMMETRIC = 0.2
+"""Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""
+
+_SOME = 3
+"""At least as many points are no accident."""
+
+_QUADRATURE = 0.2
+"""Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
+
+FEWEST = 4
+"""Points: a mass, a spring and a damper, and one to disagree with them."""
+
+_RANGE = (1e-60, 1e60)
+"""Sizes of force, response and frequency in SI units: their fourth powers are still numbers, and nothing
+measured is near."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """What the fits see of a surface.
+
+    Parameters
+    ----------
+    index
+        (n,) rows of the surface.
+    level, omega
+        (n,) nominal force amplitude [N] and angular frequency [rad/s].
+    sweep
+        (n,) "rest", "up", "down".
+    force
+        (n,) complex amplitude of the measured force [N].
+    harmonics
+        (n, H+1) complex displacement [m].
+    measured
+        Harmonics (0 for the mean) that the test measured; others are all zero in the table.
+    peak
+        (n, 2) largest and smallest displacement [m], NaN where unknown.
+    across
+        (n, H+1) complex displacement [m] across the elements, None where the law acts on the response.
+    load
+        (n, K+1) complex harmonics of the force [N], None where only the fundamental was recorded.
+    """
+
+    index: NDArray[np.intp]
+    level: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    sweep: NDArray[np.str_]
+    force: NDArray[np.complex128]
+    harmonics: NDArray[np.complex128]
+    measured: tuple[int, ...]
+    peak: NDArray[np.float64]
+    across: NDArray[np.complex128] | None = None
+    load: NDArray[np.complex128] | None = None
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    @property
+    def motion(self) -> Motion:
+        """Harmonics over their frequencies."""
+        return Motion(self.omega, self.harmonics)
+
+    @property
+    def amplitude(self) -> NDArray[np.float64]:
+        """(n,) X [m]."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def asymmetric(self) -> bool:
+        """Whether some motions have a mean or a second harmonic that no noise explains."""
+        even = np.abs(self.harmonics[:, 0:3:2]).max(axis=1) / self.amplitude
+        return int(np.count_nonzero(even > ASYMMETRIC)) >= _SOME
+
+    @property
+    def strong(self) -> bool:
+        """Whether some motions are so far from a sine that a balance of few harmonics may miss them."""
+        higher = np.abs(self.harmonics[:, 2:]).max(axis=1, initial=0.0) / self.amplitude
+        return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
+
+    @property
+    def lag(self) -> NDArray[np.float64]:
+        """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed."""
+        stiffness = self.force / self.harmonics[:, 1]
+        return np.asarray(np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2)
+
+    @property
+    def in_quadrature(self) -> NDArray[np.bool_]:
+        """(n,) True where the response lags the force by nearly a quarter period, or as in all points."""
+        common = float(np.median(self.lag))
+        return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _QUADRATURE
+
+    @property
+    def runs(self) -> list[NDArray[np.intp]]:
+        """Rows of every level and sweep, ascending in frequency."""
+        runs = []
+        for level, sweep in sorted({*zip(self.level.tolist(), self.sweep.tolist(), strict=True)}):
+            rows = np.flatnonzero((self.level == level) & (self.sweep == sweep))
+            runs.append(rows[np.argsort(self.omega[rows], kind="stable")])
+        return runs
+
+    @property
+    def neighbours(self) -> NDArray[np.intp]:
+        """(k, 2) pairs next to each other in frequency within one level and sweep.
+
+        Points that have their level and sweep to themselves are of a backbone if all are at phase resonance,
+        and then next to each other in amplitude.
+        """
+        order = np.lexsort((self.omega, self.sweep, self.level))
+        same = (self.level[order][1:] == self.level[order][:-1]) & (
+            self.sweep[order][1:] == self.sweep[order][:-1]
+        )
+        paired = np.concatenate([[False], same]) | np.concatenate([same, [False]])
+        alone = order[~paired] if len(order) else order
+        backbone = len(alone) > 0 and bool(self.in_quadrature[alone].all())
+        alone = alone if backbone else alone[:0]
+        chain = alone[np.argsort(self.amplitude[alone], kind="stable")]
+        first = np.concatenate([order[:-1][same], chain[:-1]])
+        return np.stack([first, np.concatenate([order[1:][same], chain[1:]])], axis=1)
+
+    def pairs(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """(k, 2) ``neighbours`` of which both are ``counted``, (n,)."""
+        pairs = self.neighbours
+        return pairs[counted[pairs].all(axis=1)]
+
+    def select(self, chosen: Chosen) -> Points:
+        """Keep some points."""
+        return Points(
+            self.index[chosen],
+            self.level[chosen],
+            self.omega[chosen],
+            self.sweep[chosen],
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.measured,
+            self.peak[chosen],
+            None if self.across is None else self.across[chosen],
+            None if self.load is None else self.load[chosen],
+        )
+
+    def spread(self, count: int) -> NDArray[np.intp]:
+        """Choose about ``count`` points evenly over the amplitude: a quick picture of the whole test."""
+        if len(self) <= count:
+            return np.arange(len(self))
+        order = np.lexsort((self.omega, self.amplitude))
+        return np.sort(order[np.linspace(0, len(self) - 1, count).round().astype(np.intp)])
+
+
+def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
+    """(n,) True where a point belongs to a level that identification must not see."""
+    meant = [surface.find_level(level) for level in model.observation.hold_out]
+    return np.isin(surface.level, [level for level in meant if level is not None])
+
+
+def _why_unused(surface: ResponseSurface) -> str:
+    """Count what keeps points out, in words."""
+    reasons = [
+        f"{count} {sentence}"
+        for kind, sentence in enumerate(OUTCOMES)
+        if kind and (count := int(np.count_nonzero(surface.outcome == kind)))
+    ]
+    still = int(np.count_nonzero(surface.settled & (surface.amplitude == 0)))
+    if still:
+        reasons.append(f"{still} do not move: friction holds the mass at these levels")
+    return f" ({'; '.join(reasons)})" if reasons else ""
+
+
+def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurface, Model]:
+    """Give test and model one kind of force: where it is one per mass, on the mass, or on one kilogram.
+
+    With a known mass forces become newtons. Without one the mass of the balance is 1 kg, the forces stay as
+    they are, and the parameters are per unit mass: no test of a driven base determines more.
+    """
+    if not surface.per_mass:
+        return surface, model
+    if model.mass is None:
+        return surface, replace(model, mass=1.0)
+    return surface.on_mass(model.mass), model
+
+
+def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:
+    """(n, K+1) harmonics of the force that were recorded, those that are not numbers zero."""
+    load = np.nan_to_num(surface.force_harmonics[index])
+    higher = load[:, [h for h in range(load.shape[1]) if h != 1]]
+    return load if higher.any() else None
+
+
+def select_points(surface: ResponseSurface, model: Model) -> Points:
+    """Take the points that identification may use.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the surface, or fewer than four points remain.
+    """
+    for level in model.observation.hold_out:
+        if surface.find_level(level) is None:
+            unit = surface.level_unit
+            raise RsgenError(
+                f"hold_out: no level {level:g} {unit} in the surface; it has {surface.level_names} {unit}"
+            )
+    harmonics = np.array(surface.harmonics)
+    higher = ~np.isfinite(harmonics)
+    higher[:, 1] = False
+    harmonics[higher] = 0
+    good = (
+        surface.settled
+        & ~held_out_mask(surface, model)
+        & np.isfinite(harmonics[:, 1])
+        & np.isfinite(surface.force)
+        & (np.abs(harmonics[:, 1]) > 0)
+        & (np.abs(surface.force) > 0)
+    )
+    if model.observation.band is not None:
+        low, high = model.observation.band
+        good &= (surface.frequency >= low) & (surface.frequency <= high)
+    index = np.flatnonzero(good)
+    for name, size in (
+        ("force", surface.force),
+        ("response", surface.amplitude),
+        ("frequency", surface.omega),
+    ):
+        low, high = _RANGE
+        far = index[(np.abs(size[index]) < low) | (np.abs(size[index]) > high)]
+        if len(far):
+            found = f"{np.abs(size[far[0]]):g} in row {far[0]}"
+            raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
+    if len(index) < FEWEST:
+        raise RsgenError(
+            f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "
+            f"band, finite force and response); identification needs at least {FEWEST}{_why_unused(surface)}"
+        )
+    chosen = harmonics[index]
+    measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))
+    return Points(
+        index,
+        surface.level[index],
+        surface.omega[index],
+        surface.sweep[index],
+        surface.force[index],
+        chosen,
+        measured,
+        surface.peak[index],
+        None if surface.across is None else np.nan_to_num(surface.across[index]),
+        _load_of(surface, index),
+    )

@@ -1,0 +1,69 @@
+"""What is fitted to what: a law with free values, and what the sensors saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.identification.fitting.observed import Observed
+from rsgen.law.element import Element
+from rsgen.law.numeric import ForceLaw
+
+__all__ = ["Problem"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What is fitted to what: parameters are those of the law by name, the mass where free, the background.
+
+    Parameters
+    ----------
+    elements, law
+        The laws, for the simulator and as array functions.
+    observed
+        The measured points.
+    given
+        m [kg], None where it is free.
+    held
+        Parameters that stay at their starting values, yet count among the unknowns when errors are stated.
+    """
+
+    elements: tuple[Element, ...]
+    law: ForceLaw
+    observed: Observed
+    given: float | None
+    held: tuple[int, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Parameters apart from the background."""
+        return len(self.law.parameters) + (self.given is None)
+
+    @property
+    def sensors(self) -> str:
+        """Between which sensors elements act, "" where all follow the response."""
+        return next((element.across for element in self.elements if element.across), "")
+
+    def split(self, parameters: Array) -> tuple[Array, float, Array]:
+        """Values of the law (p,), mass [kg] and background (b,)."""
+        values = parameters[: len(self.law.parameters)]
+        mass = float(parameters[len(values)]) if self.given is None else self.given
+        return values, mass, parameters[self.count :]
+
+    def join(self, values: Array, mass: float, background: Array | None = None) -> Array:
+        """One vector of them; None is a background of zeros."""
+        if background is None:
+            background = np.zeros(len(self.observed.background.names))
+        return np.concatenate([values, [mass] if self.given is None else [], background])
+
+    def select(self, chosen: NDArray[np.intp]) -> Problem:
+        """Take some of the points."""
+        return replace(self, observed=self.observed.select(chosen))
+
+    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
+        """Harmonics other than the fundamental that are measured, of those ``predicted``."""
+        measured = self.observed.points.measured if self.observed.phase_known else ()
+        return tuple(h for h in measured if h in predicted)

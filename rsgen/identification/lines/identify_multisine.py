@@ -1,0 +1,304 @@
+"""Identification of a law from a periodic multisine: the balance of every line, weighted by its noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding, Quantity, quantities, severity_of
+from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
+from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
+from rsgen.data.multisine.records import check_records, refuse_across
+from rsgen.data.oscillator import Model
+from rsgen.identification.fitting.fit import Solution
+from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
+from rsgen.identification.lines.line_fit import (
+    LineFit,
+    chance_of_noise,
+    delay_between,
+    errors_of,
+    fit_lines,
+    parts_of_band,
+    relative_to_force,
+    times_noise,
+)
+from rsgen.identification.lines.line_start import start_values
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
+from rsgen.identification.results.estimates import (
+    NOT_ZERO,
+    damping_findings,
+    make_estimates,
+    names_of,
+    units_of,
+    with_combinations,
+)
+from rsgen.law.interchangeable import put_in_order
+from rsgen.law.motion import Motion
+from rsgen.law.numeric import ForceLaw, compile_law
+
+__all__ = [
+    "MultisineIdentification",
+    "identify_multisine",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MultisineIdentification(Identification):
+    """What a multisine test determines of a model: an ``Identification``, and the spectra behind it.
+
+    ``paper`` and ``first_order`` are not known: both read one harmonic. ``resonances`` are those of the
+    best linear approximation of each level; their amplitude is sqrt(2) times the rms displacement.
+
+    Parameters
+    ----------
+    spectra
+        All records, those held out too.
+    approximations
+        Best linear approximation of every level that took part.
+    used
+        (r, H+1) lines of each record that took part.
+    misfit
+        (r, H+1) balance of each record that took part, F - m x'' - n, at each line [N].
+    deviation
+        (r, H+1) standard deviation of that balance, from the scatter of the periods [N]; NaN of one period.
+    """
+
+    spectra: MultisineSpectra = field(kw_only=True)
+    approximations: tuple[BestLinear, ...] = field(kw_only=True)
+    used: NDArray[np.bool_] = field(kw_only=True)
+    misfit: ComplexArray = field(kw_only=True)
+    deviation: Array = field(kw_only=True)
+
+
+def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
+    """Identify every parameter of a law, and the mass where it is not given, from periodic records.
+
+    Parameters
+    ----------
+    spectra
+        Force and displacement by record, period and line.
+    model
+        Laws without values; its observation holds levels out and limits the band.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the records, nothing is left, or the observation asks for a background.
+    """
+    refuse_across(model)
+    observation = model.observation
+    held = check_records(spectra, observation)
+    part = spectra.select(np.flatnonzero(~held))
+    law = compile_law(model.force)
+    lines = lines_of(part, observation.band, switched=law.switched)
+    count = int(lines.used.sum())
+    if 2 * count <= len(law.parameters) + 1:
+        raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
+    with np.errstate(all="ignore"):
+        values, mass = start_values(lines, law, model.mass)
+        fit = fit_lines(lines, law, model.mass, put_in_order(law, values), mass)
+        return _judge(spectra, lines, law, model, fit)
+
+
+def _judge(
+    spectra: MultisineSpectra, lines: Lines, law: ForceLaw, model: Model, fit: LineFit
+) -> MultisineIdentification:
+    part = lines.spectra
+    covariance, null, freedom, wider = errors_of(lines, fit, model.mass, law)
+    misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
+    noise = relative_to_force(lines, fit.noise.variance)
+    reasons = _reasons(law, model, null, covariance, fit)
+    solution = Solution(fit.values, fit.mass, covariance, freedom, misfit)
+    estimates = make_estimates(solution, law, model, reasons)
+    approximations = best_linear(part, model.observation.band)
+    findings = [e.finding for e in estimates if e.finding is not None]
+    findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
+    findings += _misfit_findings(lines, fit, misfit, noise, wider)
+    motion = Motion(np.full(len(part), part.omega0), part.mean_response)
+    findings += damping_findings(law, motion, fit.values, estimates)
+    findings += _damping_findings(lines, law, fit, misfit, noise)
+    findings += _delay_findings(lines, fit, misfit, model.mass)
+    if (lines.first > 1).any():
+        below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
+        findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
+    findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
+    if model.observation.calibrated:
+        ratios = [one.damping_ratio for one in approximations if one.damping_ratio > 0]
+        mass = fit.mass if np.isfinite(covariance).all() else None
+        findings += implausible(spectra, mass=mass, damping=min(ratios, default=None))
+    else:
+        findings.append(Finding("not-calibrated", "info"))
+    amplitudes = np.sqrt(2) * part.rms_response()
+    frequency = part.frequency[lines.used.any(axis=0)]
+    resonances = tuple(map(_resonance, approximations))
+    none = (nan, inf, (-inf, inf))
+    unread = tuple(Estimate(estimate.name, *none, estimate.unit) for estimate in estimates)
+    return MultisineIdentification(
+        model=model,
+        paper=unread,
+        first_order=unread,
+        refined=estimates,
+        first_order_bias=(nan,) * len(estimates),
+        covariance=covariance,
+        resonances=resonances,
+        curve=_curve(resonances),
+        residual=misfit,
+        noise=noise,
+        levels=part.levels,
+        amplitude_range=(float(amplitudes.min()), float(amplitudes.max())),
+        frequency_range=(float(frequency[0]), float(frequency[-1])),
+        outcome=_outcome(lines, estimates, misfit),
+        findings=tuple(findings),
+        solution=fit.values,
+        spectra=spectra,
+        approximations=approximations,
+        used=frozen_array(lines.used, np.bool_),
+        misfit=frozen_array(fit.balance.residual, np.complex128),
+        deviation=frozen_array(np.sqrt(fit.noise.variance)),
+    )
+
+
+def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
+    """What was found from how many lines."""
+    numbers = quantities(
+        identified=sum(estimate.identifiable for estimate in estimates),
+        parameters=len(estimates),
+        lines=int(lines.used.sum()),
+        excited=int((lines.used & lines.spectra.excited()).sum()),
+        records=len(lines.spectra),
+        levels=len(lines.spectra.levels),
+        misfit=misfit,
+    )
+    return Finding("identified-from-lines", "info", numbers=numbers)
+
+
+def _resonance(found: BestLinear) -> Resonance:
+    """The mode of the best linear approximation of a level."""
+    natural = 2 * np.pi * found.natural_frequency
+    return Resonance(
+        level=found.level,
+        sweep="rest",
+        frequency=found.natural_frequency,
+        damping_ratio=found.damping_ratio,
+        amplitude=float(np.sqrt(2) * found.rms),
+        stiffness=found.stiffness,
+        damping=2 * found.damping_ratio * found.mass * natural,
+    )
+
+
+def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
+    """Equivalent stiffness and damping of each level, at its resonance."""
+    amplitude, frequency, level, stiffness, damping = (
+        np.array([getattr(point, name) for point in resonances])
+        for name in ("amplitude", "frequency", "level", "stiffness", "damping")
+    )
+    used = np.ones(len(resonances), dtype=bool)
+    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
+
+
+def _reasons(
+    law: ForceLaw, model: Model, null: Array, covariance: Array, fit: LineFit
+) -> dict[str, Finding | None]:
+    """Why parameters are not identifiable: the others of their null direction, or no effect."""
+    names = names_of(law, model)
+    reasons: dict[str, Finding | None] = {}
+    for i, name in enumerate(names):
+        weight = np.abs(null[i])
+        if weight.max(initial=0.0) > NULL_PART:
+            column = np.abs(null[:, int(np.argmax(weight))])
+            others = [
+                other for other, part in zip(names, column, strict=True) if part > NULL_PART and other != name
+            ]
+            about = {"with": ", ".join(others)}
+            reasons[name] = Finding("confounded", "warning", name, names=about) if others else None
+            continue
+        value = fit.mass if name == "m" else float(fit.values[i])
+        error = float(np.sqrt(covariance[i, i]))
+        if error > NOT_ZERO * abs(value):
+            unit = units_of(model)[name]
+            numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
+            reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
+    return with_combinations(reasons, model)
+
+
+def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list[Finding]:
+    """Find a structure that works on the exciter, and a negative mass; ``covariance`` where it was free."""
+    part, found = lines.spectra, []
+    # (r,) mean power of the force, and its standard deviation by the noise of force and response
+    velocity = lines.rate * part.mean_response
+    power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
+    force, response = (np.nan_to_num(one) for one in part.noise())
+    spread = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
+    limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
+    if np.any(power < -limit):
+        found.append(Finding("record-feeds-exciter", "error"))
+    if covariance is not None and fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
+        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
+    return found
+
+
+def _delay_findings(lines: Lines, fit: LineFit, misfit: float, given: float | None) -> list[Finding]:
+    """Find a delay between force and response that takes up most of the misfit; none or one."""
+    delay, error, left = delay_between(lines, fit, given)
+    if misfit < NOTICEABLE or left > 1 - TAKEN or abs(delay) < SIGMAS * error:
+        return []
+    numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
+    return [Finding("channels-delayed", "doubt", numbers=numbers)]
+
+
+def _damping_findings(
+    lines: Lines, law: ForceLaw, fit: LineFit, misfit: float, noise: float
+) -> list[Finding]:
+    """Find a misfit that is no noise, is small beside the force, and is not small beside the damping.
+
+    At a resonance the damping alone balances a sine; of all lines of a multisine the springs and the mass
+    balance most, so that damping which a law lacks leaves little and goes into the damping that it has.
+    """
+    # of one period nobody can tell a misfit from noise
+    by_chance = np.isfinite(noise) and times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1)
+    if misfit > POOR or by_chance:
+        return []
+    share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
+    left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
+    if share == 0:
+        numbers = quantities(misfit=misfit)
+        return [Finding("damping-missing", "doubt", numbers=numbers)] if left > NOTICEABLE else []
+    if left <= LARGE * share:
+        return []
+    return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
+
+
+def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:
+    """Judge what the law leaves by its size and by the noise."""
+    times = times_noise(lines, fit)
+    if not np.isfinite(noise):
+        found = [Finding("one-period", "warning")]
+        if misfit > POOR:
+            found.append(
+                Finding(
+                    "law-does-not-fit",
+                    severity_of(misfit, POOR, MEANINGLESS),
+                    numbers=quantities(misfit=misfit),
+                )
+            )
+        return found
+    # exact data have no noise to compare with
+    parameters = len(fit.values) + 1
+    if times < chance_of_noise(lines, parameters) or misfit < NOTICEABLE:
+        if misfit > 2 * POOR:
+            return [
+                Finding(
+                    "misfit-large",
+                    "doubt" if misfit > MEANINGLESS else "warning",
+                    numbers=quantities(misfit=misfit),
+                )
+            ]
+        return []
+    numbers = quantities(misfit=misfit, times=times, wider=wider, groups=int(parts_of_band(lines).max()) + 1)
+    severity = severity_of(misfit, POOR, MEANINGLESS)
+    return [Finding("law-leaves-distortion", severity, numbers=numbers)]

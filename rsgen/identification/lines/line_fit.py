@@ -1,0 +1,271 @@
+"""Least squares of the balance at the lines of periodic records, weighted by its noise, and the errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.distributions import f_quantile, normal_share
+from rsgen.common.tolerances import CHANCE, EXCESS, GAIN, GROUPS, HALVINGS, ROUNDS, STEPS
+from rsgen.data.multisine.spectra import SMOOTHED, smooth
+from rsgen.data.multisine.steady import SMALL
+from rsgen.identification.fitting.scaled_columns import determined, solve_scaled
+from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
+from rsgen.identification.results.agreement import leave_out
+from rsgen.law.numeric import ForceLaw
+
+__all__ = [
+    "LineFit",
+    "blocks_left_out",
+    "chance_of_noise",
+    "delay_between",
+    "errors_of",
+    "fit_lines",
+    "parts_of_band",
+    "relative_to_force",
+    "times_noise",
+]
+
+_BESIDE = 20
+"""Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
+_DIGITS = 1e-26
+"""Power relative to that of the balance, below which it is that of its last digits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineFit:
+    """Values, mass, the balance there, and the variance (r, H+1) that weighs it."""
+
+    values: Array
+    mass: float
+    balance: Balance
+    noise: NoiseOfBalance
+    variance: Array
+    converged: bool
+
+
+def _weights(lines: Lines, balance: Balance, noise: NoiseOfBalance, mass: float) -> Array:
+    """(r, H+1) variance of each line: its noise, or the misfit around it where that is clearly more."""
+    left = np.stack(
+        [
+            _beside(np.abs(one) ** 2 / shape, used) * shape
+            for one, shape, used in zip(balance.residual, noise.shape, lines.used, strict=True)
+        ]
+    )
+    known = np.isfinite(noise.variance)
+    # the smoothed power of pure noise exceeds this once in thousands
+    chance = 1 + CHANCE / np.sqrt(2 * _BESIDE + 1)
+    clear = ~known | (left > chance * noise.variance)
+    variance = np.where(clear, left, noise.variance)
+    return np.maximum(variance, _DIGITS * lines.scale(mass))
+
+
+def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
+    """(H+1,) average of a power over the neighbouring used lines."""
+    chosen = np.flatnonzero(used)
+    result = np.zeros(len(power))
+    result[chosen] = smooth(np.concatenate([[0.0], power[chosen]]), _BESIDE)[1:]
+    return result
+
+
+def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, mass: float) -> LineFit:
+    """Gauss-Newton with fixed weights, then weights of its result, some times over."""
+    noise = NoiseOfBalance.unknown(lines, len(values))
+    # what a law leaves is spread over lines that are excited and others alike
+    variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
+    balance = Balance.of(lines, law, values, mass, noise)
+    converged = False
+    for turn in range(ROUNDS):
+        values, mass, balance, converged = _descend(lines, law, given, values, mass, noise, variance)
+        if noise.together.any():
+            values, mass = _without_bias(lines, balance, noise, variance, given, values, mass)
+            balance = Balance.of(lines, law, values, mass, noise)
+        if turn < ROUNDS - 1:
+            noise = balance.noise(lines, law, values, mass)
+            variance = _weights(lines, balance, noise, mass)
+    return LineFit(values, mass, balance, noise, variance, converged)
+
+
+def _without_bias(
+    lines: Lines,
+    balance: Balance,
+    noise: NoiseOfBalance,
+    variance: Array,
+    given: float | None,
+    values: Array,
+    mass: float,
+) -> tuple[Array, float]:
+    """Take off what noise in the slopes, which goes with that of the balance, adds to the estimate."""
+    matrix, right = _rows(lines, balance, variance, given)
+    size = np.append(values, mass) if given is None else values
+    inverse = solve_scaled(matrix, right, size)[1]
+    weighted = np.moveaxis(noise.together, 1, 2)[lines.used] * (2 / variance)[lines.used][:, None]
+    score = weighted.sum(axis=0)[: matrix.shape[1]]
+    change = -inverse @ (inverse.T @ score)
+    return values + change[: len(values)], mass + float(change[-1]) if given is None else mass
+
+
+def _rows(lines: Lines, balance: Balance, variance: Array, given: float | None) -> tuple[Array, Array]:
+    """Real rows (2 lines, q) and right side of unit variance; unknowns: parameters, the mass if free."""
+    columns = balance.by_parameter
+    if given is None:
+        columns = np.concatenate([columns, balance.by_mass[:, None]], axis=1)
+    weight = np.sqrt(2 / variance)[lines.used]
+    matrix = np.moveaxis(columns, 1, 2)[lines.used] * weight[:, None]
+    right = balance.residual[lines.used] * weight
+    # real and imaginary part of a line stay beside each other
+    return (
+        np.stack([matrix.real, matrix.imag], axis=1).reshape(-1, matrix.shape[1]),
+        np.stack([right.real, right.imag], axis=1).reshape(-1),
+    )
+
+
+def _descend(
+    lines: Lines,
+    law: ForceLaw,
+    given: float | None,
+    values: Array,
+    mass: float,
+    noise: NoiseOfBalance,
+    variance: Array,
+) -> tuple[Array, float, Balance, bool]:
+    balance = Balance.of(lines, law, values, mass, noise)
+    for _ in range(STEPS):
+        matrix, right = _rows(lines, balance, variance, given)
+        if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
+            return values, mass, balance, False
+        size = np.append(values, mass) if given is None else values
+        change = solve_scaled(matrix, right, size)[0]
+        before, expected = float(right @ right), float(np.sum((right - matrix @ change) ** 2))
+        if (before - expected) * len(right) < GAIN * expected:
+            return values, mass, balance, True
+        for part in 0.5 ** np.arange(HALVINGS):
+            moved = values + part * change[: len(values)]
+            heavier = mass + part * float(change[-1]) if given is None else mass
+            trial = Balance.of(lines, law, moved, heavier, noise)
+            after = _rows(lines, trial, variance, given)[1]
+            if float(after @ after) <= before * (1 + 1e-12):
+                values, mass, balance = moved, heavier, trial
+                break
+        else:
+            return values, mass, balance, True
+        relative = np.abs(part * change) / np.maximum(np.abs(size), 1e-300)
+        exact = not law.nonlinear and (lines.spectra.mean_known or law.odd)
+        if exact or float(np.max(relative, initial=0.0)) < SMALL:
+            return values, mass, balance, True
+    return values, mass, balance, False
+
+
+def errors_of(
+    lines: Lines, fit: LineFit, given: float | None, law: ForceLaw
+) -> tuple[Array, Array, int, float]:
+    """Covariance, null directions, degrees of freedom, and how much leaving parts out widens the errors."""
+    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    size = np.append(fit.values, fit.mass) if given is None else fit.values
+    _, inverse, null = solve_scaled(matrix, right, size)
+    covariance = inverse @ inverse.T
+    covariance = covariance * _scatter_of_periods(lines, fit, given, covariance)
+    freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
+    wider = 1.0
+    if times_noise(lines, fit) > chance_of_noise(lines, matrix.shape[1]):
+        spread = np.diag(blocks_left_out(lines, fit, given))
+        known = np.diag(covariance)
+        ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
+        covariance = covariance * np.outer(ratio, ratio)
+        wider, freedom = float(np.median(ratio)), int(parts_of_band(lines).max())
+    return determined(covariance, null), null, freedom, wider
+
+
+def blocks_left_out(lines: Lines, fit: LineFit, given: float | None) -> Array:
+    """Covariance (q, q) from leaving out one part of the band after the other, with the weights of all."""
+    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    inverse = solve_scaled(matrix, right, np.append(fit.values, fit.mass) if given is None else fit.values)[1]
+    rows = matrix @ inverse
+    # without what the correction for noise in the slopes leaves in the equations of all lines
+    rest = right - rows @ (rows.T @ right)
+    # real and imaginary part of a line belong together
+    return leave_out(inverse, rows.reshape(-1, 2, rows.shape[1]), rest.reshape(-1, 2), parts_of_band(lines))
+
+
+def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:
+    """(q, q) factor by which the scatter of single periods exceeds the covariance, at least 1.
+
+    What each period would move the estimate holds what the variances of the lines leave out: the noise of one
+    line is, along a nonlinear law, in the balance of many.
+    """
+    count = lines.spectra.periods
+    moved = np.zeros(len(covariance))
+    columns = fit.balance.by_parameter
+    if given is None:
+        columns = np.concatenate([columns, fit.balance.by_mass[:, None]], axis=1)
+    for column, apart, variance, used in zip(columns, fit.noise.apart, fit.variance, lines.used, strict=True):
+        weighted = np.conj(column[:, used]) * (2 / variance[used])
+        moves = (apart[:, used] @ weighted.T).real @ covariance
+        moved += np.sum(moves**2, axis=0) / max(count * (count - 1), 1)
+    known = np.diag(covariance)
+    ratio = np.sqrt(np.maximum(moved / np.where(known > 0, known, np.inf), 1.0))
+    return np.outer(ratio, ratio)
+
+
+def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[float, float, float]:
+    """Time by which the response comes later than the force [s], its error, and the share of misfit left.
+
+    Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds
+    i omega F to it, but at lines at which the motion is the law's own. It is fitted beside all parameters.
+    """
+    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    taken = lines.spectra.lines >= lines.first[:, None]
+    column = (lines.rate * lines.spectra.mean_force * taken / np.sqrt(fit.variance / 2))[lines.used]
+    more = np.column_stack([matrix, np.stack([column.real, column.imag], axis=1).reshape(-1)])
+    change, inverse, _ = solve_scaled(more, right)
+    alone = right - matrix @ solve_scaled(matrix, right)[0]
+    left = float(np.linalg.norm(right - more @ change)) / max(float(np.linalg.norm(alone)), 1e-300)
+    return float(change[-1]), float(np.linalg.norm(inverse[-1])), left
+
+
+def parts_of_band(lines: Lines) -> NDArray[np.intp]:
+    """(lines,) parts of the band of every record, for the jackknife."""
+    parts, first = [], 0
+    for used in lines.used:
+        count = int(used.sum())
+        parts.append(first + np.arange(count) * GROUPS // max(count, 1))
+        first += min(GROUPS, count)
+    return np.unique(np.concatenate(parts), return_inverse=True)[1]
+
+
+def times_noise(lines: Lines, fit: LineFit) -> float:
+    """Misfit over its noise, root mean square over all lines; 1 where the noise is not known.
+
+    Periods that are equal show no noise but that of the last digits.
+    """
+    noise = np.maximum(fit.noise.variance, _DIGITS * lines.scale(fit.mass))
+    ratio = (np.abs(fit.balance.residual) ** 2 / noise)[lines.used]
+    ratio = ratio[~np.isnan(ratio)]
+    return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0
+
+
+def chance_of_noise(lines: Lines, parameters: int) -> float:
+    """Misfit over its noise that chance hardly exceeds where some parameters are fitted.
+
+    The noise comes from few periods and a few lines beside each other: its inverse is larger on average, and
+    the ratio of the two sums of squares is that of Fisher's F.
+    """
+    count, more = int(lines.used.sum()), lines.spectra.periods - 1
+    if more < 1:
+        return EXCESS
+    rest, near = max(2 * count - parameters, 1), more * (SMOOTHED + 1)
+    limit = f_quantile(rest, 2 * more * count, 1 - normal_share(-CHANCE))
+    return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
+
+
+def relative_to_force(lines: Lines, power: Array) -> float:
+    """Root mean square of a quantity (r, H+1) [N^2] over that of the force, averaged over the records."""
+    force = np.abs(lines.spectra.mean_force) ** 2
+    shares = [
+        float(one[used].sum() / whole[used].sum())
+        for one, whole, used in zip(power, force, lines.used, strict=True)
+    ]
+    return float(np.sqrt(np.mean(shares)))

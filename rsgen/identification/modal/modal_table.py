@@ -1,0 +1,291 @@
+"""The modal table of a test: a mode fitted without a law.
+
+Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i omega c(X) to first order. k and c
+are splines of ln X; amplitude and phase of each point, phase error and background are fitted beside them, as
+for a law (``descent``, ``observed``). Only amplitudes that occur near resonance are in the table: elsewhere a
+phase error of half a degree is more than the damping.
+
+The mass follows from points of one amplitude at several frequencies. Where all points lie at phase resonance
+it does not follow: k - m omega^2 is zero whatever m is. Then only k/m = omega^2 and c are identifiable; a lag
+phi that is not exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rsgen.common.errors import RsgenError, require
+from rsgen.common.finding import Finding, quantities
+from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NORMAL, POOR
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
+from rsgen.data.surface.amounts import HALF_POWER
+from rsgen.identification.fitting.fit import fit_balance
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.phase_resonance import (
+    LAG_ERROR,
+    assumed_mass,
+    at_resonance_alone,
+    gap_of,
+    loop_error,
+    mass_sure,
+    near_resonance,
+)
+from rsgen.identification.fitting.points import FEWEST, Points, select_points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.identification.modal.modal_fit import ModeProblem, SeenMode, choose_splines, fit_splines
+from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
+from rsgen.identification.modal.modal_splines import ModalSplines
+from rsgen.identification.results.estimates import state_background
+from rsgen.identification.starting.start import start_fit
+from rsgen.law.numeric import compile_law
+
+__all__ = ["modal_table"]
+
+
+_MOST = 800
+"""Points that are fitted, spread over the amplitude: more leave intervals narrower than any calibration."""
+
+_ROWS = 21
+"""Of the table: neighbours differ by a tenth of a decade where a test spans two."""
+
+
+def modal_table(
+    surface: ResponseSurface, about: Observation | Model | None = None, *, mass: float | None = None
+) -> ModalTable:
+    """Tabulate resonance frequency, damping ratio, k(X) and c(X) over the amplitude, without a law.
+
+    Parameters
+    ----------
+    surface
+        Settled points of any test; unsettled and held-out ones are left aside.
+    about
+        How the structure was observed: its background is fitted with the mode. Of a model the observation
+        and the mass count, not its law.
+    mass
+        m [kg] where it is known; None: as the model says, or identified from points off resonance. Where all
+        points lie at phase resonance it is not identifiable, and the table has k/m and c alone.
+
+    Raises
+    ------
+    RsgenError
+        Fewer than four points can be used, or lie near resonance; or the mass is neither given nor
+        identifiable, and the points do not lie at phase resonance.
+
+    Examples
+    --------
+    >>> omega = 2 * np.pi * np.linspace(9, 11, 41)
+    >>> mode = 4000 - omega**2 + 2j * omega
+    >>> table = modal_table(ResponseSurface(1.0, omega / 2 / np.pi, 1.0, 1 / mode))
+    >>> round(float(table.damping_ratio[0]), 5)
+    0.01581
+    """
+    require(surface, ResponseSurface, "surface")
+    model = _about(about, mass)
+    rows = without_copies(surface)
+    copied = rows.findings[len(surface.findings) :]
+    surface = rows.on_mass(model.mass)
+    if surface.per_mass:
+        # there is nothing to identify
+        model = replace(model, mass=1.0)
+    means, _ = gather_repeats(surface)
+    points = select_points(means, model)
+    # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
+    with np.errstate(all="ignore"):
+        seen = _see(points, model, phase_known=surface.phase_known)
+        modal = choose_splines(seen, model.mass)
+        found = fit_splines(modal)
+        if not _mass_known(modal, found):
+            modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
+    if means.lag_assumed:
+        found = replace(found, covariance=found.covariance + loop_error(found.influence))
+    table = _table(modal, found, means, model)
+    return replace(table, findings=(*copied, *table.findings))
+
+
+def _about(about: Observation | Model | None, mass: float | None) -> Model:
+    """Mass and observation, with a law that is near any other."""
+    require(about, (Observation, Model, type(None)), "about")
+    if isinstance(about, Model):
+        mass = about.mass if mass is None else mass
+        about = about.observation
+    return Model(ANY_LAW, mass, about or Observation())
+
+
+def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
+    """Take the points as a fit sees them, those that it needs.
+
+    Where background or phases have to be found, a law that is near any other finds them.
+    """
+    observed = Observed.of(points, model.observation.background, phase_known=phase_known)
+    mode, background = points, np.zeros(0)
+    if observed.background.names or not phase_known:
+        problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.mass))
+        found = fit_balance(problem, start, order=1)
+        background = found.background
+        mode = observed.mode(background)
+        if not phase_known:
+            # a predicted force is relative to a fundamental of phase zero
+            force = np.abs(mode.force) * np.exp(1j * np.angle(found.force))
+            mode = replace(mode, force=force, harmonics=np.abs(mode.harmonics).astype(np.complex128))
+    stiffness = mode.force / mode.harmonics[:, 1]
+    near = np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness)
+    if np.count_nonzero(near) < FEWEST:
+        raise RsgenError(
+            f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
+            f"at least {FEWEST} are needed"
+        )
+    if np.median(np.sign(stiffness.imag[near])) < 0:
+        raise RsgenError(
+            "modal table: near resonance the response leads the force, so that the structure would feed the "
+            "exciter; look at the sign, sense and quantity of the response"
+        )
+    size = mode.amplitude
+    tested = float(size[near].min()), float(size[near].max())
+    # smaller motions say nothing of resonance, but all of the background
+    rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
+    rows = rows[mode.select(rows).spread(_MOST)]
+    gap = gap_of(mode) if near_resonance(mode) else None
+    if gap is not None and gap.overlap:
+        raise RsgenError(
+            f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
+            "the backbones of two modes; a band with one of them is needed"
+        )
+    return SeenMode(observed, mode, background, tested).select(rows)
+
+
+def _mass_known(modal: ModeProblem, found: Regression) -> bool:
+    """Whether the mass was given, or is positive and sure enough."""
+    if modal.given is not None:
+        return True
+    _, mass, _ = modal.split(found.parameters)
+    place = modal.coefficients
+    if at_resonance_alone(modal.seen.mode, _misfit(found)):
+        # only that the splines are simple would determine it
+        return False
+    return mass_sure(mass, float(found.covariance[place, place]))
+
+
+def _misfit(found: Regression) -> float:
+    """Relative, of real and imaginary part together [1]."""
+    return float(found.noise * np.sqrt(2))
+
+
+def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, Regression]:
+    """Fit k/m and c with any mass to the points at phase resonance, whose lags have an error [rad]."""
+    stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
+    rows = np.flatnonzero(seen.mode.in_quadrature)
+    if len(rows) < FEWEST:
+        raise RsgenError(
+            f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "
+            "where it is not needed; give the mass, or measure on both sides of resonance"
+        )
+    seen = seen.select(rows)
+    size = seen.mode.amplitude
+    seen = replace(seen, tested=(float(size.min()), float(size.max())))
+    modal = choose_splines(seen, assumed_mass(seen.mode, LIGHT))
+    found = fit_splines(modal)
+    # the shift that a lag off a quarter period causes with damping that is not known
+    square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
+    shift = 2 * DAMPED * float(np.sqrt(square + (NORMAL * lag_error) ** 2))
+    stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
+    error = np.outer(stiff, stiff) * (shift / NORMAL) ** 2
+    modal = replace(modal, assumed=True)
+    return modal, replace(found, covariance=found.covariance + error)
+
+
+def _left_out(points: Points, noise: float) -> float:
+    """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
+
+    Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
+    omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
+    Harmonics no larger than the relative noise of real and imaginary part do not count.
+    """
+    orders = np.arange(2, points.harmonics.shape[1])
+    squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
+    seen = np.mean(squares, axis=0) > 2 * (EXCESS * noise) ** 2
+    return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
+
+
+def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTest:
+    """What predictions need to know of the test."""
+    points = modal.observed.points
+    part = surface.select(points.index)
+    forces = np.unique(np.abs(part.force)) if surface.response_held else typical_amounts(part)
+    variance = np.diag(found.covariance)[modal.count :]
+    return ModalTest(
+        observation=model.observation,
+        levels=np.unique(forces),
+        frequencies=(float(part.frequency.min()), float(part.frequency.max())),
+        level_unit=surface.level_unit,
+        per_mass=surface.per_mass,
+        background=state_background(
+            modal.observed,
+            modal.split(found.parameters)[2],
+            variance,
+            found.freedom,
+            per_mass=surface.per_mass,
+        ),
+    )
+
+
+def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
+    """The shapes that fit as well, as splines without errors of their own."""
+    splines = []
+    for weight, other, found in modal.others:
+        values, mass, _ = other.split(found)
+        none = np.zeros((len(values) + 1,) * 2)
+        splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, none, 1)))
+    return tuple(splines)
+
+
+def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
+    """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
+    tested = modal.seen.tested
+    values, mass, _ = modal.split(found.parameters)
+    covariance = np.zeros((modal.coefficients + 1,) * 2)
+    covariance[: modal.count, : modal.count] = found.covariance[: modal.count, : modal.count]
+    if modal.given is None:
+        # what one harmonic leaves out moves stiffness and mass together, and no frequency
+        together = np.zeros(modal.coefficients + 1)
+        together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
+        covariance += np.outer(together, together) * _left_out(modal.observed.points, found.noise) ** 2
+    known = tuple(MODAL_COLUMNS)
+    findings: tuple[Finding, ...] = ()
+    if modal.assumed:
+        known = ("frequency", "damping", "stiffness_per_mass")
+        findings = (
+            Finding("modal-mass-unknown", "warning", numbers=quantities(points=len(modal.seen.mode))),
+        )
+    elif surface.per_mass or not model.observation.calibrated:
+        known = tuple(name for name in known if name not in ("stiffness", "damping"))
+    if modal.assumed and not model.observation.calibrated:
+        known = ("frequency", "stiffness_per_mass")
+    misfit = _misfit(found)
+    if misfit > POOR:
+        findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+    gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
+    if gap is not None:
+        findings += (gap.finding(severity="warning"),)
+    if surface.across is not None:
+        findings += (Finding("modal-across", "info"),)
+    sure = not (modal.assumed or surface.per_mass)
+    return ModalTable(
+        amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
+        splines=ModalSplines(
+            modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
+        ),
+        known=known,
+        tested=tested,
+        mass=mass if sure else float("nan"),
+        mass_error=float(np.sqrt(covariance[-1, -1])) if sure else float("nan"),
+        misfit=misfit,
+        points=int(np.count_nonzero(found.used)),
+        test=_test(modal, found, surface, model),
+        findings=findings,
+    )

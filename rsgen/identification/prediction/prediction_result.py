@@ -1,0 +1,182 @@
+"""What a prediction consists of: resonance curves, and scores of held-out levels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.finding import Finding, Severity
+from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+
+__all__ = ["BEYOND", "HeldOutLevel", "Prediction", "ResonanceCurve", "severity_of_error"]
+
+BEYOND = 1.01
+"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
+
+_MISSED: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}
+"""Errors of held-out responses beyond which they refute the law, cast doubt on it, are worth a warning: a
+twentieth is as good as most sensors, a seventh worse than most tests, with a half nothing is predicted."""
+
+
+def severity_of_error(error: float) -> Severity | None:
+    """What the relative error of a held-out response means for the law; None where it is small."""
+    return next((severity for severity, limit in _MISSED.items() if error > limit), None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResonanceCurve:
+    """The resonance curve of one level, ordered along the curve; a row of NaN separates detached parts.
+
+    Parameters
+    ----------
+    level
+        Force amplitude [N].
+    frequency
+        (k,) [Hz]; not single-valued between the folds.
+    amplitude
+        (k,) X [m].
+    phase
+        (k,) lag of displacement behind force [rad].
+    stable
+        (k,) False on the branch between two folds.
+    extrapolated
+        (k,) True where the amplitude is outside the tested range.
+    lower, upper
+        (k,) 95 % band of the amplitude at the frequency [m]; NaN at folds, where it is not defined.
+    folds
+        (j, 2) frequency [Hz] and amplitude [m] of the points where the response jumps.
+    level_unit
+        "N", or "m/s^2" where forces are per unit mass.
+    """
+
+    level: float
+    frequency: Array
+    amplitude: Array
+    phase: Array
+    stable: NDArray[np.bool_]
+    extrapolated: NDArray[np.bool_]
+    lower: Array
+    upper: Array
+    folds: Array
+    level_unit: str = "N"
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "amplitude", "phase", "lower", "upper", "folds"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        for name in ("stable", "extrapolated"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.bool_))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutLevel:
+    """Measured against predicted for one level and sweep that identification has not seen.
+
+    Parameters
+    ----------
+    level, level_unit, sweep
+        Nominal level ("N", or "m" where the test held the amplitude) and how the points were reached.
+    frequency
+        (n,) [Hz], ascending.
+    measured, predicted
+        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN where there is none.
+    error
+        Root mean square of predicted - measured over that of measured [1].
+    largest_error
+        Largest |predicted - measured| over the largest |measured| [1].
+    missing
+        How many points have no predicted steady state near the measured one.
+    force
+        Measured force near the resonance, for which the curve of the level is predicted; NaN where the test
+        held the amplitude.
+    force_unit
+        "N", or "m/s^2" where parameters and forces are per unit mass.
+    """
+
+    level: float
+    sweep: str
+    frequency: Array
+    measured: ComplexArray
+    predicted: ComplexArray
+    error: float
+    largest_error: float
+    missing: int
+    level_unit: str = "N"
+    force: float = nan
+    force_unit: str = "N"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frequency", frozen_array(self.frequency))
+        for name in ("measured", "predicted"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.complex128))
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Prediction(Printed):
+    """Resonance curves, scores of held-out levels, and what a reader should know about them.
+
+    ``curves[3.0]`` is the curve of the level 3 N; iterating gives the curves.
+
+    Parameters
+    ----------
+    curves
+        One a level, in the order asked for.
+    held_out
+        One a held-out level and sweep; empty without held-out levels or without a surface.
+    findings
+        Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
+    """
+
+    curves: tuple[ResonanceCurve, ...]
+    held_out: tuple[HeldOutLevel, ...]
+    findings: tuple[Finding, ...]
+
+    def __getitem__(self, level: float) -> ResonanceCurve:
+        """Curve of a level [N].
+
+        Raises
+        ------
+        RsgenError
+            The level was not predicted; it is a ``KeyError``, too.
+        """
+        return lookup(f"{level:g}", {f"{curve.level:g}": curve for curve in self.curves}, "level")
+
+    def __iter__(self) -> Iterator[ResonanceCurve]:
+        return iter(self.curves)
+
+    def __len__(self) -> int:
+        return len(self.curves)
+
+    def to_frame(self) -> Any:
+        """Give all points of all curves as a ``pandas.DataFrame``, along each curve.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        names = ("frequency", "amplitude", "phase", "stable", "extrapolated", "lower", "upper")
+        columns: dict[str, Any] = {
+            "level": np.repeat([curve.level for curve in self], [len(curve.frequency) for curve in self])
+        }
+        for name in names:
+            columns[name] = np.concatenate([getattr(curve, name) for curve in self]) if len(self) else []
+        return data_frame(columns)
+
+    def _table(self) -> TextTable:
+        rows = []
+        for curve in self:
+            highest = nan, nan
+            if len(curve.frequency):
+                top = int(np.nanargmax(curve.amplitude))
+                highest = float(curve.amplitude[top]), float(curve.frequency[top])
+            folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
+            extrapolated = "yes" if curve.extrapolated.any() else ""
+            rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
+        heads = ("level [N]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
+        return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))

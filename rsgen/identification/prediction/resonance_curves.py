@@ -1,0 +1,417 @@
+"""From identified parameters to resonance curves with folds and stability, and to held-out levels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite, nan
+
+import numpy as np
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError, require
+from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.tolerances import BRANCH
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
+from rsgen.identification.fitting.points import held_out_mask
+from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.modal import ModalTable
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
+from rsgen.identification.prediction.known_oscillator import as_identification
+from rsgen.identification.prediction.measured_across import acts_across, respond_across
+from rsgen.identification.prediction.modal_synthesis import SynthesisBalance, table_as_identification
+from rsgen.identification.prediction.multisine import predict_multisine
+from rsgen.identification.prediction.prediction_result import (
+    BEYOND,
+    HeldOutLevel,
+    Prediction,
+    ResonanceCurve,
+    severity_of_error,
+)
+from rsgen.identification.results import Identification
+
+__all__ = ["judge_held_out", "predict"]
+
+
+_POINTS = 161
+"""Points a branch, denser at both ends, where it turns."""
+
+_MARGIN = 0.05
+"""Curves are drawn so far beyond the tested frequencies."""
+
+_WIDEST = 0.5
+"""At a fold the band of the amplitude at a frequency opens without end; wider ones are not drawn."""
+
+_AT_JUMPS = 0.02
+"""Share of the points of a run that may lie between a predicted and a measured jump: they are not judged."""
+
+_OF_MISFIT = 2.0
+"""A held-out level is missed where its error is as many times the misfit of the levels that were fitted: the
+noise of force and response makes 1.3 of it."""
+
+
+def predict(
+    found: Identification | ModalTable | Oscillator,
+    levels: float | Sequence[float] | None = None,
+    surface: ResponseSurface | MultisineSpectra | None = None,
+    *,
+    band: tuple[float, float] | None = None,
+) -> Prediction:
+    """Compute the resonance curve of every level; with a surface, score the held-out levels on it.
+
+    At every amplitude X the frequencies are sought at which the balance, with all harmonics, takes the force
+    of the level: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole waveform.
+    So both branches and the unstable one come without continuation.
+
+    Parameters
+    ----------
+    found
+        An identification, whose refined estimate is used, an oscillator, or a modal table: then no law takes
+        part, and curves end at its largest amplitude.
+    levels
+        [N]; None: the forces measured near the resonances at the levels that took part in the identification
+        and, with a surface, at the held-out ones.
+    surface
+        Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
+        is predicted, None: those of the held-out levels; ``levels`` and ``band`` are not used.
+    band
+        Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
+        oscillator the resonances with their flanks.
+
+    Raises
+    ------
+    RsgenError
+        A level is not positive and finite, an oscillator comes without levels, or its resonance has no end.
+        Levels are asked of a law that acts across two sensors: only measured ones have the motion there.
+
+    Examples
+    --------
+    >>> curves = predict(Oscillator(1.0, "k*x + c*v", {"k": 1e4, "c": 2.0}), [1.0, 3.0])
+    >>> round(float(np.nanmax(curves[3.0].amplitude)), 4)
+    0.015
+    """
+    require(found, (Identification, ModalTable, Oscillator), "found")
+    if isinstance(found, MultisineIdentification):
+        return predict_multisine(found, surface)
+    if isinstance(surface, MultisineSpectra):
+        raise RsgenError("surface: MultisineSpectra; they go with what was identified from a multisine")
+    table = None
+    if isinstance(found, ModalTable):
+        table, found = found, table_as_identification(found)
+    if surface is not None:
+        require(surface, ResponseSurface, "surface")
+        surface = surface.on_mass(None if table is not None and table.test.per_mass else found.mass)
+    if isinstance(found, Identification) and (sensors := acts_across(found)):
+        return _predict_across(found, sensors, levels, surface)
+    chosen = _levels(found, levels, surface)
+    if isinstance(found, Identification) and not isfinite(found.mass):
+        about = Finding("curves-need-mass", "warning")
+        return Prediction((), (), (about,))
+    tested = (0.0, inf)
+    if isinstance(found, Oscillator):
+        found = as_identification(found, chosen)
+    else:
+        tested = found.amplitude_range
+    low, high = found.frequency_range
+    window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
+    balance = SynthesisBalance(table, window) if table is not None else AmplitudeBalance(found)
+    omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
+    curves = tuple(_curve(found, balance, level, omega, tested) for level in chosen)
+    held_out: tuple[HeldOutLevel, ...] = ()
+    findings = list[Finding]()
+    if surface is not None:
+        held_out = _score(found, balance, surface)
+        findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
+        if surface.base in ("displacement", "velocity"):
+            findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
+    return Prediction(curves, held_out, (*_findings(tested, curves, held_out), *findings))
+
+
+def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
+    """Findings on the levels that an identification has not seen, each predicted and held against its test.
+
+    Parameters
+    ----------
+    found
+        Its refined estimate is used.
+    surface
+        The test that was identified, held-out levels included.
+    """
+    if not found.model.observation.hold_out:
+        return ()
+    if isinstance(found, MultisineIdentification):
+        return predict_multisine(found).findings
+    if isinstance(surface, MultisineSpectra):
+        return ()
+    meant = _by_label(found, surface)
+    if not isfinite(found.mass):
+        return meant
+    surface = surface.on_mass(found.mass)
+    balance = None if acts_across(found) else AmplitudeBalance(found)
+    held_out = _score(found, balance, surface)
+    missed = _missed(held_out, surface, found.residual * np.sqrt(2))
+    return (*meant, *_missing(held_out), *missed)
+
+
+def _by_label(found: Identification, surface: ResponseSurface) -> tuple[Finding, ...]:
+    """Say which level was meant by a number that is the label of one and the amount of another."""
+    findings = []
+    for asked in found.model.observation.hold_out:
+        meant, amount = surface.find_level(asked), match_level(surface.levels, asked)
+        if meant is not None and amount not in (None, meant):
+            numbers = quantities(label=asked, level=Quantity(meant, surface.level_unit))
+            findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
+    return tuple(findings)
+
+
+def _predict_across(
+    found: Identification, sensors: str, levels: object, surface: ResponseSurface | None
+) -> Prediction:
+    """Score held-out levels along the motion across that was measured; there are no curves without it."""
+    if levels is not None:
+        raise RsgenError(
+            f"levels: the law acts across {sensors!r}, whose motion is known only where it was measured; "
+            "leave levels out and give the surface, for a score of its held-out levels"
+        )
+    held_out = () if surface is None else _score(found, None, surface)
+    missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
+    about = Finding("predicted-along-measured", "info", names={"sensors": sensors})
+    return Prediction((), held_out, (about, *_findings(found.amplitude_range, (), held_out), *missed))
+
+
+def _levels(
+    found: Identification | Oscillator,
+    levels: float | Sequence[float] | None,
+    surface: ResponseSurface | None,
+) -> list[float]:
+    if levels is not None:
+        try:
+            chosen = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
+        except (TypeError, ValueError):
+            raise RsgenError(f"levels: {levels!r:.60}; must be numbers [N]") from None
+        if not chosen:
+            raise RsgenError("levels: none given; leave them out for those of the test")
+    elif isinstance(found, Oscillator):
+        raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
+    else:
+        chosen = sorted({*map(float, found.levels), *_held_out_forces(found, surface)})
+    for level in chosen:
+        if not (isfinite(level) and level > 0):
+            raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")
+    return chosen
+
+
+def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
+    """Forces [N] at which held-out levels were tested; of a test at constant amplitude there are none."""
+    if found.curve.level_unit == "m" and (surface is None or not surface.base):
+        return []
+    if surface is None and found.curve.level_unit != "N":
+        return []
+    if surface is None:
+        # labels are no forces
+        tested = np.unique(found.curve.level)
+        meant = [match_level(tested, level) for level in found.model.observation.hold_out]
+        return [level for level in meant if level is not None]
+    held = np.unique(surface.level[held_out_mask(surface, found.model)])
+    forces = typical_amounts(surface)[np.isin(surface.levels, held)]
+    return [float(force) for force in forces if isfinite(force)]
+
+
+def _checked(band: tuple[float, float]) -> tuple[float, float]:
+    low, high = map(float, band)
+    if not 0 < low < high < inf:
+        raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and positive")
+    return low, high
+
+
+def _findings(
+    tested: tuple[float, float], curves: tuple[ResonanceCurve, ...], held_out: tuple[HeldOutLevel, ...]
+) -> tuple[Finding, ...]:
+    findings = []
+    for curve in curves:
+        at = {"level": Quantity(curve.level, curve.level_unit)}
+        if np.any(curve.extrapolated & (curve.amplitude > tested[1])):
+            numbers = at | {"low": Quantity(tested[0], "m"), "high": Quantity(tested[1], "m")}
+            findings.append(Finding("curve-extrapolated", "warning", numbers=numbers))
+        if len(curve.frequency) == 0:
+            findings.append(Finding("no-steady-state", "warning", numbers=at))
+    return (*findings, *_missing(held_out))
+
+
+def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
+    """Find held-out levels with points that have no predicted steady state near them."""
+    findings = []
+    for item in held_out:
+        if item.missing:
+            level = Quantity(item.level, item.level_unit)
+            numbers = quantities(missing=item.missing, points=len(item.frequency), level=level)
+            names = {"sweep": item.sweep}
+            findings.append(Finding("held-out-points-missing", "warning", numbers=numbers, names=names))
+    return tuple(findings)
+
+
+def _curve(
+    identification: Identification,
+    balance: AmplitudeBalance,
+    level: float,
+    window: tuple[float, float],
+    tested: tuple[float, float],
+) -> ResonanceCurve:
+    """Compute the curve of a level [N] within a window of frequencies [rad/s]."""
+    parts = [
+        part for span in balance.spans(level, window) for part in _branches(balance, level, span, window)
+    ]
+    columns: list[list[Array]] = [[] for _ in range(7)]
+    folds: list[tuple[float, float]] = []
+    for omega, size in parts:
+        at = balance.solve(size, omega)
+        gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
+        spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
+        spread[spread > _WIDEST * size] = np.nan
+        seen, lag = _as_seen(identification, omega, size, at.force)
+        turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
+        share = gain[turn] / (gain[turn] - gain[turn + 1])
+        frequency = omega / (2 * np.pi)
+        places = (value[turn] + share * (value[turn + 1] - value[turn]) for value in (frequency, seen))
+        folds += zip(*(place.tolist() for place in places), strict=True)
+        values = (frequency, seen, lag, gain, seen - spread, seen + spread, size)
+        for column, value in zip(columns, values, strict=True):
+            if column:
+                column.append(np.array([np.nan]))
+            column.append(value)
+    frequency, amplitude, phase, gain, lower, upper, sizes = (
+        np.concatenate(column) if column else np.zeros(0) for column in columns
+    )
+    return ResonanceCurve(
+        level=level,
+        level_unit=identification.curve.force_unit,
+        frequency=frequency,
+        amplitude=amplitude,
+        phase=phase,
+        stable=gain > 0,
+        extrapolated=(sizes > tested[1] * BEYOND) | (sizes < tested[0] / BEYOND),
+        lower=np.maximum(lower, 0.0),
+        upper=upper,
+        folds=np.array(folds).reshape(-1, 2),
+    )
+
+
+def _as_seen(
+    identification: Identification, omega: Array, size: Array, force: ComplexArray
+) -> tuple[Array, Array]:
+    """Amplitude and lag of the response that the sensor sees, background included."""
+    background = identification.background
+    if background is None:
+        return size, np.angle(force) % (2 * np.pi)
+    shape, values = background.shape(omega, np.abs(force)), background.values
+    response = size + shape.receptance(values) * force
+    return np.abs(response), np.angle(force / shape.turn(values) / response) % (2 * np.pi)
+
+
+def _branches(
+    balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
+) -> list[tuple[Array, Array]]:
+    """Points (omega, X) along the curve between two amplitudes: up on the left, down on the right."""
+    blend = (1 - np.cos(np.linspace(0, np.pi, _POINTS))) / 2
+    size = span[0] + (span[1] - span[0]) * blend
+    left, right = (balance.frequencies(size, level, side) for side in (-1, 1))
+    omega = np.concatenate([left, right[::-1]])
+    size = np.concatenate([size, size[::-1]])
+    inside = np.isfinite(omega) & (omega >= window[0]) & (omega <= window[1])
+    cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
+    pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
+    return [(omega[rows], size[rows]) for rows in pieces]
+
+
+def _respond(
+    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
+) -> ComplexArray:
+    """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
+    background = identification.background
+    if balance is None:
+        # beside a motion across there is a phase error at most
+        if background is not None:
+            surface = background.shape(surface.omega, surface.force).subtract(surface, background.values)
+        return respond_across(identification, surface)
+    if background is None:
+        return balance.respond(surface.force, surface.omega, surface.amplitude)
+    shape, values = background.shape(surface.omega, surface.force), background.values
+    mode = shape.subtract(surface, values)
+    return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
+
+
+def _miss(predicted: ComplexArray, measured: ComplexArray, surface: ResponseSurface) -> Array:
+    """(n,) distance from prediction to measurement [m]; of amplitudes where the phase was not recorded."""
+    if surface.phase_known:
+        return np.asarray(np.abs(predicted - measured))
+    return np.asarray(np.abs(np.abs(predicted) - np.abs(measured)))
+
+
+def _missed(
+    held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float, *, by_law: bool = True
+) -> tuple[Finding, ...]:
+    """Judge held-out levels by their error, but for points at jumps, against the misfit of the others.
+
+    What has no steady state there is missed by all of it ``by_law``; a modal table does not reach it.
+    """
+    findings = []
+    for item in held_out:
+        size = np.abs(item.measured)
+        known = np.isfinite(item.predicted)
+        miss = np.where(known, _miss(item.predicted, item.measured, surface), size)
+        if not by_law:
+            miss, size = miss[known], size[known]
+        judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
+        error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
+        severity = severity_of_error(error)
+        if severity is None or error <= _OF_MISFIT * misfit:
+            continue
+        numbers = quantities(error=error, misfit=misfit, level=Quantity(item.level, item.level_unit))
+        findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
+    return tuple(findings)
+
+
+def _score(
+    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
+) -> tuple[HeldOutLevel, ...]:
+    observation = identification.model.observation
+    low, high = observation.band or (0.0, inf)
+    chosen = (
+        held_out_mask(surface, identification.model)
+        & surface.settled
+        & (surface.frequency >= low)
+        & (surface.frequency <= high)
+        & (surface.amplitude > 0)
+        & (np.abs(surface.force) > 0)
+    )
+    scored = []
+    forces = np.full(len(surface.levels), nan) if surface.response_held else typical_amounts(surface)
+    for level in np.unique(surface.level[chosen]):
+        for sweep in np.unique(surface.sweep[chosen & (surface.level == level)]):
+            rows = np.flatnonzero(chosen & (surface.level == level) & (surface.sweep == sweep))
+            rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
+            measured = surface.harmonics[rows, 1]
+            predicted = _respond(identification, balance, surface.select(rows))
+            miss = _miss(predicted, measured, surface)
+            known = np.isfinite(miss)
+            error = largest = nan
+            if known.any():
+                error = float(np.linalg.norm(miss[known]) / np.linalg.norm(measured[known]))
+                largest = float(miss[known].max() / np.abs(measured).max())
+            scored.append(
+                HeldOutLevel(
+                    level=float(level),
+                    sweep=str(sweep),
+                    frequency=surface.frequency[rows],
+                    measured=measured,
+                    predicted=predicted,
+                    error=error,
+                    largest_error=largest,
+                    level_unit=surface.level_unit,
+                    force_unit=identification.curve.force_unit,
+                    force=float(forces[surface.levels == level][0]),
+                    missing=len(rows) - int(np.count_nonzero(miss <= BRANCH * np.abs(measured))),
+                )
+            )
+    return tuple(scored)

@@ -1,0 +1,21 @@
+"""What identification hands on: values with intervals, what they rest on, and the verdict on them."""
+
+from __future__ import annotations
+
+from rsgen.identification.results.result import (
+    Background,
+    EquivalentCurve,
+    Estimate,
+    Identification,
+    Resonance,
+    RestoringForce,
+)
+
+__all__ = [
+    "Background",
+    "EquivalentCurve",
+    "Estimate",
+    "Identification",
+    "Resonance",
+    "RestoringForce",
+]

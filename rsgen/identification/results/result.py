@@ -1,0 +1,390 @@
+"""What identification hands on: estimates with intervals, resonances, the equivalent curve, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import frozen_array
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.common.verdict import Verdict, reach_verdict
+from rsgen.data.oscillator import Model
+from rsgen.formula.units import per_mass_unit
+from rsgen.identification.fitting.observed import Shape, shape_of
+from rsgen.law.memory import with_equations
+
+__all__ = [
+    "Background",
+    "EquivalentCurve",
+    "Estimate",
+    "Identification",
+    "Resonance",
+    "RestoringForce",
+]
+
+
+def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
+    lengths = set()
+    for name in names:
+        array = frozen_array(getattr(record, name), dtype)
+        object.__setattr__(record, name, array)
+        lengths.add(array.shape)
+    if len(lengths) > 1:
+        raise RsgenError(f"{type(record).__name__}: {', '.join(names)} must have one shape, have {lengths}")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One identified parameter.
+
+    Parameters
+    ----------
+    name
+        The parameter of the law, or "m" for the mass.
+    value
+        In SI units; NaN where the parameter is not identifiable.
+    standard_error
+        One standard deviation, same unit; infinite where the parameter is not identifiable.
+    interval
+        The 95 % interval (lower, upper), Student t.
+    unit
+        SI unit, "" where it is dimensionless or unknown.
+    finding
+        Why the test does not determine the parameter; None where it does.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    unit: str = ""
+    finding: Finding | None = None
+
+    @property
+    def identifiable(self) -> bool:
+        """True where the test determines the parameter."""
+        return isfinite(self.value) and self.finding is None
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Name, value, 95 % interval, unit and finding, as a table prints them."""
+        if not self.identifiable:
+            return (self.name, "", "", self.unit, self.finding.code if self.finding else "not-identifiable")
+        digits = with_error(self.value, self.standard_error)
+        low, high = (short(end, digits) for end in self.interval)
+        return (self.name, short(self.value, digits), f"{low} to {high}", self.unit, "")
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """The resonance of one level and sweep, the paper's point on k(X) and c(X) (Liu et al., Sec. 1.2).
+
+    Parameters
+    ----------
+    level
+        Nominal force amplitude [N].
+    sweep
+        "rest", "up" or "down".
+    frequency
+        Where the displacement lags the force by a quarter period [Hz].
+    damping_ratio
+        zeta = c/(2 m omega_n) [1].
+    amplitude
+        X of the fundamental there [m].
+    stiffness
+        k(X) = m omega_n^2 [N/m].
+    damping
+        c(X) = 2 zeta m omega_n [N s/m].
+    jump
+        True where the response jumps across the resonance, so that the point is extrapolated from one side.
+    """
+
+    level: float
+    sweep: str
+    frequency: float
+    damping_ratio: float
+    amplitude: float
+    stiffness: float
+    damping: float
+    jump: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EquivalentCurve:
+    """k and c of every settled point: F/X = k - m omega^2 + i omega c; they collapse if the law holds.
+
+    Parameters
+    ----------
+    amplitude
+        (n,) X [m].
+    frequency
+        (n,) [Hz].
+    level
+        (n,) nominal force amplitude [N].
+    stiffness
+        (n,) equivalent stiffness [N/m], with the refined mass.
+    damping
+        (n,) equivalent damping [N s/m].
+    used
+        (n,) True where the point took part in the fits (not held out, not an outlier).
+    level_unit
+        "N", or "m" where the test held the amplitude, or of the motion of a base.
+    per_mass
+        True where stiffness and damping are per unit mass.
+    """
+
+    amplitude: NDArray[np.float64]
+    frequency: NDArray[np.float64]
+    level: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    level_unit: str = "N"
+    per_mass: bool = False
+
+    def unit(self, whole: str) -> str:
+        """Give the unit of a stiffness, damping, force or energy as this test has it, per mass or not."""
+        return per_mass_unit(whole) if self.per_mass else whole
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the forces that drive: "N", or "m/s^2" where they are per unit mass."""
+        return "m/s^2" if self.per_mass else "N"
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
+        _freeze(self, ("used",), np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RestoringForce:
+    """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (docs/method.md, 4).
+
+    Parameters
+    ----------
+    displacement
+        (a,) x [m], ascending from 0, or over both sides where its mean is not zero.
+    stiffness_force
+        (a,) stiffness force at x [N], its odd part where x starts from 0.
+    stiffness_band
+        (a,) half width of its 95 % band [N].
+    velocity
+        (b,) v [m/s], ascending from 0.
+    damping_force
+        (b,) odd part of the damping force at v [N].
+    damping_band
+        (b,) half width of its 95 % band [N].
+    """
+
+    displacement: NDArray[np.float64]
+    stiffness_force: NDArray[np.float64]
+    stiffness_band: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    damping_force: NDArray[np.float64]
+    damping_band: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("displacement", "stiffness_force", "stiffness_band"))
+        _freeze(self, ("velocity", "damping_force", "damping_band"))
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """The background: the sensor sees x = q + b(omega) F + o with F = F_measured exp(i psi).
+
+    b(omega) = b0 + b1 (omega^-2 - middle)/(width), complex: residual terms of modes above and below the band,
+    or what the sensor picks up of the drive. o is a displacement of constant size and phase to F, whatever
+    the size of F.
+
+    Parameters
+    ----------
+    kind
+        "phase": psi alone; "constant": and b0; "residuals": and b1; "...+offset": and o.
+    band
+        Lowest and highest frequency [Hz] fitted; b1 is the change of b from the one to the other.
+    estimates
+        psi [rad], real and imaginary part of b0 and b1 [m/N] and of o [m], as many as the kind has.
+    share
+        Root mean square of the subtracted part over that of the measured response [1].
+    """
+
+    kind: str
+    band: tuple[float, float]
+    estimates: tuple[Estimate, ...]
+    share: float
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The numbers of the estimates, as the shape takes them."""
+        return np.array([estimate.value for estimate in self.estimates])
+
+    def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> Shape:
+        """Give the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
+        return shape_of(self.kind, omega, force, self.band)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Identification(Printed):
+    """What a response surface determines of a model.
+
+    ``found["k3"]`` is the refined estimate of a parameter, "m" that of the mass; ``print(found)`` gives a
+    table, ``found.to_frame()`` a data frame.
+
+    Parameters
+    ----------
+    model
+        The laws that were fitted, without values.
+    paper
+        Resonance per level, then fit of k(X) and c(X) (Liu et al., Sec. 1.2), one Estimate a parameter.
+    first_order
+        First-order harmonic balance over all points at once. Its intervals say how far noise may have moved
+        it; what one harmonic leaves out is no chance and stands in ``first_order_bias``.
+    refined
+        All harmonics: the maximum-likelihood estimate.
+    first_order_bias
+        What the one-harmonic approximation adds to each first-order estimate, predicted with the refined
+        parameters; same order and units as ``first_order``. NaN where it is not known.
+    covariance
+        (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that are not
+        identifiable are NaN, those of a given mass are absent.
+    resonances
+        One a level and sweep, ascending in level.
+    curve
+        Equivalent stiffness and damping of every settled point.
+    residual
+        Root mean square of the refined misfit, relative to force and response [1].
+    noise
+        Estimated relative noise of force and response [1].
+    levels
+        The nominal levels [N] that took part, ascending; held-out levels are absent. Where the test held the
+        amplitude: the forces at the resonances.
+    amplitude_range, frequency_range
+        Tested range of X [m] and of the frequency [Hz] over the points that took part.
+    outcome
+        The finding "identified": numbers of identified and all parameters, of points used and tested, of
+        levels, and the relative misfit.
+    findings
+        What a reader should know about test and fit, those about single parameters first.
+    restoring
+        Forces without a law; None where the points do not suffice.
+    ranking
+        The ``rsgen.identification.ranking.Ranking`` that chose the law; None where the law was given.
+    solution
+        (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
+        parameters that are not identifiable. Predictions use it.
+    background
+        The background that was found and subtracted; None where nothing was asked for.
+    """
+
+    model: Model
+    paper: tuple[Estimate, ...]
+    first_order: tuple[Estimate, ...]
+    refined: tuple[Estimate, ...]
+    first_order_bias: tuple[float, ...]
+    covariance: NDArray[np.float64]
+    resonances: tuple[Resonance, ...]
+    curve: EquivalentCurve
+    residual: float
+    noise: float
+    levels: NDArray[np.float64]
+    amplitude_range: tuple[float, float]
+    frequency_range: tuple[float, float]
+    outcome: Finding
+    findings: tuple[Finding, ...] = ()
+    restoring: RestoringForce | None = None
+    ranking: Any = None
+    solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    background: Background | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.solution) == 0:
+            values = self.values
+            object.__setattr__(self, "solution", [values[name] for name in self.model.parameters])
+        for name in ("covariance", "levels", "solution"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    @property
+    def mass(self) -> float:
+        """The given mass, or the refined one [kg]."""
+        if self.model.mass is not None:
+            return self.model.mass
+        return next(estimate.value for estimate in self.refined if estimate.name == "m")
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the findings say of the result, held-out levels too; ``rsgen.verdict_of`` adds a truth."""
+        return reach_verdict(self.findings, summary=self.outcome)
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Refined value of every parameter of the laws (not of the mass)."""
+        names = set(self.model.parameters)
+        return {estimate.name: estimate.value for estimate in self.refined if estimate.name in names}
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Refined estimate of a parameter, or of the mass ("m", also where it was given).
+
+        Raises
+        ------
+        RsgenError
+            The model has no such parameter; it is a ``KeyError``, too.
+        """
+        return lookup(name, self._estimates, "parameter")
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._estimates
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return iter(self.refined)
+
+    @property
+    def _estimates(self) -> dict[str, Estimate]:
+        estimates = {estimate.name: estimate for estimate in self.refined}
+        if self.model.mass is not None:
+            mass = self.model.mass
+            estimates["m"] = Estimate("m", mass, 0.0, (mass, mass), "kg")
+        return estimates
+
+    def to_frame(self) -> Any:
+        """Give the refined estimates as a ``pandas.DataFrame``, a row a parameter.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        columns = {
+            "name": [estimate.name for estimate in self],
+            "value": [estimate.value for estimate in self],
+            "standard_error": [estimate.standard_error for estimate in self],
+            "lower": [estimate.interval[0] for estimate in self],
+            "upper": [estimate.interval[1] for estimate in self],
+            "unit": [estimate.unit for estimate in self],
+            "identifiable": [estimate.identifiable for estimate in self],
+        }
+        return data_frame(columns, "name")
+
+    def _table(self) -> TextTable:
+        background = () if self.background is None else self.background.estimates
+        rows = [estimate.cells for estimate in (*self.refined, *background)]
+        if self.model.mass is not None and not self.curve.per_mass:
+            rows.append(("m", short(self.model.mass), "given", "kg", ""))
+        low, high = self.amplitude_range
+        slow, fast = self.frequency_range
+        tested = (
+            f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
+            f"noise {self.noise:.2g}, misfit {self.residual:.2g}"
+        )
+        return TextTable(
+            ("parameter", "value", "95 % interval", "unit", "finding"),
+            tuple(rows),
+            caption=f"{self.verdict}\n{with_equations(self.model.force)}",
+            notes=(tested, *map(repr, self.findings)),
+        )

@@ -1,0 +1,253 @@
+"""Equations of the fundamental: dynamic stiffness  F/X = k(X) - m omega^2 + i omega c(X, omega).
+
+They are linear in all but a few parameters, and in the common factor of some of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.law.motion import Motion, project
+from rsgen.law.numeric import ForceLaw, ForceSample, Waves
+
+__all__ = ["Equations", "equation_rows", "rows_of_trials"]
+
+
+_FINER_LOOPS = 2
+"""Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""
+
+_TRIED = 2048
+"""Loops closed at once while values are searched: their arrays stay in the processor's cache."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equations:
+    """Complex equations  sum_j p_j N_j(q) - m omega^2 X = F  of the fundamental, and of the mean.
+
+    Parameters
+    ----------
+    omega
+        (n,) [rad/s].
+    force
+        (n,) complex [N].
+    harmonics
+        (n, H+1) complex displacement [m] along which the law is evaluated.
+    mean
+        Whether the mean of the force must vanish too.
+    weight
+        (n,) [1/N]
+    turning
+        (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
+        equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
+    across
+        (n, H+1) complex displacement [m] across two sensors, where elements of the law follow it; else None.
+    """
+
+    omega: Array
+    force: ComplexArray
+    harmonics: ComplexArray
+    mean: bool
+    weight: Array
+    turning: Array
+    across: ComplexArray | None = None
+
+    @property
+    def moved(self) -> ComplexArray:
+        """(n, H+1) displacement [m] that the law of a joint follows."""
+        return self.harmonics if self.across is None else self.across
+
+    def select(self, chosen: NDArray[np.intp]) -> Equations:
+        """Keep some points."""
+        turning = self.turning[chosen] if len(self.turning) == len(self.omega) else self.turning
+        return Equations(
+            self.omega[chosen],
+            self.force[chosen],
+            self.harmonics[chosen],
+            self.mean,
+            self.weight[chosen],
+            turning,
+            None if self.across is None else self.across[chosen],
+        )
+
+
+@lru_cache(maxsize=4)
+def _motion(equations: Equations, finer: int, *, across: bool) -> Waves:
+    """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
+    count = equations.harmonics.shape[1]
+    samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
+    return Motion(equations.omega, equations.moved if across else equations.harmonics).waveforms(samples)
+
+
+def equation_rows(
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    nonlinear: Array,
+    *,
+    scaled: bool = False,
+    coarse: bool = False,
+) -> tuple[Array, Array]:
+    """Give real, weighted rows  matrix @ unknowns = right.
+
+    Parameters
+    ----------
+    equations, law, mass
+        What is solved.
+    nonlinear
+        Values of the parameters in which the law is not linear.
+    scaled
+        Whether a common factor of every group of ``law.scaled`` is an unknown too.
+    coarse
+        Fewer samples.
+
+    Returns
+    -------
+    matrix, right
+        Columns are the linear parameters, the factors where they are asked for, the mass where it is free.
+    """
+    samples = _samples(equations, law, [nonlinear], coarse=coarse)
+    return _rows(equations, law, mass, nonlinear, samples[0], scaled=scaled)
+
+
+def rows_of_trials(
+    equations: Equations, law: ForceLaw, mass: float | None, trials: Sequence[Array] | Array, *, coarse: bool
+) -> list[tuple[Array, Array]]:
+    """Give ``equation_rows`` with factors for many values of the nonlinear parameters.
+
+    Loops of all trials are closed at once: a period has far more samples than there are points.
+    """
+    block = max(1, _TRIED // len(equations.omega)) if law.remembers else 1
+    rows = []
+    for low in range(0, len(trials), block):
+        part = trials[low : low + block]
+        samples = _samples(equations, law, part, coarse=coarse)
+        rows += [
+            _rows(equations, law, mass, trial, sample, scaled=True)
+            for trial, sample in zip(part, samples, strict=True)
+        ]
+    return rows
+
+
+def _samples(
+    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool
+) -> list[ForceSample]:
+    """Sample the law along all motions, for each trial."""
+    omega = equations.omega[:, None]
+    finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
+    finer = finer if law.switched and not coarse else 1
+    motions = [_motion(equations, finer, across=part.across) for part in law.parts]
+    step = 2 * np.pi / motions[0][0].shape[1] / omega
+    values = np.zeros((len(trials), len(law.parameters)))
+    values[:, list(law.nonlinear)] = trials
+    if len(trials) == 1:
+        return [_joined(law.sample_parts(motions, step, values[0]))]
+    many, count = len(trials), len(omega)
+    motions = [(np.tile(x, (many, 1)), np.tile(v, (many, 1)), np.tile(a, (many, 1))) for x, v, a in motions]
+    each = np.repeat(values, count, axis=0).T[:, :, None]
+    whole = _joined(law.sample_parts(motions, np.tile(step, (many, 1)), each))
+    parts = [slice(i * count, (i + 1) * count) for i in range(many)]
+    return [
+        ForceSample(
+            whole.force[part],
+            whole.by_x[part],
+            whole.by_v[part],
+            tuple(by[part] for by in whole.by_parameter),
+        )
+        for part in parts
+    ]
+
+
+def _joined(parts: Sequence[ForceSample]) -> ForceSample:
+    """Add the forces of all parts of a law; slopes by motions that differ have no sum."""
+    first, *others = parts
+    columns = zip(*(part.by_parameter for part in parts), strict=True)
+    by = tuple(sum(column[1:], column[0]) for column in columns)
+    return ForceSample(sum((part.force for part in others), first.force), first.by_x, first.by_v, by)
+
+
+def _rows(
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    nonlinear: Array,
+    sample: ForceSample,
+    *,
+    scaled: bool,
+) -> tuple[Array, Array]:
+    """Give the rows from a sample of the law."""
+    values = np.zeros(len(law.parameters))
+    values[list(law.nonlinear)] = nonlinear
+    omega = equations.omega[:, None]
+    signals, still = _parts(law, sample, values, scaled)
+    columns = [_fundamental(signal) for signal in signals]
+    if not equations.harmonics[:, ::2].any():
+        # what an even force leaves along a motion without mean and even harmonics is round-off
+        for place in np.flatnonzero(np.isin(law.linear, law.even)):
+            columns[place] = np.zeros(len(columns[place]), dtype=complex)
+    inertia = equations.omega**2 * equations.harmonics[:, 1]
+    right = equations.force - project(still, 1)
+    if mass is None:
+        columns.append(-inertia)
+    else:
+        right = right + mass * inertia
+    weight = equations.weight
+    matrix = _columns(columns, len(right)) * weight[:, None]
+    blocks = [matrix.real, matrix.imag]
+    rights = [(right * weight).real, (right * weight).imag]
+    free = [np.zeros(len(omega))] if mass is None else []
+    if equations.mean:
+        means = [s.mean(axis=1) for s in signals] + free
+        blocks.append(_columns(means, len(weight)) * weight[:, None])
+        rights.append(-still.mean(axis=1) * weight)
+    if len(equations.turning):
+        block, balance = _turning_rows(equations, law, values, scaled)
+        blocks.append(np.column_stack([block, *[column[: len(block)] for column in free]]))
+        rights.append(balance)
+    stacked, flat = np.concatenate(blocks), np.concatenate(rights)
+    return stacked, flat
+
+
+def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> tuple[list[Array], Array]:
+    """What each unknown multiplies, and the force that none does."""
+    signals, still = [sample.by_parameter[i] for i in law.linear], sample.force
+    for group in law.scaled if scaled else ():
+        # Euler: what is of degree one is the sum of its slopes times its parameters
+        share = sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(still))
+        signals.append(share)
+        still = still - share
+    return signals, still
+
+
+def _fundamental(signal: Array) -> NDArray[Any]:
+    """Fundamental of a signal (n, s); that of a constant is zero, not the round-off of its sum."""
+    constant = np.all(signal == signal[:, :1], axis=1)
+    return np.where(constant, 0.0, project(signal, 1))
+
+
+def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
+    """(count, columns), of none too."""
+    return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+
+def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bool) -> tuple[Array, Array]:
+    """Work of the spring between the turning points: zero for light damping."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    high, low = equations.turning[:, 0], equations.turning[:, 1]
+    parts, works = [], []
+    for end in (high, low):
+        x = end[:, None] * (nodes + 1) / 2
+        sample = law.still(x, values)
+        share = end[:, None] * weights / 2
+        signals, force = _parts(law, sample, values, scaled)
+        parts.append(_columns([np.sum(signal * share, axis=1) for signal in signals], len(high)))
+        works.append(np.sum(force * share, axis=1))
+    scale = (equations.weight / np.abs(equations.harmonics[:, 1]))[:, None]
+    return (parts[0] - parts[1]) * scale, -(works[0] - works[1]) * scale[:, 0]

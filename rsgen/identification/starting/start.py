@@ -1,0 +1,374 @@
+"""Values to start from: the linear balance of a law, phase errors all around, phases made up.
+
+At first order  F/X = k(X) - m omega^2 + i omega c(X, omega)  is linear in most parameters. These are solved
+for exactly at every trial of the others (variable projection), so that only breakpoints, exponents and the
+like have to be searched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import (
+    ANY_LAW,
+    FLAT,
+    LIGHT,
+    POOR,
+    QUICK,
+    START_ORDER,
+    TRIAL_STEPS,
+    UNCHANGED,
+    samples_for,
+)
+from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
+from rsgen.identification.fitting.forward import Response, following_harmonics, hold_amplitude
+from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.scaled_columns import determined, solve_scaled
+from rsgen.identification.starting.asymmetric import start_asymmetric
+from rsgen.identification.starting.equations import Equations, equation_rows
+from rsgen.identification.starting.search import search_nonlinear
+from rsgen.law.element import make_element
+from rsgen.law.interchangeable import put_in_order
+from rsgen.law.motion import sine_motion
+from rsgen.law.numeric import ForceLaw, compile_law
+
+__all__ = [
+    "point_misfit",
+    "solve_equations",
+    "start_fit",
+    "with_phase",
+]
+
+Table = TypeVar("Table", Points, ResponseSurface)
+
+_GROSS = 5.0
+"""Starting values give less weight to points that disagree by more than this many typical misfits."""
+
+_TYPICAL = 0.04
+"""Relative misfit of starting values that is never called gross: first order may be as wrong."""
+
+_FEWEST_OF_LEVEL = 8
+"""Points of a level that determine a linear mode with a background, eight values."""
+
+_SEARCHED = 120
+"""Points, spread over the amplitude, on which nonlinear parameters are searched: ten for each of a dozen."""
+
+_SCANNED = 80
+"""Points on which all phase errors are tried: the six parameters of any law and the mass need no more."""
+
+_TURNS = 12
+"""Phase errors around the circle, or places of a neighbour in three bands, that are tried: none is farther
+than fifteen degrees, or a seventh of the band, from one of them."""
+
+_WEIGHINGS = 4
+"""Of an equation by its own denominator: what comes out is a start."""
+
+_RESIDUE = 0.3
+"""Residue with which a neighbour begins, relative to that of the mode: seen, and smaller."""
+
+_NEIGHBOURS = 4
+"""Places of a neighbour from which the law itself is tried."""
+
+
+def solve_equations(
+    equations: Equations,
+    law: ForceLaw,
+    mass: float | None,
+    near: Array | None = None,
+) -> Solution:
+    """Solve for all parameters of the law, and for the mass where it is None.
+
+    Parameters
+    ----------
+    equations, law, mass
+        What is solved.
+    near
+        (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
+    """
+    chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCHED).round().astype(np.intp))]
+    nonlinear = np.zeros(0)
+    if law.nonlinear:
+        begin = None if near is None else near[list(law.nonlinear)]
+        nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
+    matrix, right = equation_rows(equations, law, mass, nonlinear)
+    solution, _, _ = solve_scaled(matrix, right)
+    residual = right - matrix @ solution
+    values = law.values_of(solution, nonlinear)
+    if law.nonlinear:
+        matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, mass, nonlinear, solution)])
+    _, inverse, null = solve_scaled(matrix, right)
+    freedom = max(len(right) - matrix.shape[1], 1)
+    covariance = inverse @ inverse.T * float(residual @ residual) / freedom
+    order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
+    covariance = determined(covariance, null)
+    sorted_covariance = np.empty_like(covariance)
+    sorted_covariance[np.ix_(order, order)] = covariance
+    misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))
+    inertia = float(solution[-1]) if mass is None else mass
+    return Solution(values, inertia, sorted_covariance, freedom, misfit)
+
+
+def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
+    """(n,) how far each point is from the solution, relative to its force."""
+    linear = np.append(solution.values[list(law.linear)], solution.mass)
+    bare = replace(equations, mean=False, turning=np.zeros((0, 2)))
+    matrix, right = equation_rows(bare, law, None, solution.values[list(law.nonlinear)])
+    misfit = right - matrix @ linear
+    return np.asarray(np.hypot(*np.split(misfit, 2)))
+
+
+def _nonlinear_columns(
+    equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Array, solution: Array
+) -> Array:
+    columns = []
+    for i in range(len(nonlinear)):
+        step = np.zeros(len(nonlinear))
+        step[i] = 1e-5 * max(abs(nonlinear[i]), 1e-300)
+        high, low = (
+            matrix @ solution - right
+            for matrix, right in (
+                equation_rows(equations, law, mass, nonlinear + step),
+                equation_rows(equations, law, mass, nonlinear - step),
+            )
+        )
+        columns.append((high - low) / (2 * step[i]))
+    return np.stack(columns, axis=1)
+
+
+def start_fit(problem: Problem) -> tuple[Problem, Array]:
+    """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
+    start = _start_first_order(problem)
+    if not problem.law.acts_across:
+        values, mass, background = problem.split(start)
+        start = problem.join(put_in_order(problem.law, values), mass, background)
+    return start_asymmetric(problem, start)
+
+
+def _start_first_order(problem: Problem) -> Array:
+    observed = problem.observed
+    if not observed.phase_known:
+        found = _start_amplitudes(observed.points, problem.law, problem.given)
+        parameters = problem.join(found.values, found.mass)
+        if not observed.fitted.any():
+            return parameters
+        # law and background share the tails of a resonance: the law comes near first
+        alone = replace(observed, fitted=np.zeros_like(observed.fitted))
+        return fit_balance(
+            replace(problem, observed=alone), parameters, order=START_ORDER
+        ).regression.parameters
+    trials = []
+    for background in _start_backgrounds(problem):
+        found = _start_values(observed.mode(background), problem.law, problem.given)
+        trials.append(problem.join(found.values, found.mass, background))
+    if len(trials) == 1:
+        return trials[0]
+    few = problem.select(observed.points.spread(QUICK))
+    fits = [fit_balance(few, trial, order=START_ORDER, correct=False) for trial in trials]
+    return min(fits, key=lambda found: found.regression.noise).regression.parameters
+
+
+def _start_values(points: Points, law: ForceLaw, mass: float | None) -> Solution:
+    """First order, or the measured waveform where that fits better."""
+    some = points.select(points.spread(2 * QUICK))
+    first = _linear_start(some, law, mass, 1)
+    if not points.strong:
+        return first
+    # in the balance of the fundamental along the measured waveform a law is as linear as it is written
+    whole = _linear_start(some, law, mass, points.harmonics.shape[1] - 1)
+    return whole if whole.misfit < first.misfit else first
+
+
+def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> Solution:
+    """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
+    equations = Equations(
+        points.omega,
+        points.force,
+        points.harmonics[:, : order + 1],
+        not law.odd and 0 in points.measured,
+        1 / np.abs(points.force),
+        np.zeros((0, 2)),
+        None if points.across is None else points.across[:, : order + 1],
+    )
+    weight = equations.weight
+    for _ in range(3):
+        solution = solve_equations(equations, law, mass)
+        misfit = point_misfit(replace(equations, weight=weight), law, solution)
+        typical = max(1.4826 * float(np.median(misfit)), _TYPICAL)
+        factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
+        if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
+            break
+        equations = replace(equations, weight=weight * factor)
+    return solution
+
+
+def _start_backgrounds(problem: Problem) -> list[Array]:
+    """Phase error and background, several of a neighbour, with a law that is near any other."""
+    observed = problem.observed
+    if not observed.background.names:
+        return [np.zeros(0)]
+    points = observed.points
+    law = compile_law(make_element("any", ANY_LAW).force)
+    few = replace(problem.select(points.spread(QUICK)), law=law)
+    some = points.select(points.spread(_SCANNED))
+    phases = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
+    misfits = [_turned(some, law, problem.given, float(phase)) for phase in phases]
+    best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
+    found = _turned(few.observed.points, law, problem.given, float(phases[best]))
+    names = observed.background.names
+    parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
+    trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
+    fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
+    if min(found.regression.noise for found in fits) > POOR and len(names) > 1:
+        fits += _beside_receptances(few, phases)
+    return [found.background for found in fits]
+
+
+def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
+    """Fit beside a background as large as the mode: the one that a linear mode at each level would have."""
+    observed, fits = problem.observed, []
+    points = observed.points
+    for level in np.unique(points.level):
+        run = points.select(points.level == level)
+        if len(run) < _FEWEST_OF_LEVEL:
+            continue
+        seen = _linear_receptance(run)
+        moved = np.array(points.harmonics)
+        moved[:, 1] -= seen * points.force
+        mode = replace(points, harmonics=moved)
+        turned = [_turned(mode, problem.law, problem.given, float(phase)) for phase in phases]
+        best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in turned]))
+        b = seen * np.exp(-1j * phases[best])
+        background = np.zeros(len(observed.background.names))
+        background[:3] = phases[best], b.real, b.imag
+        trial = problem.join(turned[best].values, turned[best].mass, background)
+        fits.append(fit_balance(problem, trial, order=1, correct=False))
+    return fits
+
+
+def _linear_receptance(points: Points) -> complex:
+    """Give b of x/F = b + a/(k - s^2 + i c s) for measured forces, s = omega over its mean, by least squares.
+
+    The denominator multiplied out, the equation is linear; its weight follows in a few rounds (Sanathanan and
+    Koerner, IEEE Trans. Autom. Control 8 (1963)).
+    """
+    s = points.omega / np.mean(points.omega)
+    ratio = points.harmonics[:, 1] / points.force
+    one = np.ones(len(s))
+    numerator = [part * s**power for power in range(3) for part in (-one, -1j * one)]
+    columns = np.stack([ratio, 1j * s * ratio, *numerator], axis=1)
+    weight = 1 / np.abs(ratio)
+    for _ in range(_WEIGHINGS):
+        matrix, right = columns * weight[:, None], ratio * s**2 * weight
+        matrix, right = np.vstack([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
+        found, _, _ = solve_scaled(matrix, right)
+        weight = 1 / np.abs(ratio * (found[0] - s**2 + 1j * found[1] * s))
+    return -complex(found[6], found[7])
+
+
+def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
+    """Try a neighbour at places around the band; those that leave the least misfit may be near.
+
+    It begins lightly damped with a share of the residue of the mode, and has a few steps at each place.
+    """
+    without = replace(problem, observed=problem.observed.without_neighbour())
+    mode = len(parameters) - 4
+    begun = fit_balance(without, parameters[:mode], order=1, steps=TRIAL_STEPS, correct=False)
+    low, high = problem.observed.band
+    fits = []
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _TURNS):
+        neighbour = [_RESIDUE / begun.mass, 0.0, place, LIGHT]
+        trial = np.concatenate([begun.regression.parameters, neighbour])
+        fits.append(fit_balance(problem, trial, order=1, steps=TRIAL_STEPS, reject=False, correct=False))
+    fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
+
+
+def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> Solution:
+    """Solve the first-order balance with the force turned by psi [rad]."""
+    force = points.force * np.exp(1j * psi)
+    weight = 1 / np.abs(force)
+    none = np.zeros((0, 2))
+    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, none)
+    return solve_equations(equations, law, mass)
+
+
+def _guessed(points: Points) -> NDArray[np.float64]:
+    """(n,) lag of the response [rad] from where each point lies in its run."""
+    size, force = points.amplitude, np.abs(points.force)
+    side = np.zeros(len(points))
+    peaks: list[tuple[float, float]] = []
+    for rows in points.runs:
+        top = rows[np.argmax(size[rows])]
+        side[rows] = np.sign(points.omega[rows] - points.omega[top])
+        if points.omega[rows].min() < points.omega[top] < points.omega[rows].max():
+            peaks.append((float(size[top]), float(force[top] / (points.omega[top] * size[top]))))
+    if not peaks:
+        top = int(np.argmax(size))
+        peaks = [(float(size[top]), float(force[top] / (points.omega[top] * size[top])))]
+    heights, damping = np.array(sorted(peaks)).T
+    share = np.interp(size, heights, damping) * points.omega * size / force
+    below = np.arcsin(np.clip(share, 0.0, 1.0))
+    return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
+
+
+def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solution:
+    """Fit the law to phases that the law itself predicts, from a guess on.
+
+    At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
+    less, above it more; the law that fits then predicts the phase anew.
+    """
+    lag = _guessed(points)
+    force = np.abs(points.force)
+    harmonics = sine_motion(points.omega, points.amplitude).harmonics
+    best = np.inf
+    start: Solution | None = None
+    for _ in range(TRIAL_STEPS):
+        equations = Equations(
+            points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
+        )
+        found = solve_equations(equations, law, mass)
+        balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
+        misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
+        if start is not None and not misfit < (1 - UNCHANGED) * best:
+            break
+        best, start = misfit, found
+        lag = np.angle(balance.force)
+    return start if start is not None else found
+
+
+def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
+    samples = samples_for(law.switched)
+    start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
+    return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
+
+
+def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
+    """Give force and response the phases that law and background (n,) [m/N] predict at each amplitude."""
+    law = found.problem.law
+    seen = np.abs(table.harmonics[:, 1])
+    held = np.isfinite(seen) & (seen > 0)
+    force = np.abs(table.force).astype(np.complex128)
+    harmonics = np.zeros((len(seen), 2), dtype=np.complex128)
+    harmonics[:, 1] = seen
+    b, omega, wanted = receptance[held], table.omega[held], seen[held]
+    size = np.array(wanted)
+    for _ in range(TRIAL_STEPS):
+        balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
+        response = size + b * balance.force
+        slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
+        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
+        size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
+    balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
+    force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
+    harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
+    if isinstance(table, Points):
+        return replace(table, force=force, harmonics=harmonics, measured=(1,))
+    return replace(table, force=force, harmonics=harmonics)

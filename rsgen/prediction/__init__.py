@@ -1,8 +1,0 @@
-"""Resonance curves with folds and stability, from an identification or an oscillator."""
-
-from __future__ import annotations
-
-from rsgen.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.prediction.resonance_curves import judge_held_out, predict
-
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "judge_held_out", "predict"]

@@ -1,8 +1,0 @@
-"""From a response surface to the law behind it: candidates compared, best first."""
-
-from __future__ import annotations
-
-from rsgen.ranking.rank_laws import identify_best, rank
-from rsgen.ranking.ranking_result import Candidate, Ranking
-
-__all__ = ["Candidate", "Ranking", "identify_best", "rank"]

@@ -1,0 +1,352 @@
+"""Resonance, equivalent stiffness and damping over amplitude, and the collapse of all points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import sympy
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+
+from rsgen.common.arrays import Array
+from rsgen.formula import symbol
+from rsgen.formula.memory import remembers
+from rsgen.formula.units.scale import Scale, choose_scale, number_text, quantity_text
+from rsgen.identification.results import EquivalentCurve, Identification
+from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
+from rsgen.report.figures.equivalent import (
+    Backbone,
+    amplitudes_tested,
+    backbone,
+    calm_limits,
+    refined_band,
+    solution_of,
+    values_of,
+)
+from rsgen.report.figures.overview import colour_bar, level_colours
+
+__all__ = [
+    "FIRST_ORDER",
+    "POINT",
+    "REFINED",
+    "TRUTH",
+    "draw_collapse",
+    "draw_damping",
+    "draw_resonance",
+    "draw_stiffness",
+]
+
+# Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
+POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
+REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
+FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
+TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
+
+
+def _span(values: Array, unit: str) -> str:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "not known"
+    scale = choose_scale(finite, unit)
+    return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
+
+
+def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
+    """Say in an empty panel that nothing is known."""
+    if not any(np.isfinite(values).any() for values in drawn):
+        axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
+
+
+@in_style
+def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
+    """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
+
+    Parameters
+    ----------
+    identification
+        Its resonances are the points, its refined estimates the line. A law that acts across two sensors has
+        no line: what the motion across is at an amplitude of the response is not known.
+    ax
+        Axes for frequency and damping ratio; None makes a figure.
+    """
+    points = sorted(identification.resonances, key=lambda point: point.amplitude)
+    amplitude = np.array([point.amplitude for point in points])
+    frequency = np.array([point.frequency for point in points])
+    ratio = np.array([point.damping_ratio for point in points])
+    figure, panels = take_axes(ax, 2, (4.4, 3.9), sharex=True)
+    scale = choose_scale(amplitude, "m")
+    grid = amplitudes_tested(identification)
+    if any(element.across for element in identification.model.elements):
+        grid = grid[:0]
+    model = backbone(identification, solution_of(identification), grid)
+    parts = (
+        ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
+        ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
+    )
+    for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
+        axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)
+        if np.isfinite(line).any():
+            axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
+        calm_limits(axes, limits, least=least)
+        axes.set_ylabel(label)
+        _say_empty(axes, [read, line])
+    label_abscissa(panels, ax, scale.label("Amplitude X"))
+    panels[0].legend(loc="best")
+    text = "No level has a resonance that could be read."
+    if len(points) == 1:
+        text = (
+            f"One resonance: at the amplitude {quantity_text(amplitude[0], 'm', 3)} the resonance "
+            f"frequency is {quantity_text(frequency[0], 'Hz')} and the damping ratio "
+            f"{number_text(100 * ratio[0], 3)} %."
+        )
+    elif points:
+        text = (
+            f"{len(points)} resonances. From the smallest amplitude, "
+            f"{quantity_text(amplitude[0], 'm', 3)}, to the largest, "
+            f"{quantity_text(amplitude[-1], 'm', 3)}, the resonance frequency goes from "
+            f"{_span(frequency, 'Hz')} "
+            f"({100 * (frequency[-1] / frequency[0] - 1):+.2f} %) and the damping ratio "
+        )
+        ends = (number_text(100 * value, 3) for value in ratio[[0, -1]])
+        text += "from {} to {} %.".format(*ends) if np.isfinite(ratio).all() else "is not known."
+    caption = "Resonance of each level: the shift with amplitude is what identification reads."
+    return Drawing("resonance", figure, caption, text, ax is None)
+
+
+@in_style
+def draw_stiffness(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
+    """Draw the equivalent stiffness k(X): levels, fits, and the derivation with the true values where known.
+
+    Parameters
+    ----------
+    identification
+        Points and estimates.
+    truth
+        True value of every parameter, SI; "m" may be among them.
+    ax
+        Axes to draw on; None makes a figure.
+    """
+    return _draw_equivalent("stiffness", identification, truth, ax)
+
+
+@in_style
+def draw_damping(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
+    """Draw the equivalent damping c(X) along the resonance; see `draw_stiffness`."""
+    return _draw_equivalent("damping", identification, truth, ax)
+
+
+_KINDS = {
+    "stiffness": ("Spring", "N/m", "k(X)"),
+    "damping": ("Damper", "N*s/m", "c(X)"),
+    "loss stiffness": ("Joint", "N/m", "ωc(X)"),
+}
+"""What has an equivalent property, its unit and its symbol."""
+
+_LEVELS = {"N": "Level F", "m": "Level X"}
+"""What levels are called by their unit; those of a base are levels."""
+
+
+def _draw_equivalent(
+    what: Literal["stiffness", "damping"],
+    identification: Identification,
+    truth: Mapping[str, float] | None,
+    ax: GivenAxes,
+) -> Drawing:
+    name, unit, symbol = _KINDS[what]
+    points = sorted(identification.resonances, key=lambda point: point.amplitude)
+    amplitude = np.array([point.amplitude for point in points])
+    measured = np.array([getattr(point, what) for point in points])
+    grid = amplitudes_tested(identification)
+    model, *halves = refined_band(identification, grid)
+    half = halves[list(_KINDS).index(what)]
+    refined: Array = getattr(model, what)
+    first: Array = getattr(backbone(identification, values_of(identification.first_order), grid), what)
+    lines = [refined, first]
+    x, y = (
+        choose_scale(grid, "m"),
+        choose_scale(np.concatenate([measured, refined]), identification.curve.unit(unit)),
+    )
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
+    low, high = (refined - half) / y.factor, (refined + half) / y.factor
+    axes.fill_between(grid / x.factor, low, high, color="#D55E00", alpha=0.18, lw=0)
+    axes.plot(amplitude / x.factor, measured / y.factor, label="levels at resonance", **POINT)
+    if np.isfinite(first).any():
+        axes.plot(grid / x.factor, first / y.factor, label="first-order fit, all points", **FIRST_ORDER)
+    axes.plot(grid / x.factor, refined / y.factor, label="refined fit, 95 % band", **REFINED)
+    if truth is not None:
+        true: Array = getattr(backbone(identification, truth, grid), what)
+        lines.append(true)
+        axes.plot(grid / x.factor, true / y.factor, label=f"derived {symbol}, true values", **TRUTH)
+    calm_limits(axes, [measured / y.factor, *(line / y.factor for line in lines)], least=0.06)
+    axes.set_xlabel(x.label("Amplitude X"))
+    axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
+    axes.legend(loc="best")
+    text = _equivalent_words(what, grid, refined, measured, y)
+    known = np.isfinite(refined - lines[-1])
+    if truth is not None and known.any():
+        scale = float(np.max(np.abs(lines[-1][known]))) or 1.0
+        off = float(np.max(np.abs(refined - lines[-1])[known])) / scale
+        text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
+    caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
+    return Drawing(what, figure, caption, text, ax is None)
+
+
+def _equivalent_words(what: str, grid: Array, fitted: Array, measured: Array, y: Scale) -> str:
+    if not grid.size:
+        return f"No amplitude was tested, so there is no equivalent {what} to show."
+    read = measured[np.isfinite(measured)]
+    shown = (
+        [f"{number_text(value / y.factor)} {y.unit}" for value in (read.min(), read.max())]
+        if read.size
+        else []
+    )
+    if not shown and len(measured):
+        levels = f"{len(measured)} levels reach resonance, where without a mass none has a {what}."
+    elif not shown:
+        levels = "No level could be read at resonance."
+    elif len(read) == 1:
+        levels = f"The one level that could be read at resonance has {shown[0]}."
+    else:
+        levels = f"{len(read)} levels read at resonance lie between {shown[0]} and {shown[1]}."
+    if not np.isfinite(fitted[[0, -1]]).all():
+        return f"No line is drawn, for it needs values that are not identifiable. {levels}"
+    if len(grid) == 1:
+        at = quantity_text(grid[0], "m", 3)
+        return (
+            f"The refined equivalent {what} is {number_text(fitted[0] / y.factor)} {y.unit} at {at}. {levels}"
+        )
+    change = f" ({100 * (fitted[-1] / fitted[0] - 1):+.1f} %)" if fitted[0] else ""
+    return (
+        f"The refined equivalent {what} goes from {number_text(fitted[0] / y.factor)} {y.unit} at "
+        f"{quantity_text(grid[0], 'm', 3)} to {number_text(fitted[-1] / y.factor)} {y.unit} at "
+        f"{quantity_text(grid[-1], 'm', 3)}{change}. {levels}"
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Collapse:
+    """Points (``place``, ``cloud``) and the ``line`` of the model over ``course``, SI."""
+
+    what: str
+    cloud: Array
+    line: Array
+    place: Array
+    course: Array
+    scale: Scale
+
+
+@in_style
+def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
+    """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
+
+    Parameters
+    ----------
+    identification
+        Its curve gives the points, coloured by level; its refined estimates the line.
+    ax
+        One axes for the stiffness, or two for stiffness and damping; None makes a figure.
+    """
+    curve = identification.curve
+    grid = amplitudes_tested(identification)
+    model = backbone(identification, solution_of(identification), grid)
+    x = choose_scale(curve.amplitude, "m")
+    force = choose_scale(curve.level, curve.level_unit)
+    colours = level_colours()
+    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
+    # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
+    joint = remembers(identification.model.force)
+    speed = not joint and _acts_on_velocity(identification.model.force)
+    figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
+    rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
+    parts = _collapses(curve, model, grid, (x, rate), joint=joint, speed=speed)
+    for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
+        y = choose_scale(part.line if part.line.size else part.cloud, curve.unit(_KINDS[part.what][1]))
+        cloud, line = part.cloud / y.factor, part.line / y.factor
+        axes.scatter(
+            part.place / part.scale.factor,
+            cloud,
+            c=curve.level / force.factor,
+            cmap=colours,
+            norm=norm,
+            s=7,
+            linewidths=0,
+            rasterized=len(cloud) > 300,
+        )
+        course = part.course / part.scale.factor
+        axes.plot(course, line, label="refined model at resonance", **{**REFINED, "lw": 1.1})
+        calm_limits(axes, [cloud, line], least=least)
+        _say_empty(axes, [cloud, line])
+        axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2].removesuffix('(X)')}"))
+    panels[0].legend(loc="best")
+    if speed or len(panels) == 1:
+        panels[0].set_xlabel(x.label("Amplitude X"))
+    for axes in panels[1:]:
+        axes.set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
+    colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
+    caption = (
+        "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
+        "higher harmonics add."
+    )
+    text = "No test point could be used."
+    if grid.size:
+        words = "; ".join(filter(None, map(_collapse_words, parts)))
+        text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}{': ' if words else ''}{words}."
+        text += "".join(
+            f" Without a mass none has a {part.what}." for part in parts if not np.isfinite(part.cloud).any()
+        )
+    return Drawing("collapse", figure, caption, text, ax is None)
+
+
+def _collapses(
+    curve: EquivalentCurve,
+    model: Backbone,
+    grid: Array,
+    scales: tuple[Scale, Scale],
+    *,
+    joint: bool,
+    speed: bool,
+) -> tuple[_Collapse, _Collapse]:
+    """What falls on one curve: k over X; and of a joint omega c, of a drag c over omega X, else c."""
+    x, rate = scales
+    omega = 2 * np.pi * curve.frequency
+    stiffness = _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x)
+    if joint:
+        loss, line = curve.damping * omega, model.damping * model.omega
+        return stiffness, _Collapse("loss stiffness", loss, line, curve.amplitude, grid, x)
+    if speed:
+        velocity, course = curve.amplitude * omega, grid * model.omega
+        return stiffness, _Collapse("damping", curve.damping, model.damping, velocity, course, rate)
+    return stiffness, _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x)
+
+
+def _acts_on_velocity(force: sympy.Expr) -> bool:
+    """Find whether the force has a part that is not linear in v and does not depend on x."""
+    v = symbol("v")
+    damper = force - force.subs(v, 0)
+    # evaluated as text is enough: an x that would cancel leaves the axis as it is
+    if damper.has(symbol("x")):
+        damper = sympy.expand(damper)
+    return not damper.has(symbol("x")) and sympy.diff(damper, v, 2) != 0
+
+
+def _collapse_words(part: _Collapse) -> str:
+    """Say how near the points lie to the line; "" where nothing is known."""
+    order = np.argsort(part.course)
+    expected = np.interp(part.place, part.course[order], part.line[order])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.abs(part.cloud / expected - 1)
+    off = off[np.isfinite(off)]
+    if not off.size:
+        return ""
+    half, most = (number_text(100 * float(np.percentile(off, share)), 2) for share in (50, 95))
+    return (
+        f"half of the points lie within {half} % and 95 % within {most} % of the {part.what} of the "
+        "refined model"
+    )

@@ -1,0 +1,294 @@
+"""Loops of the restoring force, and the energy that they dissipate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
+from rsgen.data.surface import ResponseSurface
+from rsgen.formula.units import per_mass_unit
+from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.identification.results import Identification
+from rsgen.law.motion import cycle_work
+from rsgen.report.figures.curves import POINT, REFINED, TRUTH
+from rsgen.report.figures.cycles import (
+    Energy,
+    Slip,
+    branch_mean,
+    dissipated_energy,
+    estimate_mass,
+    identified_slips,
+    loop_force,
+    measured_energy,
+    measured_loops,
+    mode_surface,
+    small_stiffness,
+    stiffness_ratio,
+)
+from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
+from rsgen.report.figures.equivalent import calm_limits, solution_of
+from rsgen.report.figures.responses import choose_levels
+
+__all__ = ["draw_energy", "draw_loops"]
+
+_LOOPS = 3
+"""Of small, middle and largest level: more of them hide each other."""
+
+_MARKS = 32
+"""Points of a measured loop that are marked."""
+
+_FEW_DECADES = 300.0
+"""Ratio of the ends of an axis up to which three numbers a decade fit on it."""
+
+_MEMORYLESS: dict[str, Any] = {"color": "#0072B2", "lw": 0.9, "ls": (0, (5, 2))}
+_LIMIT: dict[str, Any] = {"color": "#009E73", "lw": 1.0, "ls": (0, (4, 1.5, 1, 1.5))}
+
+
+def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:
+    """Choose the largest settled motion of a small, a middle and the largest level."""
+    rows = []
+    for level in choose_levels(surface, _LOOPS):
+        there = np.flatnonzero((surface.level == level) & surface.settled & (surface.amplitude > 0))
+        if there.size:
+            rows.append(int(there[np.argmax(surface.amplitude[there])]))
+    return np.array(sorted(set(rows), key=lambda row: surface.amplitude[row]), dtype=np.intp)
+
+
+def _chord(x: Array, force: Array) -> Array:
+    """The straight line through the turning points of a loop."""
+    low, high = int(np.argmin(x)), int(np.argmax(x))
+    slope = (force[high] - force[low]) / (x[high] - x[low])
+    return np.asarray(force[low] + slope * (x - x[low]))
+
+
+@in_style
+def draw_loops(
+    surface: ResponseSurface,
+    identification: Identification | None = None,
+    truth: Mapping[str, float] | None = None,
+    *,
+    mass: float | None = None,
+    points: NDArray[np.intp] | None = None,
+    ax: GivenAxes = None,
+) -> Drawing:
+    """Draw the restoring force over the displacement, as measured and as identified.
+
+    The measured loops need no law: n(t) = f(t) - m a(t) along the measured motion. The mean of their two
+    branches is the part without memory. The lower panel leaves out the chord between the turning points.
+
+    Parameters
+    ----------
+    surface
+        The test.
+    identification
+        Gives mass and loops of the model along the same motions; None: the measured loops alone.
+    truth
+        True value of every parameter, SI.
+    mass
+        m [kg], where there is no identification; None: read from the points, with any smooth k(X).
+    points
+        Rows of the surface; None: the largest motion of a small, a middle and the largest level.
+    ax
+        One axes for the loops, or two for the loops and their openings; None makes a figure.
+
+    Raises
+    ------
+    RsgenError
+        No point settled, the phases are not known, or too few points settled to read a mass.
+    """
+    surface = mode_surface(surface, identification)
+    rows = _peak_rows(surface) if points is None else np.asarray(points, dtype=np.intp)
+    if not surface.phase_known or not rows.size:
+        raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
+    if mass is None:
+        mass = estimate_mass(surface) if identification is None else identification.mass
+    loops = measured_loops(surface, rows, mass)
+    lines: list[tuple[str, dict[str, Any], Array]] = []
+    if identification is not None:
+        for name, style, values in (
+            ("identified", REFINED, solution_of(identification)),
+            ("truth", TRUTH, truth),
+        ):
+            if values is not None:
+                lines.append((name, style, loop_force(identification.model, values, loops.motion)))
+    figure, panels = take_axes(ax, 2, (4.4, 5.2), sharex=True)
+    unit = per_mass_unit("N") if surface.per_mass else "N"
+    x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, unit)
+    open_y = choose_scale(loops.force[-1] - _chord(loops.displacement[-1], loops.force[-1]), unit)
+    for axes, scale, chord in zip(panels, (y, open_y), (False, True), strict=False):
+        for i, (place, force) in enumerate(zip(loops.displacement, loops.force, strict=True)):
+            shown = [("measured", POINT, place, force)]
+            mean = branch_mean(place, force)
+            if mean is not None:
+                shown.append(("mean of both branches", _MEMORYLESS, *mean))
+            shown += [(name, style, place, line[i]) for name, style, line in lines]
+            for name, style, at, value in shown:
+                _draw_loop(axes, name if i == 0 else "", style, at / x.factor, value, scale.factor, chord)
+        axes.set_ylabel(scale.label("Force less its chord" if chord else "Restoring force n"))
+    label_abscissa(panels, ax, x.label("Displacement x"))
+    panels[0].legend(loc="upper left")
+    where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
+    caption = f"Loops of the restoring force at {where}: an open loop dissipates."
+    if surface.harmonics.shape[1] <= 2:
+        caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
+    return Drawing("loops", figure, caption, _loop_words(surface, rows, mass, loops.force, lines), ax is None)
+
+
+def _draw_loop(
+    axes: Axes, name: str, style: dict[str, Any], place: Array, force: Array, factor: float, chord: bool
+) -> None:
+    drawn = (force - _chord(place, force) if chord else force) / factor
+    if style is POINT:
+        few = np.unique(np.linspace(0, len(place), _MARKS, endpoint=False).astype(int))
+        axes.plot(place[few], drawn[few], label=name or "_", **POINT)
+        return
+    closed = (
+        (place, drawn) if style is _MEMORYLESS else (np.append(place, place[:1]), np.append(drawn, drawn[:1]))
+    )
+    axes.plot(*closed, label=name or "_", **style)
+
+
+def _loop_words(
+    surface: ResponseSurface,
+    rows: NDArray[np.intp],
+    mass: float,
+    force: Array,
+    lines: list[tuple[str, dict[str, Any], Array]],
+) -> str:
+    work = cycle_work(surface.force[rows], surface.harmonics[rows, 1])
+    parts = []
+    for i, row in enumerate(rows):
+        part = (
+            f"at {quantity_text(float(surface.level[row]), surface.level_unit, 3)} and an amplitude of "
+            f"{quantity_text(float(surface.amplitude[row]), 'm', 3)} a cycle dissipates "
+            f"{quantity_text(float(work[i]), 'J', 3)}"
+        )
+        for name, _, line in lines[:1]:
+            off = float(np.max(np.abs(line[i] - force[i])) / np.max(np.abs(force[i])))
+            if np.isfinite(off):
+                part += (
+                    f", and the {name} loop departs from the measured one by at most "
+                    f"{number_text(100 * off, 2)} % of the largest force"
+                )
+        parts.append(part)
+    return f"Loops with a mass of {quantity_text(mass, 'kg', 4)}: {'; '.join(parts)}."
+
+
+@in_style
+def draw_energy(
+    surface: ResponseSurface,
+    identification: Identification,
+    truth: Mapping[str, float] | None = None,
+    *,
+    ax: GivenAxes = None,
+) -> Drawing:
+    """Draw the energy dissipated in a cycle over amplitude, and the stiffness relative to that at rest.
+
+    Parameters
+    ----------
+    surface
+        Its points near resonance give the measured energy.
+    identification
+        Its refined estimates give the lines.
+    truth
+        True value of every parameter, SI.
+    ax
+        One axes for the energy, or two for energy and stiffness; None makes a figure.
+    """
+    measured = measured_energy(mode_surface(surface, identification))
+    found = dissipated_energy(identification)
+    values = solution_of(identification)
+    rest = small_stiffness(identification, values)
+    panels_needed = 2 if np.isfinite(rest) else 1
+    figure, panels = take_axes(ax, panels_needed, (4.4, 2.4 + 2.2 * (panels_needed - 1)), sharex=True)
+    x = choose_scale(found.amplitude if found.amplitude.size else measured.amplitude, "m")
+    y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.unit("J"))
+    top = panels[0]
+    top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **POINT)
+    top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **REFINED)
+    if truth is not None:
+        true = dissipated_energy(identification, truth)
+        top.plot(true.amplitude / x.factor, true.energy / y.factor, label="truth", **TRUTH)
+    if measured.energy.size or found.energy.size:
+        for axis, set_scale in ((top.xaxis, top.set_xscale), (top.yaxis, top.set_yscale)):
+            set_scale("log")
+            _plain_ticks(axis)
+    top.set_ylabel(y.label("Energy of a cycle D"))
+    if len(panels) > 1:
+        _draw_ratio(panels[1], identification, truth, rest, x.factor)
+    slips = identified_slips(identification)
+    for i, slip in enumerate(slips):
+        for axes in panels:
+            low, high = axes.get_xlim()
+            if low < slip.amplitude / x.factor < high:
+                label = "macro-slip to the right" if i == 0 and axes is top else "_"
+                axes.axvline(slip.amplitude / x.factor, label=label, **_LIMIT)
+    top.legend(loc="upper left")
+    label_abscissa(panels, ax, x.label("Amplitude X"))
+    caption = (
+        "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
+        "micro-slip, 1 in macro-slip."
+    )
+    return Drawing("energy", figure, caption, _energy_words(measured, found, slips, rest), ax is None)
+
+
+def _plain_ticks(axis: Axis) -> None:
+    """Numbers as everywhere in the figures, at 1, 2 and 5 of every decade where there are few decades."""
+    low, high = axis.get_view_interval()
+    few = high < _FEW_DECADES * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value, 3)))
+
+
+def _draw_ratio(
+    axes: Axes,
+    identification: Identification,
+    truth: Mapping[str, float] | None,
+    rest: float,
+    factor: float,
+) -> None:
+    curve = identification.curve
+    read = sorted(identification.resonances, key=lambda point: point.amplitude)
+    place = np.array([point.amplitude for point in read])
+    ratio = np.array([point.stiffness for point in read]) / rest
+    axes.plot(place / factor, ratio, label="levels at resonance", **POINT)
+    grid, refined = stiffness_ratio(identification)
+    drawn = [ratio, refined]
+    axes.plot(grid / factor, refined, label="refined", **REFINED)
+    if truth is not None:
+        true = stiffness_ratio(identification, truth)[1]
+        drawn.append(true)
+        axes.plot(grid / factor, true, label="truth", **TRUTH)
+    calm_limits(axes, drawn, least=0.02 if len(curve.amplitude) else 0.1)
+    axes.set_ylabel("Stiffness k(X)/k(0) [1]")
+
+
+def _energy_words(measured: Energy, found: Energy, slips: tuple[Slip, ...], rest: float) -> str:
+    parts = []
+    if np.isfinite(measured.exponent):
+        parts.append(
+            f"the measured energy of a cycle grows with the power {number_text(measured.exponent, 3)} of the "
+            f"amplitude ({len(measured.amplitude)} points)"
+        )
+    if np.isfinite(found.exponent):
+        first, last = (float(found.course[end]) for end in (0, -1))
+        parts.append(
+            f"the refined model goes from {quantity_text(float(found.energy[0]), 'J', 3)} at "
+            f"{quantity_text(float(found.amplitude[0]), 'm', 3)}, slope {number_text(first, 3)}, to "
+            f"{quantity_text(float(found.energy[-1]), 'J', 3)} at "
+            f"{quantity_text(float(found.amplitude[-1]), 'm', 3)}, slope {number_text(last, 3)}"
+        )
+    parts += [f"macro-slip sets in at {quantity_text(slip.amplitude, 'm', 3)}" for slip in slips]
+    if np.isfinite(rest):
+        parts.append(f"the stiffness at rest is {quantity_text(rest, 'N/m', 4)}")
+    text = "; ".join(parts) or "no point dissipates, so that there are 0 energies to show"
+    return f"{text[:1].upper()}{text[1:]}."

@@ -1,0 +1,350 @@
+"""Measured responses against predicted ones: every level, held-out levels, one period of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from rsgen.common.arrays import Array
+from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.formula.units.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
+from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
+from rsgen.law.motion import Motion
+from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
+from rsgen.report.figures.overview import level_colours, peaks_by_level
+
+__all__ = ["choose_levels", "draw_held_out", "draw_responses", "draw_time_history"]
+
+_OTHER = 0.01
+"""A measured force that differs by more, relatively, is named beside the nominal level."""
+_MARKERS = {"rest": "o", "up": "^", "down": "v"}
+
+
+def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
+    """Split a curve where its stability changes; neighbours share their end point, so that no gap shows."""
+    changes = np.flatnonzero(np.diff(curve.stable.astype(np.int8))) + 1
+    edges = [0, *changes.tolist(), len(curve.frequency)]
+    return [
+        (slice(start, min(stop + 1, len(curve.frequency))), bool(curve.stable[start]))
+        for start, stop in pairwise(edges)
+        if stop > start
+    ]
+
+
+def _draw_curve(
+    axes: Axes, curve: ResonanceCurve, factor: float, colour: object, label: str | None = None
+) -> None:
+    for run, stable in _runs(curve):
+        axes.plot(
+            curve.frequency[run],
+            curve.amplitude[run] / factor,
+            color=colour,
+            ls="-" if stable else (0, (2.5, 1.8)),
+            lw=1.1,
+            label=label,
+        )
+        label = None
+
+
+def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
+    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
+
+    Parameters
+    ----------
+    most
+        How many at most: more curves in one figure look alike.
+
+    Examples
+    --------
+    >>> from rsgen.data.surface import ResponseSurface, typical_amounts
+    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
+    >>> choose_levels(surface, 3)
+    [1.0, 5.0, 9.0]
+    """
+    levels = np.unique(surface.level[surface.settled])
+    if len(levels) > most:
+        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
+    return [float(level) for level in levels]
+
+
+def _fold_words(curves: list[ResonanceCurve]) -> str:
+    if not curves:
+        return "No curve is predicted."
+    folded = [curve for curve in curves if len(curve.folds)]
+    if not folded:
+        return "None of the predicted curves folds."
+    curve = folded[-1]
+    places = " and ".join(
+        f"{quantity_text(f, 'Hz', 5)} ({quantity_text(a, 'm', 3)})" for f, a in curve.folds.tolist()
+    )
+    lowest = quantity_text(folded[0].level, curve.level_unit, 3)
+    return (
+        f"Predicted curves fold from {lowest} on; at {quantity_text(curve.level, curve.level_unit, 3)} the "
+        f"response jumps at {places}, "
+        "and the dashed branch between is unstable."
+    )
+
+
+@in_style
+def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
+    """Draw frequency responses of at most six levels: measured points, predicted lines with their folds.
+
+    Parameters
+    ----------
+    surface
+        The points.
+    prediction
+        The lines; levels without a predicted curve show their points alone.
+    ax
+        Axes to draw on; None makes a figure.
+    """
+    levels, shown, forces = _shown_levels(surface, prediction)
+    scale = choose_scale(shown.amplitude, "m")
+    colours = level_colours()(np.linspace(0, 1, len(levels)))
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
+    curves = []
+    for level, colour in zip(levels, colours, strict=True):
+        for sweep, marker in _MARKERS.items():
+            frequency, amplitude = _tested(shown, level, sweep)
+            if len(frequency):
+                axes.plot(
+                    frequency,
+                    amplitude / scale.factor,
+                    marker,
+                    color=colour,
+                    ms=3.2,
+                    mew=0,
+                    alpha=0.75,
+                    zorder=1.5,
+                    rasterized=len(shown) > 400,
+                )
+        for curve in _curves_of(prediction, forces[level])[:1]:
+            _draw_curve(
+                axes, curve, scale.factor, colour, label=quantity_text(curve.level, curve.level_unit, 3)
+            )
+            curves.append(curve)
+    _limit(axes, shown, scale.factor)
+    axes.set_xlabel("Frequency [Hz]")
+    axes.set_ylabel(scale.label("Amplitude X"))
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        title = "Level" if surface.base else "Force F"
+        axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
+    sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
+    symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
+    caption = (
+        f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
+        f"{', lines as predicted by the refined model; dashed parts are unstable' if curves else ''}."
+    )
+    if surface.response_held:
+        caption = (
+            "Frequency responses at constant force: points read off the test, which held X, lines as "
+            "predicted by the refined model; dashed parts are unstable."
+        )
+        text = f"{len(levels)} forces out of those that the resonances needed. {_fold_words(curves)}"
+        return Drawing("responses", figure, caption, text, ax is None)
+    peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
+    largest = "; ".join(
+        f"{quantity_text(forces[float(p.level[0])], surface.force_unit, 3)}: "
+        f"{quantity_text(p.amplitude[0], 'm', 3)} at "
+        f"{quantity_text(p.frequency[0], 'Hz', 5)}"
+        for p in peaks
+    )
+    share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
+    text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
+    return Drawing("responses", figure, caption, text, ax is None)
+
+
+def _shown_levels(
+    surface: ResponseSurface, prediction: Prediction
+) -> tuple[Sequence[float], ResponseSurface, dict[float, float]]:
+    """At most six levels, the points of them, and the force of each; where X was held, forces of curves."""
+    if not surface.response_held:
+        levels = choose_levels(_predicted(surface, prediction))
+        shown = surface.select(np.isin(surface.level, levels) & surface.settled)
+        return levels, shown, _forces(shown)
+    drawn = [curve.level for curve in prediction.curves if len(curve.frequency)]
+    forces = drawn[:: -(-len(drawn) // 6) or 1]
+    return forces, surface.select(surface.settled), {force: force for force in forces}
+
+
+def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Array]:
+    """Give frequency and amplitude of the points at a force; where X was held, between neighbours."""
+    if not shown.response_held:
+        part = shown.select((shown.level == level) & (shown.sweep == sweep))
+        return part.frequency, part.amplitude
+    found: list[tuple[float, float]] = []
+    for held in shown.levels:
+        part = shown.select((shown.level == held) & (shown.sweep == sweep))
+        order = np.argsort(part.frequency)
+        f, over = part.frequency[order], np.abs(part.force)[order] - level
+        at = np.flatnonzero(over[:-1] * over[1:] < 0)
+        slope = (over[at + 1] - over[at]) / (f[at + 1] - f[at])
+        found += [(float(place), float(held)) for place in f[at] - over[at] / slope]
+    return np.array([f for f, _ in found]), np.array([a for _, a in found])
+
+
+def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
+    """Keep the levels for which there is a curve; all where there is none at all."""
+    wanted = [curve.level for curve in prediction.curves if len(curve.frequency)]
+    there = [
+        level
+        for level, force in _forces(surface).items()
+        if np.isclose(force, wanted, rtol=1e-9, atol=0).any()
+    ]
+    return surface.select(np.isin(surface.level, there)) if there else surface
+
+
+def _forces(surface: ResponseSurface) -> dict[float, float]:
+    """Force [N] measured near the resonance of each level."""
+    return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
+
+
+def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
+    if len(shown):
+        margin = 0.02 * float(np.ptp(shown.frequency))
+        axes.set_xlim(float(shown.frequency.min()) - margin, float(shown.frequency.max()) + margin)
+        axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
+
+
+def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
+    return [curve for curve in prediction if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
+
+
+def _level_text(item: HeldOutLevel) -> str:
+    """Name the level: a force, or the amplitude where that was held."""
+    # a force that was held has no number, and a length beside a force is that of a base
+    held = {"N": "F", "m": "X"} if np.isnan(item.force) else {"N": "F"}
+    symbol = held.get(item.level_unit, "base")
+    name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
+    if abs(item.force - item.level) > _OTHER * item.level:
+        name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"
+    return name
+
+
+def _group(held_out: tuple[HeldOutLevel, ...]) -> dict[float, list[HeldOutLevel]]:
+    levels = sorted({item.level for item in held_out})
+    return {level: [item for item in held_out if item.level == level] for level in levels}
+
+
+@in_style
+def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
+    """Draw measured against predicted responses of the levels that identification has not seen.
+
+    Parameters
+    ----------
+    prediction
+        Made with a surface and with levels held out, else the figure says that there are none.
+    ax
+        Axes, one a level; None makes a figure.
+    """
+    groups = _group(prediction.held_out)
+    count = max(len(groups), 1)
+    figure, panels = take_axes(ax, count, (4.4, 1.2 + 1.45 * count), sharex=True)
+    if not groups:
+        panels[0].set_axis_off()
+        panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
+        return Drawing("held-out", figure, "No level was held out.", "No level was held out.", ax is None)
+    words = []
+    for axes, items in zip(panels, groups.values(), strict=False):
+        scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
+        for curve in _curves_of(prediction, items[0].force)[:1]:
+            low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
+            high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
+            axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
+            _draw_curve(axes, curve, scale.factor, "#D55E00", label="predicted")
+        for item in items:
+            if item.level_unit != "N":
+                # where the amplitude was held, each point was tested at a force of its own
+                axes.plot(item.frequency, np.abs(item.predicted) / scale.factor, "-", color="#D55E00", lw=0.9)
+            axes.plot(
+                item.frequency,
+                np.abs(item.measured) / scale.factor,
+                _MARKERS[item.sweep],
+                ms=2.8,
+                mfc="none",
+                mec="#0072B2",
+                mew=0.8,
+                zorder=1.5,
+                rasterized=len(item.frequency) > 40,
+                label=f"tested, {SWEEPS[item.sweep]}",
+            )
+            words.append(
+                f"{_level_text(item)}, {SWEEPS[item.sweep]}: error "
+                f"{number_text(100 * item.error, 2)} % "
+                f"(root mean square), largest {number_text(100 * item.largest_error, 2)} % of the "
+                "largest amplitude, "
+                f"{item.missing} of {len(item.frequency)} points without a predicted state"
+            )
+        frequency = np.concatenate([item.frequency for item in items])
+        axes.set_xlim(float(frequency.min()), float(frequency.max()))
+        axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
+        axes.set_ylabel(scale.label("X"))
+        axes.set_title(_level_text(items[0]))
+    panels[0].legend(loc="best")
+    label_abscissa(panels, ax, "Frequency [Hz]")
+    caption = "Levels that identification has not seen: as tested and as the refined model predicts."
+    return Drawing("held-out", figure, caption, "; ".join(words) + ".", ax is None)
+
+
+@in_style
+def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
+    """Draw one period of the displacement at the largest settled response, with its two peaks and its mean.
+
+    Parameters
+    ----------
+    surface
+        Its harmonics give the motion; the peaks are those of the table, or of the harmonics.
+    ax
+        Axes to draw on; None makes a figure.
+    """
+    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
+    settled = np.flatnonzero(surface.settled)
+    if not settled.size:
+        axes.set_axis_off()
+        return Drawing("time-history", figure, "No test point settled.", "No test point settled.", ax is None)
+    i = int(settled[np.argmax(surface.amplitude[settled])])
+    turn = np.linspace(0, 2 * np.pi, 721)
+    whole = Motion(surface.omega[i : i + 1], surface.harmonics[i : i + 1])
+    period_of_x = whole.turned(-np.angle(whole.harmonics[:, 1])).waveforms(len(turn) - 1)[0][0]
+    motion = np.append(period_of_x, period_of_x[0])
+    mean = float(np.real(surface.harmonics[i, 0]))
+    high, low = (float(motion.max()), float(motion.min()))
+    if np.isfinite(surface.peak[i]).all():
+        high, low = (float(value) for value in surface.peak[i])
+    x = choose_scale([high, low], "m")
+    period = 1 / float(surface.frequency[i])
+    t = choose_scale([period], "s")
+    times = turn / (2 * np.pi) * period / t.factor
+    axes.plot(times, motion / x.factor, color="#0072B2", lw=1.5)
+    for value, place in ((high, int(np.argmax(motion))), (low, int(np.argmin(motion)))):
+        axes.plot(times[place], value / x.factor, "o", color="#D55E00", ms=5)
+        axes.annotate(
+            quantity_text(value, "m", 3),
+            (float(times[place]), value / x.factor),
+            xytext=(8, -3),
+            textcoords="offset points",
+        )
+    axes.axhline(mean / x.factor, color="#1b1c1e", lw=0.9, ls=(0, (4, 2)))
+    axes.annotate(
+        f"mean {quantity_text(mean, 'm', 3)}",
+        (float(times[0]), mean / x.factor),
+        xytext=(2, 4),
+        textcoords="offset points",
+    )
+    axes.set_xlabel(t.label("Time"))
+    axes.set_ylabel(x.label("Displacement x"))
+    margin = 0.12 * (high - low)
+    axes.set_ylim((low - margin) / x.factor, (high + margin) / x.factor)
+    ratio = abs(low / high) if high else float("nan")
+    text = (
+        f"At level {quantity_text(surface.level[i], surface.level_unit, 3)} and "
+        f"{quantity_text(surface.frequency[i], 'Hz', 5)} the displacement "
+        f"swings between {quantity_text(low, 'm')} and {quantity_text(high, 'm')}; the negative peak is "
+        f"{number_text(ratio, 3)} times the positive one and the mean is {quantity_text(mean, 'm', 3)}."
+    )
+    caption = "One period of the largest response, with its positive and negative peak and its mean (dashed)."
+    return Drawing("time-history", figure, caption, text, ax is None)
