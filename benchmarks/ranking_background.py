@@ -22,7 +22,7 @@ from benchmarks.sections import write_section
 from rsgen.data.observation import Observation
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.dynamics.simulation.virtual_test import add_noise
 from rsgen.law import make_element
 
 RUNS = 50

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from rsgen.analysis.export import save_frf
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import CaseError, ExpressionError, MeasurementError, RsgenError
-    from rsgen.common.finding import Finding
-    from rsgen.common.verdict import Verdict
+    from rsgen.common.finding import Finding, Verdict
     from rsgen.data import history
     from rsgen.data.multisine import MultisineSpectra, best_linear
     from rsgen.data.observation import Observation
@@ -86,7 +85,7 @@ _PLACES = {
     "RsgenError": "common.errors",
     "SimulatedTest": "dynamics.simulation",
     "SteadyStates": "dynamics.steady_state",
-    "Verdict": "common.verdict",
+    "Verdict": "common.finding",
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
     "derive": "describing",

@@ -17,7 +17,7 @@ single_thread()
 
 from rsgen.app.cli import main  # noqa: E402
 from rsgen.data.surface import ResponseSurface  # noqa: E402
-from rsgen.identification.ranking.sums import library_terms  # noqa: E402
+from rsgen.identification.ranking.balance import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
 
 
@@ -42,7 +42,7 @@ def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
     """The library shrinks to ``FEW``."""
     terms = tuple(term for term in library_terms() if term.name in FEW)
     assert len(terms) == len(FEW)
-    monkeypatch.setattr("rsgen.identification.ranking.competitors.library_terms", lambda: terms)
+    monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: terms)
 
 
 @dataclass(frozen=True)

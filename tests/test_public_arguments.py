@@ -9,7 +9,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
-from rsgen.identification.ranking.competitors import competitors
+from rsgen.identification.ranking.selection import competitors
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}

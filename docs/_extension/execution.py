@@ -14,7 +14,7 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from rsgen.report.inline import inline_svg
+from rsgen.report.page import inline_svg
 
 from .snippets import SnippetError, Workspace
 

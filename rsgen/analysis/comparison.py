@@ -11,14 +11,13 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
-from rsgen.common.verdict import Verdict, reach_verdict
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
-from rsgen.law.force_keys import force_keys
-from rsgen.law.interchangeable import in_order
+from rsgen.law.element import force_keys
+from rsgen.law.identifiable import in_order
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 

@@ -8,9 +8,8 @@ from rsgen.common.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.cases.case import Case
-    from rsgen.cases.case_list import find_cases, name_clashes
     from rsgen.cases.document import case_schema
-    from rsgen.cases.loading import DATA_VARIABLE, load_case, read
+    from rsgen.cases.loading import DATA_VARIABLE, find_cases, load_case, name_clashes, read
 
 __all__ = ["DATA_VARIABLE", "Case", "case_schema", "find_cases", "load_case", "name_clashes", "read"]
 
@@ -21,9 +20,9 @@ __getattr__ = on_first_use(
         "Case": "case",
         "DATA_VARIABLE": "loading",
         "case_schema": "document",
-        "find_cases": "case_list",
+        "find_cases": "loading",
         "load_case": "loading",
-        "name_clashes": "case_list",
+        "name_clashes": "loading",
         "read": "loading",
     },
 )

@@ -2,15 +2,143 @@
 
 from __future__ import annotations
 
+import re
+import stat
+import tomllib
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from rsgen.cases.naming import suggest
-from rsgen.common.errors import quote
+from rsgen.common.errors import CaseError, printable, quote
 
-__all__ = ["sentences"]
+__all__ = ["parse_case", "read_text", "sentences"]
+
+
+# ----------------------------------------------------------------------------
+# A case file, byte by byte suspect, to a plain tree of tables: sizes first, then TOML, then every value.
+#
+# A case file comes from other people, so nothing is parsed before its size and shape are known to be
+# harmless.
+
+MAX_BYTES = 262_144
+MAX_LINE = 20_000
+MAX_KEYS = 5_000
+MAX_DEPTH = 12
+MAX_INTEGER_BITS = 63
+# tomllib needs time quadratic in the parts of a dotted key, so long chains are refused before it sees them
+_DOTTED = re.compile(r"(?:[\w\"'\- \t]*\.){40}")
+
+
+class _Vanished(float):
+    """A number too small for a float: it reads as zero, but was not meant as zero."""
+
+
+def _parse_float(text: str) -> float:
+    value = float(text)
+    if value == 0 and re.search(r"[1-9]", text.lower().split("e")[0]):
+        return _Vanished(value)
+    return value
+
+
+def read_text(path: Path) -> str:
+    """Read a case file as text: a regular file of at most 256 KiB in UTF-8, one byte order mark stripped.
+
+    Raises
+    ------
+    CaseError
+        No such file, no regular file, too large, not UTF-8.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise CaseError(["is no regular file; a case is a text file such as cases/cubic.toml"])
+        if status.st_size > MAX_BYTES:
+            raise CaseError([f"{status.st_size} bytes; a case file has at most {MAX_BYTES}"])
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as fault:
+        reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        raise CaseError([f"cannot be read: {reason}; name an existing case file"]) from fault
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as fault:
+        line = data[: fault.start].count(b"\n") + 1
+        raise CaseError([f"line {line}: not UTF-8; save the case file as UTF-8 text"]) from fault
+    return text.removeprefix("\ufeff")
+
+
+def _refuse_shapes(text: str) -> None:
+    if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+        raise CaseError([f"{len(text)} characters; a case file has at most {MAX_BYTES} bytes"])
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) > MAX_LINE:
+            raise CaseError([f"line {number}: {len(line)} characters; at most {MAX_LINE} in a line"])
+        if not line.lstrip().startswith("#") and line.count(".") >= 40 and _DOTTED.search(line):
+            raise CaseError([f"line {number}: a key of more than 40 parts; keys are at most 4 tables deep"])
+
+
+def _walk(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+    yield path, value
+    if len(path) > MAX_DEPTH:
+        return
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _walk(inner, (*path, key))
+    elif isinstance(value, list):
+        for number, inner in enumerate(value, start=1):
+            yield from _walk(inner, (*path, str(number)))
+
+
+def _show(path: tuple[str, ...]) -> str:
+    return ".".join(part if part.isidentifier() or part.isdigit() else repr(part)[:60] for part in path)
+
+
+def _value_faults(tree: dict[str, Any]) -> Iterator[str]:
+    for number, (path, value) in enumerate(_walk(tree, ())):
+        if number > MAX_KEYS:
+            yield f"more than {MAX_KEYS} values; a case file has at most that many"
+            return
+        if len(path) > MAX_DEPTH:
+            yield f"{_show(path[:4])}...: nested more than {MAX_DEPTH} deep; keys are at most 4 deep"
+        elif isinstance(value, _Vanished):
+            yield f"{_show(path)}: too small for a number of double precision; write 0 if 0 is meant"
+        elif isinstance(value, int) and value.bit_length() > MAX_INTEGER_BITS:
+            bits = value.bit_length()
+            yield f"{_show(path)}: an integer of {bits} bits; at most {MAX_INTEGER_BITS} are read"
+
+
+def parse_case(text: str) -> dict[str, Any]:
+    """Parse the text of a case file to tables; every integer fits 63 bits, no number vanished by underflow.
+
+    Raises
+    ------
+    CaseError
+        Too large, too long a line, too many parts in a key, not TOML (with the line), nested too deeply,
+        a number out of range.
+    """
+    _refuse_shapes(text)
+    try:
+        tree = tomllib.loads(text, parse_float=_parse_float)
+    except tomllib.TOMLDecodeError as fault:
+        message = str(fault)
+        found = re.search(r"\(at (line \d+), (column \d+)\)$", message)
+        place = f"{found[1]}, {found[2]}" if found else "end of file"
+        reason = re.sub(r"\s*\(at [^()]*\)$", "", message)
+        reason = printable(reason, 200)
+        raise CaseError([f"{place}: {reason}; a case file is TOML 1.0"]) from fault
+    except RecursionError as fault:
+        raise CaseError(["nested too deeply to be read; keys are at most 4 tables deep"]) from fault
+    except ValueError as fault:
+        # an integer of more than 4300 digits ends here, not as a fault of TOML
+        raise CaseError([f"a number cannot be read: {str(fault)[:120]}; use double precision"]) from fault
+    faults = list(_value_faults(tree))
+    if faults:
+        raise CaseError(faults)
+    return tree
+
 
 KINDS = ("simulated", "simulated-multisine", "measured")
 """Of a test: the tags of its table, which are no keys of the file."""

@@ -2,24 +2,442 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Collection, Iterable
 from copy import deepcopy
+from dataclasses import replace
+from difflib import get_close_matches
+from math import isnan, prod
 from pathlib import Path
 from typing import Any
 
+import sympy
 from pydantic import ValidationError
 
-from rsgen.cases.building import build
 from rsgen.cases.case import Case
-from rsgen.cases.document import CaseDocument
-from rsgen.cases.faults import KINDS, sentences
-from rsgen.cases.toml_tree import parse_case, read_text
-from rsgen.common.errors import CaseError, RsgenError, quote
+from rsgen.cases.document import CaseDocument, Document, ElementTable
+from rsgen.cases.faults import KINDS, parse_case, read_text, sentences
+from rsgen.cases.measured_test import make_measured
+from rsgen.cases.naming import name_fault, suggest, text_fault
+from rsgen.cases.tables import MAX_POINTS, Maker, reason
+from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.observation import Observation
+from rsgen.data.oscillator import KNOWN_MASS, Model, Oscillator, total_force
+from rsgen.data.surface import ResponseSurface, load_surface, match_level
+from rsgen.data.surface.columns import BASE_UNITS
+from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest, read_measurement
+from rsgen.formula import check_name, parse, symbol, write
+from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of
+from rsgen.law.element import Element, force_keys, make_element
+from rsgen.law.library import laws
+from rsgen.law.memory import memory_form
 
-__all__ = ["DATA_VARIABLE", "load_case", "read"]
+__all__ = [
+    "DATA_VARIABLE",
+    "build",
+    "find_cases",
+    "load_case",
+    "make_observation",
+    "make_simulated",
+    "name_clashes",
+    "read",
+]
+
+
+# ----------------------------------------------------------------------------
+# Lists of case files, and cases that cannot be run into one folder.
+
+
+def find_cases(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """List the case files that paths name: files as they are, folders by their ``*.toml``, sorted.
+
+    Raises
+    ------
+    CaseError
+        A path does not exist, or a folder has no case.
+    """
+    found: list[Path] = []
+    faults: list[str] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            inside = sorted(path.glob("*.toml"), key=lambda file: file.stem)
+            if not inside:
+                faults.append(f"{quote(path, 200)}: has no case file; a folder with *.toml is needed")
+            found += inside
+        elif path.exists():
+            found.append(path)
+        else:
+            near = get_close_matches(path.name, [file.name for file in path.parent.glob("*.toml")], 1)
+            hint = f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
+            faults.append(
+                f"{quote(path, 200)}: does not exist; a case file or a folder of cases is needed{hint}"
+            )
+    if faults:
+        raise CaseError(faults)
+    return list(dict.fromkeys(found))
+
+
+def name_clashes(cases: Iterable[Case]) -> dict[Path, str]:
+    """Find cases that would share a folder of results, capitals ignored: a sentence for all but the first."""
+    first: dict[str, Case] = {}
+    clashes: dict[Path, str] = {}
+    for case in cases:
+        other = first.setdefault(case.name.casefold(), case)
+        if other is not case:
+            clashes[case.path] = (
+                f"{case.path.name}: name: {quote(case.name)} is also the name of {other.path.name}; "
+                "names must differ by more than capitals"
+            )
+    return clashes
+
+
+# ----------------------------------------------------------------------------
+# The tables [test] of a virtual test and [identify] to the test and its observation.
+
+
+def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
+    """Make a virtual test of at most a million points."""
+    if table.kind == "simulated-multisine":
+        return maker.make(MultisineTest, table, "test")
+    if table.control in ("response", "continuation"):
+        maker.units = {"N": "m"}
+    elif table.base is not None and table.base.quantity is not None:
+        maker.units = {"N": BASE_UNITS[table.base.quantity]}
+    test = maker.make(SimulatedTest, table, "test")
+    rows = ((table.level, test.level), (table.frequency, test.frequency))
+    sizes = [size for grid, row in rows if (size := grid.count if row is None else len(row)) is not None]
+    if prod(sizes) > MAX_POINTS:
+        shown = " x ".join(map(str, sizes))
+        maker.faults.append(f"test: {shown} = {prod(sizes)} points; at most {MAX_POINTS} in a case")
+    return test
+
+
+def make_observation(
+    table: Any, test: SimulatedTest | MultisineTest | MeasuredTest, maker: Maker
+) -> Observation:
+    """Make the observation; levels held out of a virtual test must be among those tested."""
+    observation = maker.make(Observation, table, "identify")
+    unit = maker.units.get("N", "N")
+    levels: list[float] = []
+    for number, level in enumerate(observation.hold_out, start=1):
+        if isnan(level):
+            continue
+        place = f"identify.hold_out.{number}"
+        if not isinstance(test, MeasuredTest) and test.level is not None:
+            meant = match_level(test.level, level)
+            if meant is None:
+                maker.faults.append(f"{place}: {level:g} {unit} is not tested; one of test.level is needed")
+                continue
+            level = meant
+        if level in levels:
+            maker.faults.append(f"{place}: {level:g} {unit or 'N'} stands twice; each level once")
+            continue
+        levels.append(level)
+    if (
+        not isinstance(test, MeasuredTest)
+        and levels
+        and test.level is not None
+        and len(levels) == len(test.level)
+    ):
+        maker.faults.append("identify.hold_out: holds every level back; at least one must remain")
+    return observation if maker.faults else replace(observation, hold_out=tuple(levels))
+
+
+# ----------------------------------------------------------------------------
+# From the checked document to the case; faults that concern several keys are found here.
+
+MASS = "m"
+
+
+def _make(table: ElementTable) -> Element:
+    """Make a spring or damper from its formula, or from a law of the library."""
+    if table.law is not None:
+        if table.memory:
+            raise RsgenError("'memory' belongs to a 'force'; a law of the library has its own")
+        return laws[table.law].element(table.name, table.parameters)
+    if table.force is None:
+        raise RsgenError("is missing; a formula in x and v, or 'law' with the name of a law (rsgen laws)")
+    if table.parameters:
+        raise RsgenError("'parameters' renames those of a 'law'; a formula names its own")
+    return make_element(table.name, table.force, table.memory)
+
+
+def _place(element: Element, name: str) -> str:
+    """Key of an element in which a parameter stands: the force, else the equation of a state."""
+    remembered = memory_form(element.force)
+    if remembered is not None and symbol(name) not in remembered.force.free_symbols:
+        for rate in remembered.rates:
+            if symbol(name) in rate.rate.free_symbols:
+                return f"memory.{rate.symbol}"
+    return "force"
+
+
+def _key(name: str) -> str:
+    return name if name.isidentifier() and len(name) <= 40 else quote(name)
+
+
+def _unknown(name: str, known: Collection[str]) -> str:
+    listed = f"known: {', '.join(known) or 'none'}"
+    if name == MASS:
+        return f"is the mass; it stands in [system]; {listed}"
+    try:
+        check_name(name)
+    except ExpressionError as fault:
+        return reason(fault)
+    return f"is no parameter of the elements; {suggest(name, known)}{listed}"
+
+
+class _Builder:
+    """Collects faults while the parts are built one after the other."""
+
+    def __init__(self, document: Document, folders: tuple[Path, ...]) -> None:
+        self.document = document
+        self.maker = Maker(folders)
+        self.faults = self.maker.faults
+        self.warnings: list[str] = []
+        self.units_fit = True
+        self.simulated = document.test.kind != "measured"
+
+    def fault(self, place: str, text: str) -> None:
+        self.faults.append(f"{place}: {text}")
+
+    def texts(self) -> None:
+        document = self.document
+        if fault := name_fault(document.name):
+            self.fault("name", fault)
+        for key in ("title", "source"):
+            text = getattr(document, key)
+            if (text or key == "title") and (fault := text_fault(text)):
+                self.fault(key, fault)
+
+    @property
+    def tables(self) -> list[ElementTable]:
+        """The elements of the file; of a ranking without any, spring and damper that all candidates have."""
+        document = self.document
+        if document.element is not None:
+            return document.element
+        if document.model == "rank" and not self.simulated:
+            return [ElementTable(name=name, law=name) for name in ("linear-spring", "linear-damper")]
+        return []
+
+    def elements(self) -> tuple[Element, ...]:
+        if not self.tables:
+            self.fault("element", 'is missing; every case needs it, but a measured one with model = "rank"')
+        built = []
+        taken: set[str] = set()
+        for number, table in enumerate(self.tables, start=1):
+            place = f"element.{number}"
+            if fault := name_fault(table.name):
+                self.fault(f"{place}.name", fault)
+            elif table.name.casefold() in taken:
+                self.fault(f"{place}.name", f"{quote(table.name)} is used twice; names must be unique")
+            taken.add(table.name.casefold())
+            key = "force" if table.law is None else "law"
+            if table.law is not None and table.force is not None:
+                self.fault(place, "has 'force' and 'law'; one of them says the law")
+                continue
+            try:
+                element = _make(table)
+            except RsgenError as error:
+                text = reason(error)
+                # what is wrong with an equation says its own key
+                self.faults.append(f"{place}.{text if text.startswith('memory.') else f'{key}: {text}'}")
+                continue
+            if table.across is not None:
+                element = replace(element, across=table.across)
+                if self.simulated:
+                    self.fault(f"{place}.across", "a simulated test has one response; leave it out")
+            if MASS in element.parameters:
+                self.fault(f"{place}.{key}", "'m' is the mass; name the parameter otherwise")
+            built.append(element)
+        return tuple(built)
+
+    def parameters(self, elements: tuple[Element, ...]) -> dict[str, str]:
+        """Give the unit of every parameter, and note where its dimension contradicts itself."""
+        force = total_force(elements)
+        try:
+            # states of one name in two elements, or a state with the name of another's parameter
+            memory_form(force)
+            units = dict(parameter_units(force))
+        except RsgenError as fault:
+            self.fault("element", reason(fault))
+            self.units_fit = False
+            units = {}
+        names = sorted({name for element in elements for name in element.parameters})
+        for name in names:
+            twins = [other for other in names if other != name and other.casefold() == name.casefold()]
+            if twins and name < min(twins):
+                self.warnings.append(f"parameters {name} and {', '.join(twins)} differ by case only")
+        return {name: units.get(name, "") for name in names}
+
+    def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
+        """Turn every true value into SI; its unit must make every term of the law a force."""
+        before = len(self.faults)
+        table = self.document.truth or {}
+        states = {name for element in elements for name in element.memory}
+        force = total_force(elements)
+        values: dict[str, float] = {}
+        for name, value in table.items():
+            if name not in units:
+                why = f"is a state; it is 0 at the start, known: {', '.join(units)}"
+                self.fault(f"truth.{_key(name)}", why if name in states else _unknown(name, units))
+                continue
+            try:
+                values[name] = quantity(value, units[name] or None)
+            except RsgenError as fault:
+                term = next((part for part in sympy.Add.make_args(force) if part.has(symbol(name))), force)
+                why = f"; {write(term)} must be a force" if units[name] and "needed" in str(fault) else ""
+                self.fault(f"truth.{name}", f"{reason(fault)}{why}")
+        for number, element in enumerate(elements, start=1):
+            for name in element.parameters:
+                if name not in table and name != MASS:
+                    known = f"known: {', '.join(sorted(k for k in table if k in units)) or 'none'}"
+                    neither = f"has neither a value in [truth] nor an equation in element.{number}.memory"
+                    self.fault(
+                        f"element.{number}.{_place(element, name)}", f"{quote(name)} {neither}; {known}"
+                    )
+        if len(self.faults) == before and self.units_fit:
+            # where the law alone does not determine the units, those of the values must at least fit together
+            given = {name: unit_of(value) for name, value in table.items()}
+            contradictions = unit_faults(force, {name: unit for name, unit in given.items() if unit})
+            self.faults += [f"truth: {sentence}" for sentence in contradictions]
+        return values
+
+    def mass(self) -> float | None:
+        value = self.document.system.mass
+        if value is not None:
+            return self.maker.number("system.mass", value, KNOWN_MASS)
+        if self.simulated:
+            self.fault("system.mass", 'is missing; a simulated case needs a mass such as "1.5 kg"')
+        return None
+
+    def across(self) -> str | None:
+        """Between which channels elements act; one pair in a case."""
+        said = {table.across: number for number, table in reversed([*enumerate(self.tables, start=1)])}
+        said.pop(None, None)
+        for other, number in list(said.items())[:-1]:
+            text = f"{quote(str(other))}; one sum of channels is allowed in a case"
+            self.fault(f"element.{number}.across", text)
+        return next(iter(said), None)
+
+    def printed(self, units: dict[str, str]) -> dict[str, sympy.Expr]:
+        table = self.document.printed
+        formulas: dict[str, sympy.Expr] = {}
+        for key in ("stiffness", "damping"):
+            text = getattr(table, key) if table else None
+            if text is None:
+                continue
+            try:
+                formulas[key] = parse(text, names={*units, "X", "X0", "omega"})
+            except ExpressionError as fault:
+                self.fault(f"printed.{key}", reason(fault))
+        return formulas
+
+    def accept(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
+        table = self.document.accept
+        if table and self.document.model == "rank":
+            self.fault(
+                "accept", 'the law is not known before a ranking; leave [accept] out or model = "rank"'
+            )
+            return {}
+        if table and not self.simulated:
+            self.fault("accept", "a measured case has no truth to be compared with; leave [accept] out")
+            return {}
+        base = getattr(self.document.test, "base", None) is not None
+        known = [
+            *units,
+            *([] if base else [MASS]),
+            *force_keys(total_force(elements)),
+        ]
+        for name in table:
+            if name not in known:
+                hint = f"{suggest(name, known)}known: {', '.join(known)}"
+                self.fault(f"accept.{_key(name)}", f"is no parameter; {hint}")
+        return {name: value for name, value in table.items() if name in known}
+
+    def truth_given(
+        self, elements: tuple[Element, ...], units: dict[str, str], complete: bool
+    ) -> dict[str, float]:
+        """Give the true values of a simulated case; a measured one has none."""
+        given = self.document.truth is not None
+        if self.simulated and not given and any(e.parameters for e in elements):
+            names = ", ".join(units)
+            self.fault("truth", f"is missing; a simulated case needs a value for each of {names}")
+        elif not self.simulated and given:
+            self.fault("truth", "a measured case knows no truth; leave [truth] out")
+        elif self.simulated and complete:
+            return self.truth(elements, units)
+        return {}
+
+    def case(self, path: Path, text: str) -> Case:
+        document = self.document
+        self.texts()
+        elements = self.elements()
+        complete = len(elements) == len(self.tables) > 0
+        units = self.parameters(elements)
+        mass = self.mass()
+        values = self.truth_given(elements, units, complete)
+        printed = self.printed(units) if complete else {}
+        accept = self.accept(elements, units) if complete else {}
+        calibrated = document.identify is None or document.identify.calibrated
+        test = (
+            make_simulated(document.test, self.maker)
+            if self.simulated
+            else make_measured(document.test, self.maker, mass, calibrated, self.across())
+        )
+        observation = make_observation(document.identify, test, self.maker)
+        if mass is not None and not calibrated:
+            self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
+        if self.faults:
+            raise CaseError(self.faults)
+        oscillator = Oscillator(mass, elements, values) if self.simulated and mass is not None else None
+        return Case(
+            path=path,
+            name=document.name,
+            title=document.title,
+            source=document.source,
+            text=text,
+            sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
+            oscillator=oscillator,
+            # where a test determines no mass, that of the case is known beforehand, as in a laboratory
+            model=Model(
+                elements,
+                None if not isinstance(test, MeasuredTest) and test.determines_mass else mass,
+                observation,
+            ),
+            test=test,
+            truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
+            accept=accept,
+            printed=printed,
+            # "1" is how units calls a plain number; downstream that is no unit
+            units={**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"},
+            warnings=tuple(self.warnings),
+            ranked=document.model == "rank",
+        )
+
+
+def build(document: Document, path: Path, text: str, folders: tuple[Path, ...]) -> Case:
+    """Build the case.
+
+    Parameters
+    ----------
+    document
+        The case file, its shapes checked.
+    path, text
+        The file and what it contains.
+    folders
+        Where measured files are looked for, in this order.
+
+    Raises
+    ------
+    CaseError
+        With one sentence a fault, each with its key.
+    """
+    return _Builder(document, folders).case(path, text)
+
 
 DATA_VARIABLE = "RSGEN_DATA"
 """Environment variable: the folder where measured files are looked for before the case's own folder."""

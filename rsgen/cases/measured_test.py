@@ -8,9 +8,8 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, ValidationError, create_model
 
-from rsgen.cases.faults import sentences
+from rsgen.cases.faults import parse_case, sentences
 from rsgen.cases.tables import Maker, Table, table_of
-from rsgen.cases.toml_tree import parse_case
 from rsgen.common.declaration import given
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface.columns import BASE_UNITS

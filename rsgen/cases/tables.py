@@ -6,9 +6,10 @@ table into the object: texts with units become SI numbers, lists tuples, grids a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, is_dataclass, replace
-from math import nan
+from itertools import pairwise
+from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -16,13 +17,184 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
 from pydantic_core import PydanticCustomError, core_schema
 
-from rsgen.cases.data_paths import resolve_files
-from rsgen.cases.grid import expand
+from rsgen.cases.naming import is_device
+from rsgen.common.arrays import Array
 from rsgen.common.declaration import Declared, Rule, declared, read_hint
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, quote
 from rsgen.formula.units import quantity
 
-__all__ = ["Grid", "Maker", "Obeys", "Quantity", "Table", "Text", "reason", "table_of"]
+__all__ = [
+    "MAX_POINTS",
+    "Grid",
+    "Maker",
+    "Obeys",
+    "Quantity",
+    "Table",
+    "Text",
+    "expand",
+    "path_fault",
+    "reason",
+    "resolve_files",
+    "table_of",
+]
+
+
+# ----------------------------------------------------------------------------
+# Rows of levels and frequencies: from start, stop and count, or value by value, to an ascending array.
+
+MAX_POINTS = 1_000_000
+
+
+def expand(
+    table: Any, path: str, quantity: Callable[[str, float | str], float | None], faults: list[str]
+) -> Array | None:
+    """Expand a row of positive, ascending values; faults are appended as ``path: what; what is allowed``.
+
+    Parameters
+    ----------
+    table
+        The row as the file gives it.
+    path
+        Its key, for messages.
+    quantity
+        Turns a value at a path into SI, or reports a fault and gives None.
+    faults
+        Gets one sentence for each fault.
+
+    Returns
+    -------
+    (n,) array or None
+        None where a fault was found.
+    """
+    before = len(faults)
+    bounds = ("start", "stop", "count")
+    given = [name for name in bounds if getattr(table, name) is not None]
+    if table.values is not None:
+        if given or table.spacing is not None:
+            faults.append(f"{path}: has values and {', '.join(given) or 'spacing'}; give one or the other")
+            return None
+        return _listed_levels(table.values, path, quantity, faults)
+    missing = [name for name in bounds if name not in given]
+    if missing:
+        faults.append(
+            f"{path}: {', '.join(missing)} missing; {{ start, stop, count }} or {{ values = [...] }} needed"
+        )
+    start = None if table.start is None else quantity(f"{path}.start", table.start)
+    stop = None if table.stop is None else quantity(f"{path}.stop", table.stop)
+    count = table.count
+    if start is not None and start <= 0:
+        faults.append(f"{path}.start: is {start:g}; must be above 0")
+    if start is not None and stop is not None and count is not None:
+        if count == 1 and start != stop:
+            faults.append(f"{path}.count: is 1, but start and stop differ; at least 2 needed")
+        elif count > 1 and not start < stop:
+            faults.append(f"{path}.stop: is {stop:g}; must be above start, which is {start:g}")
+    if len(faults) > before or start is None or stop is None or count is None or count > MAX_POINTS:
+        return None
+    row = np.geomspace(start, stop, count) if table.spacing == "log" else np.linspace(start, stop, count)
+    if not (np.diff(row) > 0).all():
+        faults.append(f"{path}.count: is {count}; the values between {start:g} and {stop:g} would not differ")
+        return None
+    return row
+
+
+def _listed_levels(
+    values: list[float | str],
+    path: str,
+    quantity: Callable[[str, float | str], float | None],
+    faults: list[str],
+) -> Array | None:
+    if not values:
+        faults.append(f"{path}.values: is empty; at least one value needed")
+        return None
+    numbers = [quantity(f"{path}.values.{n}", value) for n, value in enumerate(values, start=1)]
+    known = [number for number in numbers if number is not None]
+    if len(known) < len(numbers):
+        return None
+    if not all(isfinite(number) and number > 0 for number in known):
+        faults.append(f"{path}.values: must all be above 0")
+        return None
+    for position, (left, right) in enumerate(pairwise(known), start=2):
+        if not left < right:
+            fault = "stands twice" if left == right else "is below the value before it"
+            faults.append(
+                f"{path}.values.{position}: {right:g} {fault}; ascending values without repeats needed"
+            )
+            return None
+    return np.array(known)
+
+
+# ----------------------------------------------------------------------------
+# Paths to data files in a case: relative, plain, and inside the allowed folders.
+
+MAX_PATH = 400
+MAX_PART = 120
+
+
+def path_fault(text: str) -> str | None:
+    """Say why a text is no path to a data file inside the allowed folders, or None where it is one.
+
+    Examples
+    --------
+    >>> path_fault("wire/example6.txt") is None
+    True
+    >>> path_fault("../secret.csv")
+    "'../secret.csv' leaves its folder; a relative path with / and without .. is allowed"
+    """
+    allowed = "a relative path with / and without .. is allowed"
+    if not text or len(text) > MAX_PATH:
+        return f"has {len(text)} characters; 1 to {MAX_PATH} are allowed"
+    if not text.isprintable() or any(sign in text for sign in '\\:*?"<>|$~'):
+        return f"{quote(text)} contains a sign that no data file may have; {allowed}"
+    parts = text.split("/")
+    if text.startswith("/"):
+        return f"{quote(text)} is an absolute path; {allowed}"
+    if ".." in parts:
+        return f"{quote(text)} leaves its folder; {allowed}"
+    if any(not part or part == "." or part != part.strip() or part.startswith("-") for part in parts):
+        return f"{quote(text)} has a part that is empty, '.', begins with - or ends in a blank; {allowed}"
+    if any(len(part) > MAX_PART or part.endswith(".") or is_device(part) for part in parts):
+        return f"{quote(text)} is no file name on every system; {allowed}"
+    return None
+
+
+def _resolve(text: str, folders: tuple[Path, ...], key: str, faults: list[str]) -> Path:
+    for folder in folders:
+        path = folder / text
+        try:
+            there = path.exists()
+        except OSError as fault:
+            faults.append(f"{key}: cannot be looked for: {fault.strerror}; a file that may be read is needed")
+            return path
+        if there:
+            if not path.resolve().is_relative_to(folder.resolve()):
+                faults.append(f"{key}: {quote(text)} leads out of its folder; a file inside it is needed")
+            return path
+    # nowhere: the case's own folder is the last, and the place to name
+    return folders[-1] / text
+
+
+def resolve_files(
+    texts: list[str], folders: tuple[Path, ...], key: str, faults: list[str]
+) -> tuple[Path, ...]:
+    """Find data files; what is wrong with a path is appended to ``faults``, after its key.
+
+    Parameters
+    ----------
+    texts
+        Relative paths, as a case has them.
+    folders
+        Where they are looked for, in this order; the last is meant when they are nowhere.
+    """
+    paths = []
+    for number, text in enumerate(texts, start=1):
+        place = key if len(texts) == 1 else f"{key}.{number}"
+        fault = path_fault(text)
+        if fault:
+            faults.append(f"{place}: {fault}")
+        paths.append(folders[-1] if fault else _resolve(text, folders, place, faults))
+    return tuple(paths)
+
 
 T = TypeVar("T")
 MAX_TEXT = 2_000

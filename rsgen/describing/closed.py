@@ -2,21 +2,331 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
-from rsgen.describing.arcs import Arc, End, make_arc
-from rsgen.describing.terms import read_addend
+from rsgen.common.errors import ExpressionError
+from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import OMEGA, X0, X
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.pieces import NormalForm
 
-__all__ = ["ClosedPart", "Triple", "close"]
+__all__ = [
+    "HIGHEST_POWER",
+    "Addend",
+    "Arc",
+    "ClosedPart",
+    "End",
+    "Triple",
+    "antiderivative",
+    "close",
+    "integral_over",
+    "make_arc",
+    "over_quarters",
+    "quarter",
+    "read_addend",
+]
+
+
+# ----------------------------------------------------------------------------
+# Real powers: |sin|**p |cos|**q over quarters of a cycle, by gamma functions.
+#
+# The quarter integral is half a beta function,
+# integral_0^(pi/2) sin**p cos**q = Gamma((p+1)/2) Gamma((q+1)/2) / (2 Gamma((p+q)/2 + 1))
+# (Abramowitz and Stegun, 6.2.1 and 6.2.2); with q = 0 it is the factor of docs/method.md, 3 for |x|**(p-1)
+# x.
+
+
+def quarter(p: sympy.Expr, q: sympy.Expr) -> sympy.Expr:
+    """Integrate sin**p cos**q over a quarter of a cycle; p and q real, both above -1."""
+    half = sympy.Rational(1, 2)
+    return sympy.gamma((p + 1) * half) * sympy.gamma((q + 1) * half) / (2 * sympy.gamma((p + q) * half + 1))
+
+
+def over_quarters(
+    m: int, p: sympy.Expr, n: int, q: sympy.Expr, only_positive_x: bool, only_positive_v: bool
+) -> sympy.Expr:
+    """Integrate sin**m |sin|**p cos**n |cos|**q over a cycle, or where sin (cos) is positive.
+
+    Raises
+    ------
+    ExpressionError
+        The integral has no finite value.
+    """
+    sides_x = 1 if only_positive_x else 2 * (m % 2 == 0)
+    sides_v = 1 if only_positive_v else 2 * (n % 2 == 0)
+    if not sides_x * sides_v:
+        return sympy.S.Zero
+    for power in (m + p, n + q):
+        if (power <= -1) == True:  # noqa: E712 - a sympy relation, undecided is no
+            raise ExpressionError(
+                f"law: a power is so singular at zero that the force has no fundamental (it needs the "
+                f"integral of |sin|**({power}), which is not finite); use an exponent above -2 of x or v"
+            )
+    return sides_x * sides_v * quarter(m + p, n + q)
+
+
+# ----------------------------------------------------------------------------
+# Which terms have closed forms: reading one addend of a piece, and its integrals over the cycle.
+
+HIGHEST_POWER = 40
+"""Whole powers beyond are left to quadrature: their formulas would be pages long."""
+
+MOST_WAVES = 6
+
+Weighted = Callable[[int, int], sympy.Expr | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Addend:
+    """coefficient x**m |x|**p v**n |v|**q times waves in x and waves in v."""
+
+    coefficient: sympy.Expr
+    m: int
+    p: sympy.Expr
+    n: int
+    q: sympy.Expr
+    waves_x: tuple[Wave, ...]
+    waves_v: tuple[Wave, ...]
+
+    def integral(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
+        """Integrate the addend times sin**i cos**j over an arc; None without a closed form."""
+        real_powers = not (self.p.is_zero and self.q.is_zero)
+        if self.waves_x or self.waves_v:
+            return None if real_powers else self._waves(arc, mean, i, j)
+        weighted = self._quarters(arc, mean) if real_powers else self._powers(arc)
+        return None if weighted is None else self._expanded(weighted, mean, i, j)
+
+    def _expanded(self, weighted: Weighted, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
+        """Sum over the binomial expansion of (X0 + X sin)**m."""
+        total = sympy.S.Zero
+        speed = (OMEGA * X) ** (self.n + self.q)
+        for r in range(self.m + 1):
+            if r < self.m and mean == 0:
+                continue
+            part = weighted(r + i, self.n + j)
+            if part is None:
+                return None
+            total += sympy.binomial(self.m, r) * mean ** (self.m - r) * X ** (r + self.p) * part
+        return self.coefficient * speed * total
+
+    @staticmethod
+    def _powers(arc: Arc) -> Weighted:
+        return lambda i, j: integral_over(arc, i, j)
+
+    def _quarters(self, arc: Arc, mean: sympy.Expr) -> Weighted | None:
+        centred_switch = arc.x is None or (arc.x.is_zero and mean == 0)
+        if not centred_switch or not (arc.v is None or arc.v.is_zero):
+            return None
+        if mean != 0 and not self.p.is_zero:
+            return None
+        return lambda i, j: over_quarters(i, self.p, j, self.q, arc.x is not None, arc.v is not None)
+
+    def _waves(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
+        if self.waves_x and self.waves_v:
+            return None
+        in_x = bool(self.waves_x)
+        fixed, halved = (arc.x, arc.v) if in_x else (arc.v, arc.x)
+        if fixed is not None or not (halved is None or halved.is_zero):
+            return None
+        if not in_x and halved is not None and mean != 0:
+            return None
+        sums = product_of_waves(list(self.waves_x or self.waves_v))
+        if sums is None:
+            return None
+        constant = Addend(self.coefficient, self.m, self.p, self.n, self.q, (), ())
+        total = sympy.S.Zero
+        for factor, wave in sums:
+            if wave.rate == 0:
+                rest = constant.integral(arc, mean, i, j)
+                value = None if rest is None else rest * wave.kind(wave.shift)
+            else:
+                value = constant._expanded(_weighted(wave, in_x, mean, halved is not None), mean, i, j)
+            if value is None:
+                return None
+            total += factor * value
+        return total
+
+
+def _weighted(wave: Wave, in_x: bool, mean: sympy.Expr, half: bool) -> Weighted:
+    if in_x:
+        return lambda i, j: moment(wave, X, mean, i, j, half)
+    # v = omega X cos(phi): a quarter of a cycle later sine and cosine have changed places
+    return lambda i, j: moment(wave, OMEGA * X, sympy.S.Zero, j, i, half)
+
+
+def read_addend(addend: sympy.Expr) -> Addend | None:
+    """Read one product of a piece; None where a factor is none of the known kinds."""
+    coefficient, moving = addend.as_independent(STATE_X, STATE_V, as_Add=False)
+    whole = {STATE_X: 0, STATE_V: 0}
+    real = {STATE_X: sympy.S.Zero, STATE_V: sympy.S.Zero}
+    waves: dict[sympy.Symbol, list[Wave]] = {STATE_X: [], STATE_V: []}
+    for factor in sympy.Mul.make_args(moving):
+        base, exponent = (factor, sympy.S.One) if factor.func is sympy.exp else factor.as_base_exp()
+        if not _read_factor(base, exponent, whole, real, waves):
+            return None
+    for state, power in whole.items():
+        if power < 0:
+            whole[state] = power % 2
+            real[state] += power - power % 2
+    if max(whole.values()) > HIGHEST_POWER or max(map(len, waves.values())) > MOST_WAVES:
+        return None
+    return Addend(
+        coefficient, whole[STATE_X], real[STATE_X], whole[STATE_V], real[STATE_V],
+        tuple(waves[STATE_X]), tuple(waves[STATE_V]),
+    )  # fmt: skip
+
+
+def _read_factor(
+    base: sympy.Expr,
+    exponent: sympy.Expr,
+    whole: dict[sympy.Symbol, int],
+    real: dict[sympy.Symbol, sympy.Expr],
+    waves: dict[sympy.Symbol, list[Wave]],
+) -> bool:
+    if base == 1:
+        return True
+    if base in whole and exponent.is_Integer:
+        whole[base] += int(exponent)
+        return True
+    if isinstance(base, sympy.Abs) and base.args[0] in whole and not exponent.free_symbols & set(whole):
+        real[base.args[0]] += exponent
+        return True
+    if not (exponent.is_Integer and 0 < exponent <= MOST_WAVES):
+        return False
+    for state, other in ((STATE_X, STATE_V), (STATE_V, STATE_X)):
+        wave = read_wave(base, state, other)
+        if wave is not None:
+            waves[state] += [wave] * int(exponent)
+            return True
+    return False
+
+
+# ----------------------------------------------------------------------------
+# Powers of sine and cosine over the part of a cycle on which a piece acts.
+#
+# On x = X0 + X sin(phi), v = omega X cos(phi) a switch x - b is on for phi in (alpha, pi - alpha) with
+# alpha = asin(clip((b - X0)/X)), a switch v - w for phi in (-beta, beta) with beta = acos(clip(w/(omega
+# X))).
+# Every piece integrates to a polynomial in the angle, sine and cosine of these ends. The ends stay symbols
+# ("atoms") until it is known whether a number, a regime or a formula is wanted.
+
+
+class End(NamedTuple):
+    """One end of an arc: the angle and its sine and cosine."""
+
+    angle: sympy.Expr
+    sine: sympy.Expr
+    cosine: sympy.Expr
+
+
+def _atoms(name: str) -> End:
+    return End(*(sympy.Symbol(f"{part}_{name}", real=True) for part in ("angle", "sine", "cosine")))
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """Where a pair of switches is on: thresholds in x and v (None: no switch), atoms, pairs of ends.
+
+    ``x_end`` is the rising end of the x-switch, ``v_end`` the falling end of the v-switch. ``both`` holds the
+    four ends of the (at most two) arcs on which two general switches are on together.
+    """
+
+    x: sympy.Expr | None
+    v: sympy.Expr | None
+    x_end: End | None
+    v_end: End | None
+    both: tuple[End, ...]
+    spans: tuple[tuple[End, End], ...]
+
+
+_TOP = End(sympy.pi / 2, sympy.S.One, sympy.S.Zero)
+_CENTRE = End(sympy.S.Zero, sympy.S.Zero, sympy.S.One)
+
+
+def _mirrored(end: End) -> End:
+    """Give the falling end pi - alpha of an x-switch."""
+    return End(sympy.pi - end.angle, end.sine, -end.cosine)
+
+
+def _negated(end: End) -> End:
+    """Give the rising end -beta of a v-switch."""
+    return End(-end.angle, -end.sine, end.cosine)
+
+
+@lru_cache(maxsize=1024)
+def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc:
+    """Find the arcs of a piece; ``centred`` says that the mean X0 is zero."""
+    x_end = None if x is None else _CENTRE if centred and x.is_zero else _atoms(f"x[{x}]")
+    v_end = None if v is None else _TOP if v.is_zero else _atoms(f"v[{v}]")
+    both: tuple[End, ...] = ()
+    spans: tuple[tuple[End, End], ...]
+    if x_end is None and v_end is None:
+        bottom = End(-sympy.pi / 2, -sympy.S.One, sympy.S.Zero)
+        spans = ((bottom, End(3 * sympy.pi / 2, -sympy.S.One, sympy.S.Zero)),)
+    elif v_end is None and x_end is not None:
+        spans = ((x_end, _mirrored(x_end)),)
+    elif x_end is None and v_end is not None:
+        spans = ((_negated(v_end), v_end),)
+    elif v_end is _TOP and x_end is not None:
+        spans = ((x_end, _TOP),)
+    else:
+        both = tuple(_atoms(f"{place}[{x}, {v}]") for place in ("from1", "to1", "from2", "to2"))
+        spans = ((both[0], both[1]), (both[2], both[3]))
+    return Arc(x, v, x_end, v_end, both, spans)
+
+
+_ANGLE, _SINE, _COSINE = sympy.symbols("angle sine cosine", real=True)
+
+
+@lru_cache(maxsize=4096)
+def antiderivative(m: int, n: int) -> sympy.Expr:
+    """Integrate sin**m cos**n, as a polynomial in the angle, its sine and its cosine."""
+    if n % 2:
+        k = (n - 1) // 2
+        return sympy.Add(
+            *(
+                sympy.binomial(k, r) * (-1) ** r * _SINE ** (m + 2 * r + 1) / (m + 2 * r + 1)
+                for r in range(k + 1)
+            )
+        )
+    if m % 2:
+        k = (m - 1) // 2
+        return -sympy.Add(
+            *(
+                sympy.binomial(k, r) * (-1) ** r * _COSINE ** (n + 2 * r + 1) / (n + 2 * r + 1)
+                for r in range(k + 1)
+            )
+        )
+    if m:
+        return sympy.expand(
+            -(_SINE ** (m - 1)) * _COSINE ** (n + 1) / (m + n)
+            + sympy.Rational(m - 1, m + n) * antiderivative(m - 2, n)
+        )
+    if n:
+        return sympy.expand(
+            _COSINE ** (n - 1) * _SINE / n + sympy.Rational(n - 1, n) * antiderivative(0, n - 2)
+        )
+    return _ANGLE
+
+
+@lru_cache(maxsize=4096)
+def integral_over(arc: Arc, m: int, n: int) -> sympy.Expr:
+    """Integrate sin**m cos**n over the arcs of a piece."""
+    primitive = antiderivative(m, n)
+    total = sympy.S.Zero
+    for start, stop in arc.spans:
+        for end, sign in ((stop, 1), (start, -1)):
+            places = dict(zip((_ANGLE, _SINE, _COSINE), end, strict=True))
+            total += sign * primitive.xreplace(places)
+    return sympy.expand(total)
 
 
 LONGEST = 150

@@ -14,13 +14,12 @@ from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, taken_as_positive
 from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limit_at_rest, limit_at_zero
 from rsgen.describing.mean import closed_mean
-from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
+from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
 from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.formula import symbol
-from rsgen.formula.algebra import algebra_faults
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
-from rsgen.formula.renaming import renamed
+from rsgen.formula.bounds import algebra_faults
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
 from rsgen.law.element import Element, Law, make_element
 from rsgen.law.linear_parameters import vanishes
 from rsgen.law.normal_form import expanded, moves

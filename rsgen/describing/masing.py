@@ -10,7 +10,7 @@ elementary where 2 P is whole, a gamma function for b = 0, and an incomplete bet
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,17 +18,191 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.describing.closed import close
+from rsgen.describing.closed import HIGHEST_POWER, close, quarter
 from rsgen.describing.limits import Limit
-from rsgen.describing.powers import quarter
+from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Reading, tidy
-from rsgen.describing.terms import HIGHEST_POWER
-from rsgen.describing.virgin import pieces_of
+from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import OMEGA, PHI, STATE_X, X0, X
-from rsgen.law.pieces import NormalForm, Piece
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.law.memory import MemoryForm
+from rsgen.law.normal_form import expanded, moves
+from rsgen.law.pieces import NormalForm, Piece, normal_form, normal_form_at
 
-__all__ = ["ClosedMasing", "asymptotes", "close_masing"]
+__all__ = [
+    "Branches",
+    "ClosedMasing",
+    "Pieces",
+    "asymptotes",
+    "close_masing",
+    "decisive_in",
+    "loop_of",
+    "on_cycle",
+    "pieces_of",
+]
+
+
+# ----------------------------------------------------------------------------
+# Laws with memory along a cycle with known turning points: branches of Masing laws, structural damping.
+#
+# Between the turning points X0 - X and X0 + X a Masing law follows the reversal rule: rising from -n(X) by
+# 2 n((x - X0 + X)/2), falling from n(X) by 2 n((X0 + X - x)/2); the displacement a quarter of a period
+# later is
+# v/omega. On the cycle the law is then a force of x and v again, and quadrature takes it as any other.
+
+
+def _virgin_at(virgin: sympy.Expr, place: sympy.Expr) -> sympy.Expr:
+    """Give the virgin curve at a displacement that is known as not negative."""
+    if any(not power.exp.is_Integer for power in virgin.atoms(sympy.Pow) if power.base is not sympy.E):
+        # round-off must not make a root of something negative
+        place = sympy.Abs(place)
+    return virgin.xreplace({STATE_X: place})
+
+
+def loop_of(virgin: sympy.Expr) -> sympy.Expr:
+    """Write the two branches of a Masing law between the turning points as one force of x and v."""
+    rising, half, top = sympy.Heaviside(STATE_V), sympy.Rational(1, 2), _virgin_at(virgin, X)
+    up = -top + 2 * _virgin_at(virgin, half * (STATE_X - X0 + X))
+    down = top - 2 * _virgin_at(virgin, half * (X0 + X - STATE_X))
+    return rising * up + (1 - rising) * down
+
+
+def on_cycle(force: sympy.Expr, memory: MemoryForm) -> sympy.Expr:
+    """Write Masing laws and structural damping in f(x, v, z) as they are on the cycle of X about X0.
+
+    States with equations stay in it as ``Inner`` symbols.
+    """
+    places = {curve.symbol: loop_of(curve.virgin) for curve in memory.curves}
+    if memory.lag is not None:
+        places[memory.lag] = STATE_V / OMEGA
+    return force.xreplace(places)
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """A law without states of its own along the cycle, by quadrature of its branches.
+
+    Parameters
+    ----------
+    force
+        The law on the cycle [N], in x, v, X, X0, omega and parameters.
+    parameters
+        Names of the parameters.
+    """
+
+    force: sympy.Expr
+    parameters: tuple[str, ...]
+
+    def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
+        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+        return self.projected(X_, mean, omega, values)[:3]
+
+    def projected(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
+        """Give stiffness, damping, mean force, and the mean absolute force as a stiffness [N/m]."""
+        names = (X, X0, OMEGA, *map(symbol, self.parameters))
+        fields = (X_, mean, omega, *(np.broadcast_to(values[name], X_.shape) for name in self.parameters))
+        found = project(self.force, normal_form(self.force), names, Cycle(X_, mean, omega, fields))
+        per_length = 1 / (np.pi * X_)
+        return [
+            found.sine * per_length,
+            found.cosine * per_length / omega,
+            found.mean / (2 * np.pi),
+            found.size * per_length,
+        ]
+
+    def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
+        """Give the force [N] at phases (s,) of one cycle."""
+        names = (STATE_X, STATE_V, X, X0, OMEGA, *map(symbol, self.parameters))
+        x, v = mean + X_ * np.sin(phi), omega * X_ * np.cos(phi)
+        numbers = (values[name] for name in self.parameters)
+        (force,) = compiled((self.force,), names)(x, v, X_, mean, omega, *numbers)
+        return np.broadcast_to(force, phi.shape)
+
+
+# ----------------------------------------------------------------------------
+# Virgin curves of Masing laws: their pieces for x > 0, sorted by the displacement at which they begin.
+
+
+def decisive_in(virgin: sympy.Expr) -> set[str]:
+    """Name the parameters of a virgin curve whose sign decides how the formulas look."""
+    form = normal_form(_continued(virgin))
+    found: set[sympy.Basic] = set()
+    for switch in form.switches:
+        found |= switch.function.free_symbols
+    for atom in virgin.atoms(sympy.Abs, sympy.sign, sympy.Max, sympy.Min, sympy.Heaviside):
+        found |= atom.free_symbols
+    for power in virgin.atoms(sympy.Pow):
+        if not power.exp.is_Integer and power.base is not sympy.E:
+            found |= power.base.free_symbols
+    return {free.name for free in found - {STATE_X}}
+
+
+def _continued(virgin: sympy.Expr) -> sympy.Expr:
+    return virgin.xreplace({STATE_X: sympy.Abs(STATE_X)})
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """n(x) for x > 0 by threshold (None: from rest on), valid where all of ``assumed`` is positive."""
+
+    terms: dict[sympy.Expr | None, sympy.Expr]
+    assumed: tuple[sympy.Expr, ...]
+
+
+def pieces_of(virgin: sympy.Expr) -> Pieces | None:
+    """Sort the pieces of n(x) for x > 0 by their threshold; None where its sign cannot be known.
+
+    Where the order of two parameters decides, as k1 > k2 in Min(k1 x, k2 x + F), the one with more thresholds
+    is assumed: the other leaves nothing of the law.
+    """
+    form = normal_form(_continued(virgin))
+    places = [piece.term for piece in form.pieces] + [switch.function for switch in form.switches]
+    orders = {choice.args[0] for place in places for choice in place.atoms(sympy.sign) if not moves(choice)}
+    if not orders:
+        return _sorted_pieces(form, {}, ())
+    if len(orders) > 1:
+        return None
+    (difference,) = orders
+    names = sorted(difference.free_symbols, key=str)
+    if len(names) != 2 or sympy.expand(difference - names[0] + names[1]) != 0:
+        return None
+    found = []
+    for sign in (1, -1):
+        values = {free.name: 1.0 for free in virgin.free_symbols} | {names[0].name: 1.0 + sign / 2}
+        ordered = normal_form_at(_continued(virgin), values)
+        pieces = _sorted_pieces(ordered, values, (sign * difference,))
+        found += [] if pieces is None else [pieces]
+    return max(found, key=lambda pieces: len(pieces.terms), default=None)
+
+
+def _sorted_pieces(
+    form: NormalForm, values: dict[str, float], assumed: tuple[sympy.Expr, ...]
+) -> Pieces | None:
+    """Sort pieces by thresholds whose sign is known, or assumed as it is at some values."""
+    found: dict[sympy.Expr | None, sympy.Expr] = {}
+    for piece in form.pieces:
+        level: sympy.Expr | None = None
+        for switch in piece.switches:
+            if switch.variable != "x" or switch.threshold is None:
+                return None
+            level = switch.threshold
+        if level is not None and not level.is_positive and not level.is_nonpositive:
+            if not values:
+                return None
+            (size,) = compiled((level,), tuple(level.free_symbols))(
+                *(values[free.name] for free in level.free_symbols)
+            )
+            assumed = (*assumed, level if size > 0 else -level)
+            level = level if size > 0 else None
+        elif level is not None and level.is_nonpositive:
+            level = None
+        # a positive symbol in its place takes abs and products of powers away
+        place = sympy.Symbol("x", positive=True)
+        term = piece.term.subs(sympy.Abs(STATE_X), place).xreplace({STATE_X: place})
+        found[level] = found.get(level, sympy.S.Zero) + sympy.powsimp(sympy.expand(term))
+    terms = {level: expanded(term) for level, term in found.items()}
+    kept = {level: term for level, term in terms.items() if level is None or not term.is_zero}
+    return Pieces(kept, tuple(dict.fromkeys(assumed)))
 
 
 CANCELLED = 100.0

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import sympy
 
-from rsgen.describing.arcs import Arc, End
 from rsgen.describing.bessel import elementary
-from rsgen.describing.closed import ClosedPart
+from rsgen.describing.closed import Arc, ClosedPart, End
 from rsgen.formula.names import OMEGA, X
 
 __all__ = ["Reading", "read", "tidy"]

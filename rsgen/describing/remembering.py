@@ -14,14 +14,20 @@ import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
-from rsgen.describing.branches import Branches, loop_of, on_cycle
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
 from rsgen.describing.limits import Limit
 from rsgen.describing.loops import Loop, is_odd, try_loops
-from rsgen.describing.masing import ClosedMasing, asymptotes, close_masing
-from rsgen.describing.proof import LEAST_SETS, PROOF_TOLERANCE
+from rsgen.describing.masing import (
+    Branches,
+    ClosedMasing,
+    asymptotes,
+    close_masing,
+    decisive_in,
+    loop_of,
+    on_cycle,
+)
+from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE
 from rsgen.describing.regimes import Reading
-from rsgen.describing.virgin import decisive_in
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.memory import Masing, State

@@ -3,8 +3,61 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
-__all__ = ["is_angular", "is_unit", "split_title", "unit_in"]
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.files.plan import MeasuredTest, Signal
+from rsgen.formula.units import quantity, sensor_unit
+
+__all__ = ["contradiction", "is_angular", "is_unit", "split_title", "unit_doubts", "unit_in"]
+
+
+# ----------------------------------------------------------------------------
+# Whether a case reads a column in the unit that its title names.
+
+_SAME_UNIT = 1e-3
+"""Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
+
+
+def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
+    """Say that the case reads a column in another unit than its title names."""
+    about = {"file": file, "column": column, "unit": unit, "title": title}
+    return Finding("unit-contradicts-title", "doubt", names=about)
+
+
+def unit_doubts(
+    test: MeasuredTest, file: str, titles: Mapping[int | str, str], signal: Signal | None, target: str
+) -> list[Finding]:
+    """Find columns whose title names another unit of the same quantity than the case.
+
+    Parameters
+    ----------
+    test, file
+        The plan, and what the file is called.
+    titles
+        Of the columns, by their addresses.
+    signal
+        Force or response; None where there is none.
+    target
+        Its SI unit.
+    """
+    if signal is None or signal.unit is None or signal.factor != 1 or not test.calibrated:
+        return []
+    found = []
+    for column in signal.columns:
+        title = unit_in(titles.get(column, ""))
+        try:
+            said, read = (
+                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, signal.unit)
+            )
+        except RsgenError:
+            # a title may end like a unit of something else
+            continue
+        if title and abs(said - read) > _SAME_UNIT * abs(read):
+            found.append(contradiction(file, titles.get(column, str(column)), signal.unit, title))
+    return found
+
 
 _NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"
 """Units that a title may end with without brackets: "force_N"."""

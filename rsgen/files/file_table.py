@@ -11,18 +11,127 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError, quote
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.common.finding import Finding, quantities
-from rsgen.files.column_titles import unit_in
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.columns import DERIVATIVE
+from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import file_label, recognise_format
-from rsgen.files.file_units import to_si
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
+from rsgen.files.signals import NamedChannel, Signal
 from rsgen.files.text_columns import Columns, read_columns
 from rsgen.files.tree import Channel
+from rsgen.formula.units import quantity, sensor_unit
 
-__all__ = ["Table", "read_channels", "read_table"]
+__all__ = [
+    "Sources",
+    "Table",
+    "file_of",
+    "read_channels",
+    "read_sources",
+    "read_table",
+    "scaled",
+    "to_si",
+    "with_across",
+]
+
+
+# ----------------------------------------------------------------------------
+# Channels whose unit the case leaves to the file, brought to SI.
+
+_SCALES = {
+    "rms": ("root mean squares", "scale = 'rms'"),
+    "peak": ("peak amplitudes", "scale = 'peak'"),
+    "half-peak": ("halves of the peak amplitudes", "factor = 2"),
+}
+"""What the amplitudes of a file are by its word for them, and what the case must say."""
+
+
+def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
+    """Give the columns whose unit the case leaves to the file, each with its SI unit."""
+    return {
+        column: target
+        for signal, target in test.signals
+        if signal is not None and signal.unit is None and test.calibrated
+        for column in signal.columns
+        if column != signal.phase
+    }
+
+
+def _check_scale(test: MeasuredTest, label: str, column: int | str, channel: Channel) -> None:
+    """Refuse amplitudes that the file says to be others than the case reads."""
+    for signal, _ in test.signals:
+        if signal is None or not channel.scale or column not in signal.columns or column == signal.phase:
+            continue
+        said, needed = _SCALES[channel.scale]
+        fits = signal.factor != 1 if channel.scale == "half-peak" else signal.scale == channel.scale
+        if not fits:
+            raise MeasurementError(
+                f"{label}: {quote(channel.path)} holds {said}, as the file says; write {needed} in the case"
+            )
+
+
+def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Multiply, in place where numbers are floating: long histories are not copied."""
+    if values.dtype.kind not in "fc" or values.dtype == np.float16:
+        # 16 bits fit into single precision
+        values = values.astype(np.float32 if values.dtype.itemsize <= 2 else np.float64)
+    elif factor == 1:
+        return values
+    values *= values.dtype.type(factor)
+    return values
+
+
+def to_si(
+    test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]]
+) -> tuple[Finding, ...]:
+    """Bring channels to SI in place where the case leaves the unit to the file.
+
+    Parameters
+    ----------
+    test, label
+        The plan, and the file for messages.
+    wanted, groups
+        Addresses, and the channels that each means.
+
+    Returns
+    -------
+    A finding for each unit that was taken from the file and is not SI, or that could not be taken.
+
+    Raises
+    ------
+    MeasurementError
+        The file contradicts itself about a unit, or the case about the kind of amplitudes.
+    """
+    findings = {}
+    targets = _left_to_file(test)
+    for address, channels in zip(wanted, groups, strict=True):
+        target = targets.get(address, "")
+        for channel in channels:
+            _check_scale(test, label, address, channel)
+        for number, channel in enumerate(channels if target else ()):
+            if channel.unit_source and not channel.unit:
+                raise MeasurementError(
+                    f"{label}: the unit of {quote(channel.path)} is not known: {channel.unit_source}; "
+                    "name it by unit in the case"
+                )
+            about = {"file": label, "column": str(address), "unit": channel.unit}
+            try:
+                factor = quantity(f"1 {sensor_unit(channel.unit or target, target)}", target)
+            except RsgenError:
+                about["assumed"] = target
+                findings[channel.unit, address] = Finding("unit-of-file-unusable", "warning", names=about)
+                continue
+            if factor != 1:
+                about["source"] = channel.unit_source or "the file"
+                findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
+            channels[number] = replace(
+                channel, values=scaled(channel.values, factor), unit=target, unit_source=""
+            )
+    return tuple(findings.values())
+
 
 MAX_ROWS = 5_000_000
 
@@ -285,3 +394,150 @@ def read_table(
     # rows of several entries are counted through
     first = groups[0][0].row if len(parts) == 1 else 1
     return Table(label, columns, "row", first + np.arange(sum(lengths)), block, findings, names, units)
+
+
+# ----------------------------------------------------------------------------
+# Channels of one file or several as SI amplitudes at the same points, and the sums that are made of them.
+
+
+def file_of(test: MeasuredTest, channel: NamedChannel, number: int) -> Path:
+    """Find the file that has a channel of one of the test's files."""
+    return channel.files[number] if channel.files else test.files[number]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sources:
+    """The tables of one file of a test and of the files beside it, row by row the same points.
+
+    ``main`` has frequency, level and sweep; ``tables`` those of every file by its path.
+    """
+
+    test: MeasuredTest
+    number: int
+    tables: dict[Path, Table]
+
+    @property
+    def main(self) -> Table:
+        """The table of the file itself."""
+        return self.tables[self.test.files[self.number]]
+
+    def keep(self, mask: NDArray[np.bool_]) -> Sources:
+        """Keep some rows of all tables."""
+        return replace(self, tables={path: table.keep(mask) for path, table in self.tables.items()})
+
+    def amplitude(self, channel: NamedChannel, what: str) -> ComplexArray:
+        """(n,) complex peak amplitude of a channel, its quantity in SI."""
+        table = self.tables[file_of(self.test, channel, self.number)]
+        return _signal(table, channel.signal, self.test.scale_of(channel), what)
+
+    def sum(self, what: str, frequency: Array) -> ComplexArray:
+        """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m]."""
+        omega = 2 * np.pi * frequency
+        total = np.zeros(len(frequency), dtype=np.complex128)
+        for factor, channel in self.test.terms(what):
+            part = factor * self.amplitude(channel, what)
+            if channel.quantity != "force":
+                part = part / (1j * omega) ** DERIVATIVE[channel.quantity or "displacement"]
+            # what arrives later lags by more than it did
+            total += part * np.exp(1j * omega * channel.delay) if channel.delay else part
+        self.main.refuse(~np.isfinite(total), f"{what} is too large after conversion to SI units")
+        return total
+
+    def doubts(self) -> list[Finding]:
+        """Find columns whose titles contradict the case."""
+        found: list[Finding] = []
+        for channel, (signal, target) in zip(self.test.sources, self.test.signals, strict=True):
+            table = self.tables[file_of(self.test, channel, self.number)]
+            found += unit_doubts(self.test, table.label, table.names, signal, target)
+        return found
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Of all tables."""
+        return tuple(finding for table in self.tables.values() for finding in table.findings)
+
+
+def _signal(table: Table, signal: Signal, factor: float, what: str) -> ComplexArray:
+    """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
+    first, *second = signal.columns
+    value: NDArray[Any]
+    if signal.complex is not None:
+        value = np.asarray(table.columns[first], dtype=np.complex128)
+    elif signal.real is not None:
+        value = table.real(first) + 1j * table.real(second[0])
+    else:
+        magnitude = table.real(first)
+        table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
+        radian = np.pi / 180 if signal.phase_unit == "deg" else 1.0
+        value = magnitude * np.exp(1j * radian * (table.real(second[0]) if second else 0.0))
+    value = np.conj(value) if signal.lags else value
+    value = np.asarray(value * factor, dtype=np.complex128)
+    table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
+    table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
+    return value
+
+
+def read_sources(test: MeasuredTest, number: int) -> Sources:
+    """Read the table of a file and those beside it; rows in which a number is missing are left out."""
+    main = test.files[number]
+    wanted: dict[Path, list[int | str]] = {main: []}
+    for place in (test.frequency, test.sweep.column, test.level.column):
+        if place is not None:
+            wanted[main].append(place)
+    for channel in test.sources:
+        wanted.setdefault(file_of(test, channel, number), []).extend(channel.signal.columns)
+    sha256 = test.sha256[number] if test.sha256 else None
+    tables = {
+        path: read_table(test, path, list(dict.fromkeys(places)), sha256 if path == main else None)
+        for path, places in wanted.items()
+    }
+    for table in tables.values():
+        if len(table.number) != len(tables[main].number):
+            raise MeasurementError(
+                f"{table.label}: {len(table.number)} rows; {tables[main].label} has "
+                f"{len(tables[main].number)}: one each needed"
+            )
+    return _whole_rows(Sources(test, number, tables))
+
+
+def _whole_rows(sources: Sources) -> Sources:
+    """Leave out rows in which a number is missing, and say how many they are."""
+    tables, main = sources.tables, sources.main
+    keep = np.logical_and.reduce([table.complete for table in tables.values()])
+    if keep.all():
+        return sources
+    lost = np.flatnonzero(~keep)
+    place = f"{main.unit_of_place} {int(main.number[lost[0]])}"
+    if not keep.any():
+        gaps = [
+            quote(name)
+            for table in tables.values()
+            for name, values in table.columns.items()
+            if not np.isfinite(values).any()
+        ]
+        where = f"{' and '.join(dict.fromkeys(gaps))} has none" if gaps else f"the first gap is in {place}"
+        raise MeasurementError(f"{main.label}: no row with a number in every column asked for; {where}")
+    numbers = quantities(rows=len(lost), all=len(keep))
+    finding = Finding(
+        "rows-without-number", "warning", numbers=numbers, names={"file": main.label, "first": place}
+    )
+    kept = sources.keep(keep)
+    path = sources.test.files[sources.number]
+    marked = replace(kept.main, findings=(*kept.main.findings, finding))
+    return replace(kept, tables=kept.tables | {path: marked})
+
+
+def with_across(surface: ResponseSurface, across: ResponseSurface) -> ResponseSurface:
+    """Join the surface of a response and that of the motion across, of the same records.
+
+    Raises
+    ------
+    MeasurementError
+        The two do not have the same points.
+    """
+    if len(surface) != len(across) or not np.array_equal(surface.frequency, across.frequency):
+        raise MeasurementError(
+            f"response: {len(surface)} points, and {len(across)} of the motion across; both must have the "
+            "same frequencies: record them with the same force"
+        )
+    return replace(surface, across=across.harmonics)

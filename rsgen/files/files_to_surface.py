@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -17,25 +18,231 @@ from rsgen.data.surface.columns import below_acceleration
 from rsgen.data.surface.driven_base import base_findings
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.data.surface.plausibility import quantity_findings
-from rsgen.files.column_titles import is_angular, unit_in
-from rsgen.files.consistency import repeated_rows, run_findings, tell_branches_apart
-from rsgen.files.controls import amplitude_steps, hold
+from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
-from rsgen.files.file_table import Table
+from rsgen.files.file_table import Sources, Table, read_sources, with_across
 from rsgen.files.nominal_levels import (
+    amplitude_steps,
+    hold,
     level_of_file,
     settle_levels,
 )
-from rsgen.files.passivity import passivity_findings
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
-from rsgen.files.sources import Sources, read_sources, with_across
-from rsgen.files.title_units import contradiction
 from rsgen.formula.units import quantity, sensor_unit
+from rsgen.law.motion import cycle_work
 
 if TYPE_CHECKING:
     from rsgen.data.history import TimeHistory
 
-__all__ = ["read_measurement"]
+__all__ = ["passivity_findings", "read_measurement", "repeated_rows", "run_findings", "tell_branches_apart"]
+
+
+# ----------------------------------------------------------------------------
+# Whether the runs of one test fit together: copies, units that differ from file to file, branches.
+
+_FEWEST = 8
+"""Points of a run from which on two runs are compared."""
+_MOST = 60
+"""Runs that are compared with each other at most; each with each would take long for thousands."""
+_TWICE = 0.2
+"""From this share of rows on that are the one before, an export wrote rows twice."""
+_STEPS = (1e3, 1e6)
+"""Factors between units of one set: m and mm, N and mN, m and um."""
+_NEAR_STEP = 2.0
+"""Beside a wrong unit, runs of one structure differ by less than this factor in response over force, in the
+middle of their points."""
+_EVEN = 3.0
+"""A wrong unit is the same factor at every point; what friction holds still at a level is not."""
+_APART = 1.5
+"""Amplitudes of a larger ratio lie on two branches."""
+
+
+def repeated_rows(frequency: Array, force: ComplexArray, response: ComplexArray) -> NDArray[np.bool_]:
+    """(n,) True for a row that is the one before, to the last digit: written twice, not measured twice.
+
+    None where only a few are, as at the turn of a sweep or where a display has few digits.
+    """
+    same = np.zeros(len(frequency), dtype=np.bool_)
+    same[1:] = np.all([values[1:] == values[:-1] for values in (frequency, force, response)], axis=0)
+    written_twice = same.sum() >= max(_FEWEST, _TWICE * len(same))
+    return same if written_twice else np.zeros_like(same)
+
+
+def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Rows of each block, level and direction, in the order of the test."""
+    names = np.stack([block, np.unique(surface.level, return_inverse=True)[1]], axis=1)
+    keys = [(*pair.tolist(), str(sweep)) for pair, sweep in zip(names, surface.sweep, strict=True)]
+    rows: dict[tuple[object, ...], list[int]] = {}
+    for row, key in enumerate(keys):
+        rows.setdefault(key, []).append(row)
+    found = [np.array(at) for at in rows.values() if len(at) >= _FEWEST]
+    return found[:_MOST]
+
+
+def run_findings(
+    surface: ResponseSurface, block: NDArray[np.int64], labels: list[str], by_ratio: bool
+) -> list[Finding]:
+    """Find runs that are copies of each other, and levels read in units of another size.
+
+    Parameters
+    ----------
+    surface, block
+        The test, and (n,) the number of the block of each row.
+    labels
+        What each block is called.
+    by_ratio
+        Whether the files hold response over force: of a linear structure it is the same at every level.
+    """
+    runs, found = _runs(surface, block), list[Finding]()
+    for first, second in combinations(runs, 2):
+        names = {"first": labels[block[first[0]]], "second": labels[block[second[0]]]}
+        if not by_ratio and _is_copy(surface, first, second):
+            found.append(Finding("run-repeated", "doubt", names=names))
+            return found
+    for first, second in combinations(runs, 2):
+        factor = _factor_between(surface, first, second)
+        if factor is not None:
+            names = {"first": labels[block[first[0]]], "second": labels[block[second[0]]]}
+            return [Finding("runs-of-other-size", "doubt", numbers=quantities(factor=factor), names=names)]
+    return found
+
+
+def _is_copy(surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]) -> bool:
+    return len(first) == len(second) and all(
+        np.array_equal(values[first], values[second])
+        for values in (surface.frequency, surface.amplitude, surface.harmonics[:, 1])
+    )
+
+
+def _factor_between(
+    surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> float | None:
+    """Factor by which response over force differs, where it is a step between units; else None."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = np.log(surface.amplitude / np.abs(surface.force))
+    f = surface.frequency
+    order = second[np.argsort(f[second], kind="stable")]
+    inside = first[(f[first] >= f[order[0]]) & (f[first] <= f[order[-1]])]
+    if len(inside) < _FEWEST:
+        return None
+    ratio = np.interp(f[inside], f[order], size[order]) - size[inside]
+    low, middle, high = np.quantile(ratio, [0.25, 0.5, 0.75])
+    if not high - low < np.log(_EVEN):
+        return None
+    near = [step for step in _STEPS if abs(abs(middle) - np.log(step)) < np.log(_NEAR_STEP)]
+    return near[0] if near else None
+
+
+def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> NDArray[np.str_]:
+    """(n,) directions, where two runs of one level and direction lie on two branches.
+
+    A table sorted by frequency says nothing of its sweep. Of two branches at one level the upper one is
+    reached upwards where it rises with the frequency (a hardening mode), else downwards.
+    """
+    sweep = np.array(surface.sweep)
+    for first, second in combinations(_runs(surface, block), 2):
+        alike = surface.level[first[0]] == surface.level[second[0]] and sweep[first[0]] == sweep[second[0]]
+        if not alike or sweep[first[0]] == "rest":
+            continue
+        f, size = surface.frequency, surface.amplitude
+        order = second[np.argsort(f[second], kind="stable")]
+        inside = first[(f[first] >= f[order[0]]) & (f[first] <= f[order[-1]])]
+        if not len(inside):
+            continue
+        ratio = size[inside] / np.interp(f[inside], f[order], size[order])
+        above, below = ratio > _APART, ratio < 1 / _APART
+        if not max(above.sum(), below.sum()) >= 3 or (above.any() and below.any()):
+            continue
+        upper, lower = (first, second) if above.any() else (second, first)
+        low, high = f[inside[above | below]].min(), f[inside[above | below]].max()
+        both = upper[(f[upper] >= low) & (f[upper] <= high)]
+        if len(np.unique(f[both])) < 2:
+            # a single point of the upper run does not rise or fall
+            continue
+        hardens = np.polyfit(f[both], size[both], 1)[0] > 0
+        sweep[upper], sweep[lower] = ("up", "down") if hardens else ("down", "up")
+    return sweep
+
+
+# ----------------------------------------------------------------------------
+# Whether force and response, as the case reads them, are those of a structure that takes energy.
+#
+# A structure without a source of energy takes power from its shaker at every frequency, and its dynamic
+# stiffness F/X = k(X) - m omega^2 + i omega c(X) falls with the frequency. A phase read in the wrong sense
+# mirrors the second, a channel with the sign reversed both; neither shows in the quality of a fit.
+
+_FED = -0.1
+"""Power over the most that forces and velocities could bring; errors of the phase leave a few percent."""
+_RISES = 0.5
+"""Correlation of the real part with the square of the frequency that is no falling one with scatter."""
+_FEWEST_FOR_PASSIVITY = 8
+
+
+def _power(surface: ResponseSurface) -> float:
+    """Give the power that goes in over the most that could, from -1 to 1."""
+    work = cycle_work(surface.force, surface.harmonics[:, 1])
+    most = float(surface.frequency @ (np.pi * np.abs(surface.force) * surface.amplitude))
+    return float(surface.frequency @ work) / most if most > 0 else 0.0
+
+
+@np.errstate(all="ignore")
+def _slope(surface: ResponseSurface) -> float:
+    """Correlate the real part of the dynamic stiffness with the square of the frequency, level by level.
+
+    Numbers that no test has may overflow; then nothing is concluded from them.
+    """
+    stiffness = surface.force / surface.harmonics[:, 1]
+    weight = 1 / np.abs(stiffness) ** 2
+    square = surface.frequency**2
+    products = np.zeros(3)
+    for level in np.unique(surface.level):
+        at = surface.level == level
+        if np.count_nonzero(at) < _FEWEST_FOR_PASSIVITY:
+            continue
+        w = weight[at] / weight[at].sum()
+        x = square[at] - w @ square[at]
+        y = stiffness.real[at] - w @ stiffness.real[at]
+        products += w @ (x * y), w @ x**2, w @ y**2
+    scale = float(np.sqrt(products[1] * products[2]))
+    return float(products[0]) / scale if scale > 0 else 0.0
+
+
+def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[Finding, ...]:
+    """Find what is reversed where force and response cannot be those of a passive structure; none or one.
+
+    Parameters
+    ----------
+    surface
+        With phase.
+    sense
+        How the case reads the phase of the response, "lag" or "lead"; None where it has none to read.
+    quantity
+        What was recorded: a velocity read in the wrong sense is a displacement mirrored and turned round.
+    """
+    good = surface.settled & (surface.harmonics[:, 1] != 0) & (surface.force != 0)
+    if not surface.phase_known or np.count_nonzero(good) < _FEWEST_FOR_PASSIVITY:
+        return ()
+    chosen = surface.select(good)
+    # signs do not depend on the scale; squares of absurd units would overflow
+    chosen = replace(
+        chosen,
+        force=chosen.force / np.max(np.abs(chosen.force)),
+        harmonics=chosen.harmonics / np.max(np.abs(chosen.harmonics[:, 1])),
+        frequency=chosen.frequency / np.max(chosen.frequency),
+    )
+    fed, rises = _power(chosen) < _FED, _slope(chosen) > _RISES
+    if not (fed or rises):
+        return ()
+    names = {"against": " and ".join(["power"] * fed + ["mass"] * rises)}
+    if sense is not None:
+        names["phase_sense"] = "lag" if sense == "lead" else "lead"
+    if fed and rises:
+        names["reversed"] = "channel"
+    elif sense is None:
+        names["reversed"] = "unknown"
+    else:
+        names["reversed"] = "phase" if fed == (quantity != "velocity") else "channel and phase"
+    return (Finding("not-passive", "doubt", names=names),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

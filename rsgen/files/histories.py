@@ -15,13 +15,11 @@ from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
+from rsgen.files.column_titles import unit_doubts
 from rsgen.files.data_files import file_label
-from rsgen.files.file_table import read_channels
-from rsgen.files.file_units import scaled
+from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HistoryRule, MeasuredTest
-from rsgen.files.sources import file_of
-from rsgen.files.title_units import unit_doubts
 
 __all__ = ["read_both", "read_histories", "shifted"]
 

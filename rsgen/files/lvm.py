@@ -17,7 +17,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.text_cells import LONGEST_NUMBER, MISSING, number_in
+from rsgen.files.text_columns import LONGEST_NUMBER, MISSING, number_in
 from rsgen.files.tree import Node
 
 __all__ = ["walk_lvm"]

@@ -8,10 +8,11 @@ and whatever else is no plain finite number refuses the file with the line.
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
@@ -22,27 +23,242 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
-from rsgen.files.data_files import check_digest, file_label, open_text
-from rsgen.files.plain_rows import PLAIN, plain_rows
+from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
 from rsgen.files.plan import Layout
-from rsgen.files.text_cells import (
-    LONGEST_NUMBER,
-    MISSING,
-    WORD,
-    automatic_delimiter,
-    is_of_words,
-    number_in,
-    split_cells,
-)
-from rsgen.files.text_lines import TextLines
 
 __all__ = [
+    "LONGEST_NUMBER",
     "MAX_COLUMNS",
+    "MISSING",
+    "PLAIN",
     "REMARKS",
+    "WORD",
     "Columns",
+    "TextLines",
+    "automatic_delimiter",
     "column_names",
+    "is_of_words",
+    "number_in",
+    "plain_rows",
     "read_columns",
+    "split_cells",
 ]
+
+
+# ----------------------------------------------------------------------------
+# The cells of a line of text: numbers, words, and what stands for a number that is missing.
+
+LONGEST_NUMBER = 400
+"""Signs of a number, at most: the longest double written out has 17 digits behind 308 zeros."""
+# every sign fits in one way only, so that a number gone wrong at its end is not tried again from each digit
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
+MISSING = re.compile(
+    r"(?:[+-]?(?:nan|inf|infinity)|#?n/?a|n\.\s?a\.|null|none|missing|[-\u2013\u2014]{1,3}|\?|)\Z",
+    re.IGNORECASE,
+)
+"""What instruments and programs write in place of a number that is missing."""
+WORD = re.compile(r"[^\W\d_]")
+"""A cell that begins with a letter is a word; "12a4", "1,5" and "=A1" are numbers gone wrong."""
+
+
+def split_cells(text: str, delimiter: str | None) -> list[str]:
+    """Split a line into cells, without blanks and quotes around them."""
+    if delimiter == "whitespace":
+        return text.split()
+    return [cell.strip().strip('"').strip() for cell in text.split(delimiter)]
+
+
+def automatic_delimiter(text: str, decimal: str) -> str:
+    """Find the delimiter of a line: the first of ; tab , | in it but the decimal sign, else blanks."""
+    return next((sign for sign in (";", "\t", ",", "|") if sign != decimal and sign in text), "whitespace")
+
+
+def number_in(cell: str, decimal: str) -> float | None:
+    """Read a plain number (digits, sign, decimal sign, exponent); None where the cell holds none."""
+    if decimal == ",":
+        cell = cell.replace(",", ".") if "." not in cell else "?"
+    return float(cell) if len(cell) <= LONGEST_NUMBER and _NUMBER.match(cell) else None
+
+
+def is_of_words(cells: Sequence[str], decimal: str) -> bool:
+    """Whether a row holds words and no number: a header, units, a remark.
+
+    Examples
+    --------
+    >>> is_of_words(["f", "F1", ""], "."), is_of_words(["NA", "nan"], "."), is_of_words(["run", "3"], ".")
+    (True, False, False)
+    """
+    found = False
+    for cell in cells:
+        if cell and not MISSING.match(cell):
+            found = True
+            word = WORD.match(cell) or not any(map(str.isdigit, cell))
+            if not word or number_in(cell, decimal) is not None:
+                return False
+    return found
+
+
+# ----------------------------------------------------------------------------
+# Lines of a text file, one by one or many at once: their lengths, their bytes and their encoding checked.
+
+MAX_LINE = 1_000_000
+BLOCK = 1 << 18
+"""Bytes read at once: thousands of lines, and little against the memory of a program."""
+
+
+def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
+    """Decode a line by the first encoding that fits."""
+    for encoding in encodings:
+        try:
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return None
+
+
+class TextLines:
+    """The lines of an open file, from where it stands.
+
+    Parameters
+    ----------
+    file, name
+        Opened by ``open_text``, and what messages call it.
+    digest
+        Takes up the bytes of every line.
+    encoding
+        "auto" for UTF-8, else Windows' Latin; or a name of Python's.
+    """
+
+    def __init__(self, file: IO[bytes], name: str, digest: hashlib._Hash, encoding: str = "auto") -> None:
+        self.number = 0
+        """Lines given so far."""
+        self._file, self._name, self._digest = file, name, digest
+        self._rewritten = isinstance(file, Rewritten)
+        encoding = "utf-8" if self._rewritten else encoding
+        self._encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
+        self._read = 0
+
+    def lines(self) -> Iterator[tuple[int, str]]:
+        """Give number and text of each line; a block that is taken between two of them is left out.
+
+        Raises
+        ------
+        MeasurementError
+            A line is too long, has a zero byte or a carriage return in it, or another encoding.
+        """
+        while raw := self._taken(self._file.readline(MAX_LINE + 1)):
+            yield self._text(raw)
+
+    def texts(self, block: bytes) -> Iterator[tuple[int, str]]:
+        """Give number and text of each line of a block; raises as ``lines``."""
+        return map(self._text, _split(block))
+
+    def block(self) -> bytes:
+        """Give whole lines of about ``BLOCK`` bytes, not yet counted; nothing at the end.
+
+        Raises
+        ------
+        MeasurementError
+            The file is longer than a text may be.
+        """
+        begin = self._file.read(BLOCK)
+        if begin and not begin.endswith(b"\n"):
+            begin += self._file.readline(MAX_LINE + 1)
+        return self._taken(begin)
+
+    def _taken(self, raw: bytes) -> bytes:
+        self._read += len(raw)
+        if self._read > MAX_TEXT_BYTES:
+            raise self._too_long(self.number + 1)
+        if not self._rewritten:
+            self._digest.update(raw)
+        return raw
+
+    def _too_long(self, number: int) -> MeasurementError:
+        return MeasurementError(
+            f"{self._name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?"
+        )
+
+    def _text(self, raw: bytes) -> tuple[int, str]:
+        self.number += 1
+        place = f"{self._name}: line {self.number}"
+        if len(raw) > MAX_LINE:
+            raise self._too_long(self.number)
+        if self.number == 1:
+            raw = raw.removeprefix(b"\xef\xbb\xbf")
+        if b"\x00" in raw:
+            raise MeasurementError(f"{place}: contains a zero byte; a text file is needed")
+        text = _decoded(raw, self._encodings)
+        if text is None:
+            raise MeasurementError(
+                f"{place}: not {' or '.join(self._encodings)}; save the file as UTF-8, or name its encoding "
+                "in test.layout.encoding"
+            )
+        text = text.rstrip("\r\n")
+        if "\r" in text:
+            raise MeasurementError(f"{place}: a carriage return inside the line; end lines with \\n")
+        return self.number, text
+
+
+def _split(block: bytes) -> Iterable[bytes]:
+    # bytes.splitlines would end lines at a carriage return, too
+    *lines, last = block.split(b"\n")
+    return [line + b"\n" for line in lines] + ([last] if last else [])
+
+
+# ----------------------------------------------------------------------------
+# Many rows of plain numbers at once, in compiled code; whatever else a row may hold is read line by line.
+
+PLAIN = "0123456789eE+-.,;| \t\r\n"
+"""Signs of rows of plain numbers. Without letters but e, and without underscores, a cell that Python or NumPy
+converts is a plain number."""
+
+_PLAIN_BYTES = PLAIN.encode()
+_LONG = re.compile(rb"[0-9eE+\-.]{%d}" % (LONGEST_NUMBER + 1))
+
+
+def plain_rows(block: bytes, delimiter: str, decimal: str) -> Array | None:
+    """Read rows of equally many plain finite numbers.
+
+    Parameters
+    ----------
+    block
+        Whole lines.
+    delimiter
+        Between two cells, or "whitespace".
+    decimal
+        "." or ",".
+
+    Returns
+    -------
+    Array or None
+        (lines, cells), as Python's float reads each cell. None where any line is something else: empty, of
+        another number of cells, a cell empty, of words, too long or beyond the range of a double.
+    """
+    if block.translate(None, _PLAIN_BYTES) or not block.strip():
+        return None
+    if decimal == ",":
+        if b"." in block:
+            return None
+        block = block.replace(b",", b".")
+    ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n"))
+    rows = len(ends) + (not block.endswith(b"\n"))
+    lengths = np.diff(ends, prepend=-1, append=len(block))
+    if lengths.max() > LONGEST_NUMBER and _LONG.search(block):
+        return None
+    try:
+        values = np.loadtxt(
+            io.BytesIO(block),
+            delimiter=None if delimiter == "whitespace" else delimiter,
+            comments=None,
+            ndmin=2,
+            encoding="ascii",
+        )
+    except ValueError:
+        return None
+    # NumPy passes over empty lines, which end a block of rows here, and ends a line at a carriage return
+    return values if len(values) == rows and np.isfinite(values).all() else None
+
 
 MAX_ROWS = 3_000_000
 """Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""

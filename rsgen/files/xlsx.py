@@ -17,7 +17,7 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.column_titles import is_unit, unit_in
-from rsgen.files.text_cells import MISSING, WORD
+from rsgen.files.text_columns import MISSING, WORD
 from rsgen.files.tree import Node, is_wanted
 
 __all__ = ["walk_xlsx"]

@@ -15,7 +15,7 @@ from sympy.printing.numpy import SciPyPrinter
 
 from rsgen.common.arrays import Array
 from rsgen.formula.bounds import as_float
-from rsgen.formula.renaming import rebuilt, renamed
+from rsgen.formula.names import rebuilt, renamed
 
 __all__ = ["Numeric", "compiled"]
 

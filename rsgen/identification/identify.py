@@ -7,23 +7,125 @@ from dataclasses import replace
 
 import numpy as np
 
+from rsgen.common.arrays import Array
 from rsgen.common.errors import require
+from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.observation import Observation
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
-from rsgen.identification.all_harmonics import fit_all_harmonics
+from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.judge import judge
+from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.prediction import judge_held_out
-from rsgen.identification.prepare import prepare
 from rsgen.identification.results import Identification
+from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
 
-__all__ = ["identify"]
+__all__ = ["fit_all_harmonics", "identify"]
+
+
+# ----------------------------------------------------------------------------
+# All harmonics: by the balance, then by the simulator where only that has all of them.
+
+_ORDERS = (ORDER, 15, 23)
+"""Harmonics carried in the balance, raised until the last one no longer matters."""
+
+_ACCURACIES = (1e-5, 1e-8)
+"""Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
+the finer serves where the misfit turns out to be as small."""
+
+_RESOLVED = 100.0
+"""A misfit this many times the simulator's accuracy is not the simulator's."""
+
+_WORSE = 1.05
+"""The simulator may not fit worse than the balance; if it does, it follows other branches."""
+
+_FOLLOWED = 0.9
+"""Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
+
+
+def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
+    """Fit by the balance, then by the simulator where only that has all harmonics."""
+    found, sharp = _balance(problem, start)
+    observed = problem.observed
+    if observed.points.load is not None and len(found.background):
+        # a phase error turns all harmonics of the force, and is known by now
+        found, sharp = _balance(problem, found.regression.parameters)
+    if problem.law.acts_across:
+        # only the measured motion across is known, and no steady state is asked for
+        return found
+    # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
+    feeds = observed.phase_known and feeds_exciter(observed.mode(found.background))
+    if problem.law.mean_free:
+        # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
+        return _add_harmonics(found)
+    if problem.law.remembers and runs_away(found):
+        return found
+    if sharp and not feeds and found.regression.noise * np.sqrt(2) < MEANINGLESS:
+        # a misfit between the simulator's own and noise: some points were not followed
+        found = _refit_with_simulator(found)
+        if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:
+            found = _add_harmonics(found)
+    return found
+
+
+def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
+    """All harmonics that matter, and whether only the simulator has all of them."""
+    law = problem.law
+    points = problem.observed.mode(problem.split(parameters)[2])
+    few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
+    sharp = law.rough or points.strong
+    for order in _ORDERS:
+        refined = fit_balance(few, parameters, order=order)
+        parameters = refined.regression.parameters
+        harmonics = np.abs(refined.harmonics[refined.regression.used])
+        last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
+        enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+        if law.switched or sharp or enough:
+            break
+    noise = refined.regression.noise
+    sharp = (sharp or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[-1]
+    if few is problem:
+        return refined, sharp
+    # what the simulator takes up needs no more than one step
+    return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS), sharp
+
+
+def _refit_with_simulator(balanced: Fit) -> Fit:
+    """Replace the balance by the simulator where the law has jumps or corners.
+
+    It drives with a sine: where harmonics of the force matter more than corners, the balance leaves less.
+    """
+    problem = balanced.problem
+    start, accuracy = balanced, _ACCURACIES[0]
+    few = problem.observed.mode(balanced.background).spread(QUICK)
+    quick = fit_simulator(problem.select(few), balanced.select(few), accuracy=accuracy)
+    if quick is not None:
+        near = replace(balanced.regression, parameters=quick.regression.parameters)
+        start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
+        if quick.regression.noise < _RESOLVED * accuracy:
+            accuracy = _ACCURACIES[1]
+    whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
+    refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
+    followed = np.count_nonzero(refitted.regression.used) if refitted is not None else 0
+    if refitted is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
+        return balanced
+    both = refitted.regression.used & balanced.regression.used
+    misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
+    return refitted if misfit[0] <= _WORSE * misfit[1] else balanced
+
+
+def _add_harmonics(followed: Fit) -> Fit:
+    """Try more harmonics where the simulator is not asked, or did not follow every branch of exact data."""
+    balanced = followed
+    for order in _ORDERS[1:]:
+        balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)
+    return min(followed, balanced, key=lambda found: found.regression.noise)
 
 
 def identify(

@@ -22,15 +22,16 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.formula.units import per_mass_unit
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.phase_resonance import (
+from rsgen.identification.fitting.least_squares import solve_scaled
+from rsgen.identification.fitting.points import (
+    Points,
     assumed_mass,
     at_resonance_alone,
     mass_sure,
     near_resonance,
+    select_points,
 )
-from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.fitting.scaled_columns import solve_scaled
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw

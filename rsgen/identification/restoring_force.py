@@ -43,8 +43,8 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.least_squares import solve_scaled
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.scaled_columns import solve_scaled
 from rsgen.identification.results import EquivalentCurve, Resonance, RestoringForce
 from rsgen.law.motion import Motion, project, sine_motion
 

@@ -2,22 +2,179 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 
+import numpy as np
 import sympy
 
+from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.common.finding import Finding
 from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
-from rsgen.formula.algebra import algebra_faults
+from rsgen.formula.bounds import algebra_faults
+from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.memory import remembers
+from rsgen.law.identifiable import equal_terms
+from rsgen.law.library_rows import ROWS, Range, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
-from rsgen.law.remarks import refuse_library_names
 
-__all__ = ["Element", "Law", "LawLike", "Parameter", "Range", "Search", "as_elements", "make_element"]
+__all__ = [
+    "FORCE_KEYS",
+    "Element",
+    "Law",
+    "LawLike",
+    "Parameter",
+    "Range",
+    "Search",
+    "as_elements",
+    "force_keys",
+    "law_remarks",
+    "make_element",
+    "refuse_library_names",
+]
+
+
+# ----------------------------------------------------------------------------
+# What the ``accept`` of a case may judge beside parameters: the whole force of a law.
+
+FORCE_KEYS = {
+    "stiffness_force": "stiffness force",
+    "damping_force": "damping force",
+    "loop_force": "loop force",
+}
+"""Keys of ``accept`` that judge a whole force, and its name: its largest deviation over the tested range,
+relative to its largest value. The stiffness force is n(x, 0), the damping force n(0, v); the force of a law
+with memory is that of its loops."""
+
+
+def force_keys(force: sympy.Expr) -> tuple[str, ...]:
+    """Give the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
+    return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")
+
+
+# ----------------------------------------------------------------------------
+# What is odd about a law whatever its values: found from the formula alone, before any test.
+
+_TRIALS, _DECADES = 32, 1
+"""Random positive values of all parameters, and decades to both sides of one that they span."""
+
+_PLACES = np.geomspace(1e-4, 1e4, 49)
+"""Displacements relative to parameters around one: far below and far above every corner."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
+"""Of the area below a virgin curve."""
+
+_CLEAR = 0.02
+"""Share of the largest area that a corner between two nodes does not make."""
+
+_ALSO_FORCES = ("preload",)
+"""Laws of the library whose name is that of a constant force as well."""
+
+_ROUND_OFF = 1e-9
+"""Negative force, relative to the largest, that is round-off."""
+
+
+def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
+    """Find constant forces, loops that give energy, virgin curves that do not stay positive, equal terms.
+
+    Examples
+    --------
+    >>> from rsgen.formula import parse
+    >>> [finding.code for finding in law_remarks(parse("k*x + z"))]
+    ['constant-force']
+    >>> [finding.code for finding in law_remarks(parse("k*x + masing(kt*x**3)"))]
+    ['loop-gives-energy']
+    """
+    return (
+        *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
+        *_curves(force),
+        *(_order(group) for group in equal_terms(force)),
+    )
+
+
+def _order(group: tuple[tuple[str, ...], ...]) -> Finding:
+    names = sorted(group)
+    each = [names_of_one[0] for names_of_one in names]
+    return Finding(
+        "equal-terms",
+        "info",
+        names={
+            "terms": " and ".join(f"({', '.join(names_of_one)})" for names_of_one in names),
+            "order": " <= ".join(each),
+        },
+    )
+
+
+def refuse_library_names(force: sympy.Expr) -> None:
+    """Refuse a constant force that is the name of a law of the library: the law itself was meant.
+
+    Raises
+    ------
+    ExpressionError
+        A term of the law is such a name.
+    """
+    for name in _constant_forces(force):
+        called = name.replace("_", "-")
+        if called not in ROWS or called in _ALSO_FORCES:
+            continue
+        law = ROWS[called]
+        equations = "".join(f"; {z}' = {rate}" for z, rate in (law.memory or {}).items())
+        raise ExpressionError(
+            f"{name} is a law of the library and no force in a formula; write {law.formula[:80]}"
+            f'{equations[:80]}, or say law = "{called}" in an element of a case, rsgen.laws["{called}"] in '
+            "Python"
+        )
+
+
+def _constant_forces(force: sympy.Expr) -> tuple[str, ...]:
+    """Give the names that stand alone as terms of a law, or times a number: no x or v moves them."""
+    terms = (term.as_coeff_Mul()[1] for term in sympy.Add.make_args(force))
+    states = {symbol("x"), symbol("v")}
+    return tuple(sorted(term.name for term in terms if term.is_Symbol and term not in states))
+
+
+def _curves(force: sympy.Expr) -> Iterator[Finding]:
+    form = memory_form(force)
+    for curve in () if form is None else form.curves:
+        places, forces, energies = _tried(curve.virgin)
+        names = {"curve": f"masing({write(curve.virgin)[:200]})"}
+        size = 4 * places * np.abs(forces)
+        clear = np.isfinite(energies) & (np.abs(energies) > _CLEAR * size)
+        if clear.any() and np.all(energies[clear] < 0):
+            yield Finding("loop-gives-energy", "warning", names=names)
+        largest = np.fmax.accumulate(forces, axis=1)
+        if np.any(forces < -_ROUND_OFF * largest):
+            yield Finding("virgin-curve-negative", "warning", names=names)
+
+
+@np.errstate(all="ignore")
+def _tried(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
+    """Places (1, x), forces (t, x) and energies of a cycle (t, x), at values at which it begins positive.
+
+    The energy of a cycle between -X and X is 8 times the area below the curve less 4 X n(X) (Masing's rule).
+    """
+    names = tuple(sorted(virgin.free_symbols - {symbol("x")}, key=str))
+    law = compiled((virgin,), (symbol("x"), *names))
+    generator = np.random.default_rng(0)
+    values = 10.0 ** generator.uniform(-_DECADES, _DECADES, (len(names), _TRIALS, 1))
+    places = _PLACES[None, :]
+    forces = _at(law, places, values)
+    area = np.zeros_like(forces)
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        area += weight / 2 * places * _at(law, places * (node + 1) / 2, values)
+    begins = forces[:, 0] > 0
+    return places, forces[begins], (8 * area - 4 * places * forces)[begins]
+
+
+def _at(law: Numeric, places: Array, values: Array) -> Array:
+    (found,) = law(places, *values)
+    return np.array(np.broadcast_to(found, (values.shape[1], places.shape[1])))
+
 
 NOT_PARAMETERS = ("X", "X0", "omega")
 """Names of the describing function's own variables; a law must not use them for its parameters."""
@@ -132,58 +289,6 @@ class Parameter:
     meaning: str
     unit: str
     example: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """Where a ranking looks for a parameter in which a law is not linear.
-
-    Parameters
-    ----------
-    scale
-        "x": values are shares of the largest displacement; "v": of the largest velocity; "1/x": of the
-        inverse of the largest displacement; "1": as they are.
-    values
-        Values to start from.
-    limits
-        Beyond these it changes the law into another one, or leaves the tested range.
-    """
-
-    scale: str
-    values: tuple[float, ...]
-    limits: tuple[float, float]
-
-    def factor(self, size: float, speed: float) -> float:
-        """SI value of 1 at largest displacement [m] and velocity [m/s]."""
-        return {"x": size, "v": speed, "1/x": 1 / size, "1": 1.0}[self.scale]
-
-
-@dataclass(frozen=True, slots=True)
-class Search:
-    """How a ranking tries a law beside a linear spring and a linear damper.
-
-    Parameters
-    ----------
-    formula
-        What the law adds to ``k*x + c*v``; by default the law without its linear spring and damper.
-    ranges
-        Of the parameters in which that is not linear.
-    dissipates
-        Parameters whose sum must not be negative: friction that feeds energy is no candidate.
-    spring
-        True where the law has a stiffness at rest: the linear spring is then left out.
-    same
-        Other laws of the library that are the same beside a linear spring.
-    memory
-        g(x, v, z) of z' = g for the states in ``formula``.
-    """
-
-    formula: str = ""
-    ranges: Mapping[str, Range] = field(default_factory=dict, hash=False)
-    dissipates: tuple[tuple[str, ...], ...] = ()
-    spring: bool = False
-    same: tuple[str, ...] = ()
-    memory: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

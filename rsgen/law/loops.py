@@ -5,20 +5,469 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.formula import symbol
-from rsgen.law.force_sample import Follow, ForceSample
-from rsgen.law.masing_loops import make_loops
 from rsgen.law.memory import MemoryForm, real_powers
-from rsgen.law.state_loops import close_loops
-from rsgen.law.switched_sum import SwitchedSum, switched_sum
+from rsgen.law.switched_sum import Follow, ForceSample, SwitchedSum, switched_sum
 
-__all__ = ["Loops", "compile_loops", "from_rest"]
+__all__ = [
+    "Loop",
+    "Loops",
+    "Reversals",
+    "StateLoops",
+    "close_loops",
+    "compile_loops",
+    "find_reversals",
+    "from_rest",
+    "make_loops",
+]
+
+
+# ----------------------------------------------------------------------------
+# Closed loops of Masing laws along periodic motions, from their virgin curve.
+#
+# After a reversal at x_r with force n_r the force is n_r -+ 2 n(|x - x_r|/2); a branch that reaches the
+# reversal before the last one closes a minor loop and goes on where that loop began (Madelung's rules, Ann.
+# Phys. 322 (1905) 861). Between the extremes of the period the loop is centred: n_r = n(A) at the largest
+# displacement, A half the distance of the extremes.
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reversals:
+    """Where n motions reverse, and from which reversal the branch at each sample comes.
+
+    Parameters
+    ----------
+    row, sample
+        (r,) motion and nearest sample of every reversal.
+    place
+        (r,) displacement there [m].
+    after
+        (r,) time from that sample to the reversal [s].
+    falling
+        (r,) 1 where the branch after it falls, else -1.
+    parent
+        (r,) reversal from which the branch that ends here comes; itself for the largest of a motion.
+    opposite
+        (r,) at the largest of a motion the smallest one, else unused.
+    depth
+        (r,) 0 for the largest of a motion, else one more than the parent's.
+    reference
+        (n, s) reversal from which the branch at a sample comes.
+    """
+
+    row: Indices
+    sample: Indices
+    place: Array
+    after: Array
+    falling: Array
+    parent: Indices
+    opposite: Indices
+    depth: Indices
+    reference: Indices
+
+    def shifts(self, dx: Array, dv: Array) -> Array:
+        """(r, d) change of each place for changes of the motion, dx (d, s) and dv (n, d, s)."""
+        moved: Array = dx[:, self.sample].T + self.after[:, None] * dv[self.row, :, self.sample]
+        return moved
+
+
+def find_reversals(x: Array, v: Array, a: Array, step: Array) -> Reversals:
+    """Find all reversals of periodic motions (n, s) and the branch at every sample; ``step`` (n, 1) [s]."""
+    count, samples = x.shape
+    upward = v > 0
+    turns = upward != np.roll(upward, -1, axis=1)
+    # what never moves stays where it is: a reversal without a branch
+    turns[~turns.any(axis=1), -1] = True
+    row, before = np.nonzero(turns)
+    after = (before + 1) % samples
+    nearer = np.where(np.abs(v[row, before]) <= np.abs(v[row, after]), before, after)
+    speed, bend = v[row, nearer], a[row, nearer]
+    width = np.broadcast_to(step, (count, 1))[row, 0]
+    with np.errstate(all="ignore"):
+        late = np.clip(np.nan_to_num(-speed / bend), -width, width)
+    # where the motion hardly bends, v^2/(2a) would lead far away
+    place = x[row, nearer] + speed * late + bend * late**2 / 2
+    falling = np.where(upward[row, before], 1.0, -1.0)
+    found = np.bincount(row, minlength=count)
+    first = np.concatenate([[0], np.cumsum(found)[:-1]])
+    numbers = np.arange(len(row))
+    parent, opposite, depth = np.array(numbers), np.array(numbers), np.zeros(len(row), dtype=np.intp)
+    reference = np.repeat(first[:, None], samples, axis=1)
+    plain = found == 2
+    one, other = first[plain], first[plain] + 1
+    top = np.where(falling[one] > 0, one, other)
+    low = one + other - top
+    parent[low], opposite[top], depth[low] = top, low, 1
+    reference[plain] = np.where(upward[plain], low[:, None], top[:, None])
+    for each in np.flatnonzero(found > 2):
+        own = slice(first[each], first[each] + found[each])
+        _nest(x[each], place, numbers[own], before[own], falling, parent, opposite, depth, reference[each])
+    return Reversals(row, nearer, place, late, falling, parent, opposite, depth, reference)
+
+
+def _nest(
+    x: Array,
+    place: Array,
+    numbers: Indices,
+    before: Indices,
+    falling: Array,
+    parent: Indices,
+    opposite: Indices,
+    depth: Indices,
+    reference: Indices,
+) -> None:
+    """Follow one period of a motion with minor loops from its largest displacement on."""
+    samples = len(x)
+    start = int(np.argmax(np.where(falling[numbers] > 0, place[numbers], -np.inf)))
+    order = np.roll(numbers, -start)
+    ends = np.roll(before, -start)
+    stack = [int(order[0])]
+    opposite[order[0]] = order[int(np.argmin(place[order]))]
+    for (number, end), (following, last) in pairwise([*zip(order, ends, strict=True), (order[0], ends[0])]):
+        inside = (end + 1 + np.arange((last - end) % samples)) % samples
+        sign = falling[number]
+        reference[inside] = stack[-1]
+        while len(stack) > 2:
+            closed = place[stack[-2]]
+            beyond = inside[sign * (closed - x[inside]) > 0]
+            if not len(beyond) and sign * (closed - place[following]) <= 0:
+                break
+            del stack[-2:]
+            reference[beyond] = stack[-1]
+        if following != order[0]:
+            parent[following], depth[following] = stack[-1], depth[stack[-1]] + 1
+            stack.append(int(following))
+
+
+def make_loops(
+    virgins: Sequence[SwitchedSum],
+    motion: tuple[Array, Array, Array],
+    step: Array,
+    values: Sequence[Any] | Array,
+) -> list[Loop]:
+    """Give the loop of every virgin curve along motions: displacement, velocity, acceleration (n, s)."""
+    if not virgins:
+        return []
+    at = find_reversals(*motion, step)
+    return [Loop(virgin, *motion[:2], step, values, at) for virgin in virgins]
+
+
+class Loop:
+    """The loop of one virgin curve along motions (n, s) with known reversals.
+
+    ``force`` (n, s) [N]; ``slope`` its derivative by x on the branch; ``by_parameter`` by every parameter.
+    """
+
+    def __init__(
+        self,
+        virgin: SwitchedSum,
+        x: Array,
+        v: Array,
+        step: Array,
+        values: Sequence[Any] | Array,
+        at: Reversals,
+    ) -> None:
+        self._at = at
+        half = np.abs(at.place - at.place[at.parent]) / 2
+        first = at.depth == 0
+        half[first] = (at.place[first] - at.place[at.opposite[first]]) / 2
+        own = [value if np.ndim(value) == 0 else value[at.row] for value in values]
+        still = np.zeros((len(half), 1))
+        ends = [part[:, 0] for part in virgin((half[:, None],), (still,), still, own)]
+        branch = virgin((np.abs(x - at.place[at.reference]) / 2,), (np.abs(v) / 2,), step, values)
+        self._end_slope, self.slope = ends[1], branch[1]
+        down = at.falling[at.reference]
+        forces = [
+            self._reached(end)[at.reference] - 2 * down * part
+            for end, part in zip((ends[0], *ends[2:]), (branch[0], *branch[2:]), strict=True)
+        ]
+        self.force, self.by_parameter = forces[0], tuple(forces[1:])
+
+    def _reached(self, end: Array) -> Array:
+        """(r,) at every reversal, from the virgin curve at half the way from its parent."""
+        at, reached = self._at, np.array(end)
+        for depth in range(1, int(at.depth.max(initial=0)) + 1):
+            here = at.depth == depth
+            parent = at.parent[here]
+            reached[here] = reached[parent] - 2 * at.falling[parent] * end[here]
+        return reached
+
+    def follow(self, dx: Array, dv: Array) -> Array:
+        """(1, n, d, s) change of the force for a change of the motion, dx (d, s) and dv (n, d, s)."""
+        at = self._at
+        place = at.shifts(dx, dv)
+        reached = self._end_slope[:, None] * (place - place[at.opposite]) / 2
+        for depth in range(1, int(at.depth.max(initial=0)) + 1):
+            here = at.depth == depth
+            parent = at.parent[here]
+            reached[here] = reached[parent] + self._end_slope[here, None] * (place[here] - place[parent])
+        slope = self.slope[None, :, None, :]
+        place, reached = (np.moveaxis(part[at.reference], 2, 1) for part in (place, reached))
+        return np.asarray(slope * (dx - place) + reached)
+
+
+# ----------------------------------------------------------------------------
+# Closed loops of states z' = g(x, v, z; p) along periodic motions: all samples at once, by Newton's method.
+#
+# From sample to sample  z_1 - z_0 = h ((1 - theta) g_0 + theta g_1)  with  theta = 1/(1 - exp(-q)) - 1/q, q
+# = h
+# times the largest rate of decay: exact for a linear law with constant input, the trapezoidal rule where
+# little
+# happens in a step, the implicit Euler rule where a stiff law follows at once (exponential fitting; Liniger
+# and
+# Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
+
+_STEPS = 25
+"""Most Newton steps; laws that are piecewise linear in z need a handful."""
+
+_CLOSED = 1e-10
+"""Relative last step at which a loop has closed."""
+
+_GAP = 1e-6
+"""What a step lacked before the last change, relative to the state; what never closes lacks it for ever."""
+
+_PATIENCE = 3
+"""Newton steps after which a linearised loop is near enough to see that states flee it."""
+
+_FLEES = 10.0
+"""Growth of a disturbance in a period on the way to a loop that the loop itself will not make good."""
+
+_SMALL = 1e-2
+"""Decay in a step below which theta is taken from its series."""
+
+_UNDETERMINED = 1e-9
+"""A part of the states that decays by less in a period keeps what it begins with: zero."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Recurrence:
+    """The rule linearised: z_{j+1} = a_j z_j + r_j for n motions, closed after a period.
+
+    ``forward`` (s, q, q, n) is a; ``inverse`` (s, q, q, n) what divides each source; ``weight`` (s, n) is
+    theta and ``step`` (n,) h.
+    """
+
+    forward: Array
+    inverse: Array
+    weight: Array
+    step: Array
+
+    def growth(self) -> Array:
+        """(n,) factor by which a disturbance of the states grows in a period; below one they forget it."""
+        product = self.forward
+        while len(product) > 1:
+            odd = product[2 * (len(product) // 2) :]
+            pairs = _product(product[1::2], product[: 2 * (len(product) // 2) : 2])
+            product = np.concatenate([pairs, odd])
+        matrices = np.moveaxis(product[0], -1, 0)
+        finite = np.isfinite(matrices).all(axis=(1, 2))
+        growth = np.full(len(matrices), np.inf)
+        growth[finite] = np.abs(np.linalg.eigvals(matrices[finite])).max(axis=1)
+        return growth
+
+    def gather(self, source: Array) -> Array:
+        """(s, q, k, n) what sources of z' (s, q, k, n) bring from sample to sample."""
+        late = np.roll(source, -1, axis=0)
+        weight = self.weight[:, None, None]
+        return np.asarray(self.step * (source + weight * (late - source)))
+
+    def solve(self, right: Array) -> Array:
+        """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division."""
+        samples, size, columns, _ = right.shape
+        right = _product(self.inverse, right)
+        unit = np.eye(size)
+        # blocks of samples side by side, each from a start of its own: few long steps instead of many short
+        length = _block_length(samples)
+        blocks = samples // length
+        forward = self.forward.reshape(blocks, length, *self.forward.shape[1:])
+        sources = right.reshape(blocks, length, *right.shape[1:])
+        # of the homogeneous solutions beside the particular ones
+        inside = np.zeros((length + 1, blocks, size, columns + size, right.shape[3]))
+        inside[0, :, :, columns:] = unit[:, :, None]
+        for j in range(length):
+            inside[j + 1] = _product(forward[:, j], inside[j])
+            inside[j + 1, :, :, :columns] += sources[:, j]
+        path = np.zeros((blocks + 1, *inside.shape[2:]))
+        path[0, :, columns:] = unit[:, :, None]
+        for j in range(blocks):
+            path[j + 1] = _product(inside[-1, j, :, columns:], path[j])
+            path[j + 1, :, :columns] += inside[-1, j, :, :columns]
+        begin = _closing(path[-1, :, columns:], path[-1, :, :columns])
+        starts = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
+        solution = inside[:-1, :, :, :columns] + _product(inside[:-1, :, :, columns:], starts)
+        return np.asarray(np.swapaxes(solution, 0, 1).reshape(right.shape))
+
+
+def _closing(gain: Array, ends: Array) -> Array:
+    """(q, k, n) start that returns to itself after a period: (1 - gain) z = ends; the smallest where states
+    keep what they begin with.
+    """
+    size = len(gain)
+    unit = np.eye(size)
+    lack = unit - np.moveaxis(gain, -1, 0)
+    bound = np.concatenate([lack, np.broadcast_to(_UNDETERMINED * unit, lack.shape)], axis=1)
+    good = np.isfinite(bound).all(axis=(1, 2))
+    right = np.moveaxis(ends, -1, 0)
+    begin = np.full(right.shape, np.nan)
+    begin[good] = np.linalg.pinv(bound[good])[:, :, :size] @ right[good]
+    return np.moveaxis(begin, 0, -1)
+
+
+def _block_length(samples: int) -> int:
+    """Give the divisor of a number of samples that is next to its root."""
+    length = int(samples**0.5)
+    while samples % length:
+        length -= 1
+    return length
+
+
+def _product(matrix: Array, right: Array) -> Array:
+    """(..., q, k, n) product of matrices (..., q, q, n) with (..., q, k, n)."""
+    if matrix.shape[-2] == 1:
+        return np.asarray(matrix * right)
+    return np.asarray(np.sum(matrix[..., :, :, None, :] * right[..., None, :, :, :], axis=-3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateLoops:
+    """Periodic states along n motions.
+
+    Parameters
+    ----------
+    states, rates
+        (q, n, s) z and its derivative by time; NaN where the loop does not close.
+    by_parameter
+        (p, q, n, s).
+    """
+
+    states: Array
+    rates: Array
+    by_parameter: Array
+    _recurrence: _Recurrence
+    _by_motion: tuple[Array, Array]
+
+    def follow(self, dx: Array, dv: Array) -> Array:
+        """(q, n, d, s) change of the states for a change of the motion, dx (d, s) and dv (n, d, s)."""
+        by_x, by_v = self._by_motion
+        source = by_x[:, :, None] * dx + by_v[:, :, None] * dv
+        right = self._recurrence.gather(np.transpose(source, (3, 0, 2, 1)))
+        return np.asarray(np.transpose(self._recurrence.solve(right), (1, 3, 2, 0)))
+
+
+def close_loops(
+    equations: Sequence[SwitchedSum],
+    motion: tuple[Array, Array, Array],
+    step: Array,
+    values: Sequence[Any] | Array,
+) -> StateLoops:
+    """Find the periodic states along n motions.
+
+    Parameters
+    ----------
+    equations
+        g of every state; moving variables are x, v and the states.
+    motion
+        Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s), over one period.
+    step
+        Sampling interval [s], broadcast to (n, 1).
+    values
+        (p,) of the parameters, or arrays (n, 1).
+    """
+    count, samples = motion[0].shape
+    size = len(equations)
+    states = np.zeros((size, count, samples))
+    step = np.broadcast_to(step, (count, 1))
+    open_rows = np.arange(count)
+    for attempt in range(_STEPS):
+        here = (motion[0][open_rows], motion[1][open_rows], motion[2][open_rows])
+        own = [value if np.ndim(value) == 0 else value[open_rows] for value in values]
+        at = states[:, open_rows]
+        rate, slopes = _rates(equations, here, at, step[open_rows], own, by_parameters=False)
+        recurrence = _linearised(slopes[:, 2 : 2 + size], step[open_rows, 0])
+        gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
+        before = np.transpose(at, (2, 0, 1))
+        lack = gain - (np.roll(before, -1, axis=0) - before)
+        change = np.transpose(recurrence.solve(lack[:, :, None])[:, :, 0], (1, 2, 0))
+        states[:, open_rows] += change
+        with np.errstate(all="ignore"):
+            largest = np.max(np.abs(at + change), axis=2)
+            settled = np.max(np.abs(change), axis=2) <= _CLOSED * largest
+            settled &= np.max(np.abs(lack), axis=0) <= _GAP * largest
+        lost = ~np.isfinite(change).all(axis=(0, 2))
+        if attempt >= _PATIENCE:
+            lost |= recurrence.growth() > _FLEES
+        states[:, open_rows[lost]] = np.nan
+        closed = settled.all(axis=0) | lost
+        open_rows = open_rows[~closed]
+        if not len(open_rows):
+            break
+    states[:, open_rows] = np.nan
+    rate, slopes = _rates(equations, motion, states, step, values)
+    recurrence = _linearised(slopes[:, 2 : 2 + size], step[:, 0])
+    # states that start at zero never reach a loop that they flee
+    states[:, recurrence.growth() > 1 + _GAP] = np.nan
+    source = np.transpose(slopes[:, 2 + size :], (3, 0, 1, 2))
+    moved = recurrence.solve(recurrence.gather(source))
+    by_parameter = np.transpose(moved, (2, 1, 3, 0))
+    return StateLoops(states, rate, by_parameter, recurrence, (slopes[:, 0], slopes[:, 1]))
+
+
+def _rates(
+    equations: Sequence[SwitchedSum],
+    motion: tuple[Array, Array, Array],
+    states: Array,
+    step: Array,
+    values: Sequence[Any] | Array,
+    *,
+    by_parameters: bool = True,
+) -> tuple[Array, Array]:
+    """g (q, n, s) and its slopes (q, 2 + q + p, n, s) by x, v, states, parameters."""
+    x, v, a = motion
+    # a share of a switch in z would change with the rate that is being solved for: such switches are sharp
+    sharp = np.zeros_like(states)
+    found = [each((x, v, *states), (v, a, *sharp), step, values) for each in equations]
+    return np.stack([each[0] for each in found]), np.stack([np.stack(each[1:]) for each in found])
+
+
+def _linearised(jacobian: Array, step: Array) -> _Recurrence:
+    """Linearise the rule; ``jacobian`` (q, q, n, s) is dg/dz, ``step`` (n,) [s]."""
+    size = len(jacobian)
+    slope = np.transpose(jacobian, (3, 0, 1, 2))
+    decay = np.abs(slope).sum(axis=2).max(axis=1)
+    weight = _weight(step * (decay + np.roll(decay, -1, axis=0)) / 2)
+    share = (weight * step)[:, None, None]
+    unit = np.eye(size)[:, :, None]
+    late = unit - share * np.roll(slope, -1, axis=0)
+    early = unit + (step - share) * slope
+    with np.errstate(all="ignore"):
+        inverse = 1 / late if size == 1 else np.moveaxis(_inverted(np.moveaxis(late, -1, 1)), 1, -1)
+    return _Recurrence(_product(inverse, early), inverse, weight, step)
+
+
+def _inverted(matrices: Array) -> Array:
+    """Invert; singular ones and those that are not finite give NaN."""
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+    good = finite & (np.linalg.det(np.where(finite[..., None, None], matrices, 0.0)) != 0)
+    inverse = np.full_like(matrices, np.nan)
+    inverse[good] = np.linalg.inv(matrices[good])
+    return inverse
+
+
+def _weight(decay: Array) -> Array:
+    """Theta from the decay in a step, 1/2 to 1."""
+    with np.errstate(all="ignore"):
+        whole = -1 / np.expm1(-decay) - 1 / decay
+    return np.where(decay < _SMALL, 0.5 + decay / 12, whole)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,7 @@ from typing import ClassVar
 
 import sympy
 
-from rsgen.formula.ordering import depends_on_state, split_sum
-from rsgen.formula.printing import Level, Printer, decimal_text
+from rsgen.formula.printing import Level, Printer, decimal_text, depends_on_state, split_sum
 from rsgen.formula.writing import TextPrinter
 
 __all__ = ["latex", "mathml", "readable"]

@@ -22,7 +22,29 @@ from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import MOST_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
-__all__ = ["NormalForm", "Piece", "Switch", "normal_form", "normal_form_at"]
+__all__ = ["NormalForm", "Piece", "Switch", "normal_form", "normal_form_at", "slope_between_jumps"]
+
+
+# ----------------------------------------------------------------------------
+# Derivatives of laws between their jumps.
+
+
+def slope_between_jumps(expression: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
+    """Differentiate an expression, without the impulses that a jump leaves; steps carry those.
+
+    Examples
+    --------
+    >>> from rsgen.formula import parse, symbol
+    >>> slope_between_jumps(parse("k*x + Ff*sign(v)"), symbol("v"))
+    0
+    """
+    slope = expression.diff(by).replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
+    # of sign(p**(1/3)) SymPy does not know that it is real, and leaves its derivative as it is
+    return slope.replace(
+        lambda part: isinstance(part, sympy.Derivative | sympy.Subs) and part.has(sympy.sign),
+        lambda _: sympy.Integer(0),
+    )
+
 
 CHOICES = (sympy.Max, sympy.Min, sympy.Abs, sympy.sign)
 """Functions of parameters that their signs or their order decide."""

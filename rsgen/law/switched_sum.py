@@ -6,20 +6,62 @@ sums over samples converge in the sampling step although the expression has jump
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.law.pieces import normal_form
-from rsgen.law.slopes import slope_between_jumps
+from rsgen.law.pieces import normal_form, slope_between_jumps
 
-__all__ = ["SwitchedSum", "switched_sum"]
+if TYPE_CHECKING:
+    from rsgen.law.motion import FourierSeries
+
+__all__ = ["Follow", "ForceSample", "SwitchedSum", "switched_sum"]
+
+
+# ----------------------------------------------------------------------------
+# A law along periodic motions: its force and how the force follows parameters and motion.
+
+Follow = Callable[[Array, Array], Array]
+"""From changes of displacement (d, s) [m] and velocity (n, d, s) [m/s] along n motions to those of q memories
+(q, n, d, s)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceSample:
+    """The law along a motion: force n, slopes dn/dx and dn/dv, and dn/dp for each parameter (same shape).
+
+    Slopes by x and v are those with all memories kept; ``by_memory`` has the others: dn/dz (q, n, s) of some
+    memories and how these follow a change of the whole motion.
+    """
+
+    force: Array
+    by_x: Array
+    by_v: Array
+    by_parameter: tuple[Array, ...]
+    by_memory: tuple[tuple[Array, Follow], ...] = ()
+
+    def tangent(self, series: FourierSeries, omega: Array) -> Array:
+        """(n, d, d) derivative of the projected force by the coordinates of the motion (column).
+
+        Parameters
+        ----------
+        series
+            Of the motion, at the samples of the law.
+        omega
+            (n,) base frequency [rad/s].
+        """
+        tangent = series.tangent(self.by_x, omega[:, None] * self.by_v)
+        for slope, follow in self.by_memory:
+            change = follow(series.shape, omega[:, None, None] * series.rate)
+            moved = np.sum(slope[:, :, None] * change, axis=0)
+            tangent += np.swapaxes(moved @ series.project, 1, 2)
+        return tangent
 
 
 @dataclass(frozen=True, slots=True)

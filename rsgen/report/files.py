@@ -20,7 +20,7 @@ from rsgen.dynamics import kernel
 from rsgen.formula.memory import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.prediction import Prediction, predict
-from rsgen.identification.prediction.measured_across import acts_across
+from rsgen.identification.prediction.resonance_curves import acts_across
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Identification
 from rsgen.report.figures import (
@@ -43,15 +43,13 @@ from rsgen.report.figures import (
 )
 from rsgen.report.figures.cycles import shows_loops
 from rsgen.report.figures.drawing import project_style
-from rsgen.report.inline import THUMBNAIL, picture_svg
-from rsgen.report.interpretation import mean_finding
-from rsgen.report.modal_section import NO_MODAL, Modal, tabulate_mode
+from rsgen.report.interpretation import check_printed, mean_finding
 from rsgen.report.multisine_files import write_multisine_files
 from rsgen.report.notebook import known_results, write_notebook
-from rsgen.report.page import render_page
+from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import collect_provenance
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
 
 __all__ = ["draw_all", "write_report"]

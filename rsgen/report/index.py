@@ -11,15 +11,14 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 import rsgen
+from rsgen.common.finding import STATES
 from rsgen.common.output import write_atomic
-from rsgen.common.verdict import STATES
 from rsgen.formula.units.scale import quantity_text
-from rsgen.law.force_keys import FORCE_KEYS
-from rsgen.report.environment import page_environment, plain_text
-from rsgen.report.inline import THUMBNAIL
-from rsgen.report.result_reading import Entry, read_results
-from rsgen.report.wording.page_sentences import error_text
-from rsgen.report.wording.verdict_sentences import MARKED
+from rsgen.law.element import FORCE_KEYS
+from rsgen.report.page import THUMBNAIL
+from rsgen.report.provenance import page_environment, plain_text
+from rsgen.report.result_json import Entry, read_results
+from rsgen.report.wording.page_sentences import MARKED, error_text
 
 __all__ = ["table_of_results", "write_index"]
 

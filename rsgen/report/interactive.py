@@ -14,9 +14,9 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.formula.units.scale import SWEEPS, choose_scale
-from rsgen.report.environment import page_environment
 from rsgen.report.figures.overview import largest_answer
-from rsgen.report.result_reading import read_result
+from rsgen.report.provenance import page_environment
+from rsgen.report.result_json import read_result
 
 __all__ = ["render_interactive"]
 

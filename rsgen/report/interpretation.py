@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
 
 import numpy as np
 import sympy
@@ -11,18 +13,111 @@ import sympy
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import CHANCE, NORMAL
+from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.describing import derive
+from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.formula import symbol
 from rsgen.formula.memory import remembers
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
-from rsgen.report.dissipation import slip_findings
-from rsgen.report.figures.equivalent import evaluated, standard_errors
+from rsgen.report.figures import force_function, number_text, quantity_text
+from rsgen.report.figures.cycles import (
+    Energy,
+    dissipated_energy,
+    identified_slips,
+    measured_energy,
+    mode_surface,
+    small_stiffness,
+)
+from rsgen.report.figures.equivalent import evaluated, solution_of, standard_errors
+from rsgen.report.subject import Subject
 from rsgen.report.wording import sentence
 
-__all__ = ["describe_elements", "element_findings", "mean_finding"]
+__all__ = [
+    "PrintedFormula",
+    "check_printed",
+    "describe_elements",
+    "dissipation_entry",
+    "dissipation_findings",
+    "element_findings",
+    "free_frequency",
+    "mean_finding",
+    "slip_findings",
+]
+
+
+# ----------------------------------------------------------------------------
+# What a test and its model say about the energy of a cycle: for the page as a finding, for result.json.
+
+
+def _energies(surface: ResponseSurface, identification: Identification) -> tuple[Energy, Energy]:
+    return measured_energy(mode_surface(surface, identification)), dissipated_energy(identification)
+
+
+def dissipation_findings(surface: ResponseSurface, identification: Identification) -> list[Finding]:
+    """Find with which power of the amplitude the energy of a cycle grows, as measured and as identified."""
+    measured, refined = _energies(surface, identification)
+    found = []
+    if isfinite(measured.exponent):
+        numbers = {
+            "exponent": Quantity(measured.exponent),
+            "half_width": Quantity(NORMAL * measured.error),
+            "points": Quantity(len(measured.amplitude)),
+        }
+        found.append(Finding("energy-measured", "info", numbers=numbers))
+    if isfinite(refined.exponent):
+        numbers = {}
+        for name, end in (("first", 0), ("last", -1)):
+            numbers[name] = Quantity(float(refined.course[end]))
+            numbers[f"amplitude_{name}"] = Quantity(float(refined.amplitude[end]), "m")
+        found.append(Finding("energy-identified", "info", numbers=numbers))
+    return found
+
+
+def _known(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def dissipation_entry(surface: ResponseSurface, identification: Identification) -> dict[str, Any]:
+    """Give the entry "dissipation" of result.json, SI units; what is not known is null."""
+    measured, refined = _energies(surface, identification)
+    values = solution_of(identification)
+    ends = [0, -1] if isfinite(refined.exponent) else []
+    known = np.isfinite([values[name] for name in identification.model.parameters]).all()
+    rest = small_stiffness(identification, values) if known else float("nan")
+    return {
+        "measured": {
+            "exponent": _known(measured.exponent),
+            "standard_error": _known(measured.error),
+            "points": len(measured.amplitude),
+        },
+        "identified": {
+            "amplitude": [float(refined.amplitude[end]) for end in ends],
+            "energy": [float(refined.energy[end]) for end in ends],
+            "exponent": [float(refined.course[end]) for end in ends],
+        },
+        "stiffness_at_rest": _known(rest),
+        "macro_slip": [
+            {"amplitude": slip.amplitude, "force": slip.force} for slip in identified_slips(identification)
+        ],
+    }
+
+
+def slip_findings(element: Element, identification: Identification) -> list[Finding]:
+    """Find from which amplitude on an element slides as a whole, where the test determines it."""
+    return [
+        Finding(
+            "slides-as-a-whole",
+            "info",
+            numbers={"amplitude": Quantity(slip.amplitude, "m"), "force": Quantity(slip.force, "N")},
+            names={
+                "below": "sticks" if slip.sticks else "micro-slip",
+                "tested": "yes" if slip.amplitude < identification.amplitude_range[1] else "no",
+            },
+        )
+        for slip in identified_slips(identification, element.force)
+    ]
 
 
 _LEAST_CHANGE = 5e-4
@@ -279,3 +374,201 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
     if identification is not None and _one_sided(identification, bottom, top):
         numbers["stiffness_ratio"] = Quantity((bottom / top) ** 2)
     return Finding("swing-about-mean", "info", numbers=numbers)
+
+
+# ----------------------------------------------------------------------------
+# The exact frequency of free vibration, by energy: what no describing function approximates.
+
+
+def free_frequency(force: Callable[[float], float], mass: float, high: float) -> float:
+    """Compute the frequency [Hz] of undamped free vibration with the upper turning point at ``high``.
+
+    The period is 2 integral dx / sqrt(2 (U(high) - U(x)) / m) between the turning points; x is a sine of
+    an angle, which removes the singular ends.
+
+    Parameters
+    ----------
+    force
+        Spring force [N] at x [m], pushing back on both sides of zero; a corner there costs no accuracy.
+    mass
+        m [kg].
+    high
+        Upper turning point [m], above zero.
+
+    Returns
+    -------
+    float
+        NaN where the spring does not push back, so that there is no vibration.
+
+    Examples
+    --------
+    A bilinear spring has exactly omega = 2 w6 w7/(w6 + w7) (docs/method.md, 2):
+
+    >>> bilinear = free_frequency(lambda x: 4.0 * x if x > 0 else 9.0 * x, 1.0, 1.0)
+    >>> round(bilinear * 2 * np.pi, 9), round(2 * 2.0 * 3.0 / 5.0, 9)
+    (2.4, 2.4)
+    """
+
+    # a third of a second, and needed only for laws with a formula in print
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    def work(x: float) -> float:
+        return float(quad(force, 0.0, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])
+
+    energy = work(high)
+    reach = high
+    if not (energy > 0 and force(high) > 0):
+        return float("nan")
+    for _ in range(60):
+        if work(-reach) >= energy:
+            break
+        reach *= 1.3
+    else:
+        return float("nan")
+    low = float(brentq(lambda x: work(x) - energy, -reach, 0.0, xtol=1e-15 * high, rtol=1e-14))
+    half = sum(_time(force, mass, end) for end in (low, high))
+    return 1 / (2 * half)
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+
+
+def _time(force: Callable[[float], float], mass: float, end: float) -> float:
+    """Compute the time [s] from zero to the turning point ``end``.
+
+    With x = end sin(a), the energy left at x is integrated from x on, so that it keeps
+    its digits where it vanishes.
+    """
+    angles: Array = np.pi / 4 * (_NODES + 1)
+    total = 0.0
+    for angle, weight in zip(angles.tolist(), _WEIGHTS.tolist(), strict=True):
+        x = end * np.sin(angle)
+        # end - x without cancellation: 1 - sin(a) = 2 sin^2((pi/2 - a)/2)
+        left = end * 2 * np.sin((np.pi / 2 - angle) / 2) ** 2
+        points = x + left * (_NODES + 1) / 2
+        energy = left / 2 * float(np.dot(_WEIGHTS, [force(point) for point in points.tolist()]))
+        total += weight * abs(end) * np.cos(angle) / np.sqrt(2 * energy / mass)
+    return float(np.pi / 4 * total)
+
+
+# ----------------------------------------------------------------------------
+# Formulas as a source prints them, held against the derivation.
+
+_POINTS = 240
+_UNITS = {"stiffness": "N/m", "damping": "N*s/m"}
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedFormula:
+    """The verdict on one printed formula: whether it equals the derivation, and what that means.
+
+    Parameters
+    ----------
+    what
+        "stiffness" or "damping".
+    largest_deviation
+        Relative to the derived value [1].
+    where
+        The amplitude of the largest deviation, in words; "" where there is none.
+    """
+
+    what: str
+    formula: sympy.Expr
+    agrees: bool
+    largest_deviation: float
+    where: str
+    sentences: tuple[str, ...]
+
+
+def _number(formula: sympy.Expr, values: dict[str, float], X: float, X0: float, omega: float) -> float:
+    """Evaluate a printed formula at one point."""
+    named = {**values, "X": X, "X0": X0, "omega": omega}
+    value = sympy.N(formula.subs({symbol(name): number for name, number in named.items()}))
+    return float(value) if value.is_real else float("nan")
+
+
+def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedFormula, ...]:
+    """Hold every formula that the source prints against the derivation, with the refined values.
+
+    Raises
+    ------
+    RsgenError
+        A formula is of something else than stiffness or damping, or has names that the law does not have.
+    """
+    model = identification.model
+    values = {name: float(identification.values[name]) for name in model.parameters}
+    low, high = identification.amplitude_range
+    if not (subject.printed and np.isfinite(list(values.values())).all() and 0 < low < high):
+        return ()
+    derived = derive(model.force)
+    amplitude = np.linspace(low, high, _POINTS)
+    omega = 2 * np.pi * float(np.mean(identification.frequency_range))
+    checked = []
+    for item in compare_printed(derived, subject.printed, values, amplitude, omega):
+        verdict = PrintedFormula(item.what, item.formula, item.agrees, item.largest_deviation, "", ())
+        if not item.agrees and "X" in item.where:
+            verdict = _place(verdict, derived, values, float(item.where["X"]), omega)
+        if item.what == "stiffness" and derived.mean != 0:
+            verdict = _with_period(verdict, derived, model, identification, omega)
+        checked.append(verdict)
+    return tuple(checked)
+
+
+def _place(
+    item: PrintedFormula, derived: DescribingFunction, values: dict[str, float], X: float, omega: float
+) -> PrintedFormula:
+    """Say how much and where a formula departs, in units that people read."""
+    exact = derived.evaluate([X], omega, values)
+    right = float((exact.stiffness if item.what == "stiffness" else exact.damping)[0])
+    printed = _number(item.formula, values, X, float(exact.mean[0]), omega)
+    unit = _UNITS[item.what]
+    place = f"X = {quantity_text(X, 'm', 3)}"
+    words = (
+        f"The largest deviation over the tested range is {number_text(100 * item.largest_deviation, 3)} "
+        "% of the "
+        f"derived value, at {place}: printed {quantity_text(printed, unit)}, derived "
+        f"{quantity_text(right, unit)}."
+    )
+    return replace(item, where=place, sentences=(words,))
+
+
+def _with_period(
+    item: PrintedFormula,
+    derived: DescribingFunction,
+    model: Model,
+    identification: Identification,
+    omega: float,
+) -> PrintedFormula:
+    """Add what free vibration says: it judges between formulas for a law that pushes the mean off zero."""
+    values = {name: float(identification.values[name]) for name in model.parameters}
+    high, mass = identification.amplitude_range[1], identification.mass
+    force, still = force_function(model, values), np.zeros(1)
+    exact = free_frequency(lambda x: float(force(np.array([x]), still)[0]), mass, high)
+    balanced = derived.evaluate([high], omega, values)
+    mean = float(balanced.mean[0])
+    stiffness = {
+        "the printed formula": _number(item.formula, values, high, mean, omega),
+        "the derivation with the mean": float(balanced.stiffness[0]),
+    }
+    if not (np.isfinite(exact) and all(k > 0 for k in stiffness.values())):
+        return item
+    said = []
+    for name, k in stiffness.items():
+        frequency = float(np.sqrt(k / mass)) / (2 * np.pi)
+        said.append(
+            f"{name} gives {quantity_text(k, 'N/m')} and so {number_text(frequency, 5)} Hz "
+            f"({_signed(frequency / exact - 1)} in frequency, "
+            f"{_signed((frequency / exact) ** 2 - 1)} in stiffness)"
+        )
+    words = (
+        f"Free vibration of the identified spring has exactly {number_text(exact, 5)} Hz, by energy "
+        "between its "
+        f"two turning points; {'; '.join(said)}. The law pushes the mean to {quantity_text(mean, 'm', 3)} at "
+        f"X = {quantity_text(high, 'm', 3)}."
+    )
+    return replace(item, sentences=(*item.sentences, words))
+
+
+def _signed(change: float) -> str:
+    return f"{100 * change:+.2f} %".replace("-", "−")

@@ -16,19 +16,18 @@ from rsgen.cases import Case
 from rsgen.common.output import write_atomic
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.dynamics import kernel
+from rsgen.files import MeasuredTest
 from rsgen.formula.memory import Structural
 from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction.multisine import MultisinePrediction, predict_multisine
 from rsgen.identification.results import Identification
 from rsgen.law.notation import mathml
-from rsgen.report.environment import page_environment
 from rsgen.report.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record
-from rsgen.report.multisine_notebook import write_multisine_notebook
-from rsgen.report.notebook_cells import KnownResults
+from rsgen.report.notebook import KnownResults, render_lesson, save_lesson
 from rsgen.report.page import common_context
 from rsgen.report.page_tables import Cell, Table, TableRow
-from rsgen.report.provenance import collect_provenance
+from rsgen.report.provenance import collect_provenance, page_environment
 from rsgen.report.result_json import (
     common_entries,
     finite_or_none,
@@ -39,7 +38,44 @@ from rsgen.report.result_json import (
 from rsgen.report.subject import Subject
 from rsgen.report.wording.page_sentences import error_text, share_text
 
-__all__ = ["write_multisine_files"]
+__all__ = ["write_multisine_files", "write_multisine_notebook"]
+
+
+# ----------------------------------------------------------------------------
+# The lesson on a case with a multisine, executed, that calls the public API only.
+
+
+def write_multisine_notebook(
+    path: Path, case: Case, spectra: MultisineSpectra, results: KnownResults
+) -> None:
+    """Write, execute and save the lesson; it is saved even where a cell fails.
+
+    Parameters
+    ----------
+    case
+        As it was loaded.
+    spectra
+        Of its test.
+    results
+        What else is known, so that it is not computed again.
+
+    Raises
+    ------
+    RsgenError
+        A cell failed; the notebook with its traceback is on disk.
+    """
+    notebook = render_lesson(
+        "notebook/multisine.txt",
+        title=case.title or case.name,
+        source=case.source,
+        case_text=case.text,
+        simulated=not isinstance(case.test, MeasuredTest),
+        known=case.truth is not None,
+        held_out=bool(case.model.observation.hold_out),
+    )
+    results.add("simulate", case.oscillator, case.test, result=spectra)
+    results.add("read", case, result=spectra)
+    save_lesson(path, notebook, results)
 
 
 def write_multisine_files(

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rsgen.common.finding import Finding
-from rsgen.common.verdict import STATES, StatedVerdict, Verdict, reach_verdict, verdict_lines
+from rsgen.common.finding import STATES, Finding, StatedVerdict, Verdict, reach_verdict, verdict_lines
+from rsgen.report.wording.page_sentences import headline
 from rsgen.report.wording.sentences import full_sentence, next_step
-from rsgen.report.wording.verdict_sentences import headline
 
 __all__ = ["explain", "read_verdict", "state_verdict"]
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from rsgen.dynamics.kernel import generate, private_folder
-from rsgen.dynamics.kernel.machine_code import compile_source
-from rsgen.dynamics.kernel.private_folder import open_private_folder
+from rsgen.dynamics.kernel import generate
+from rsgen.dynamics.kernel import store as private_folder
+from rsgen.dynamics.kernel.store import compile_source, open_private_folder
 from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, count_and_seed, environment, print_rows, row, temporary
 from tests.kernel.test_store import DAMAGES

@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from rsgen.app.cli.derive_command import derive_command
-from rsgen.app.cli.law_notes import read_memory
+from rsgen.app.cli.derive_command import derive_command, read_memory
 from rsgen.common.errors import RsgenError
 from rsgen.formula.units import parameter_units
 from rsgen.law.element import make_element

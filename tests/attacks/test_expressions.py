@@ -11,7 +11,7 @@ import sympy
 from rsgen.common.errors import ExpressionError
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
-from rsgen.formula.algebra import algebra_faults
+from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import compiled
 from rsgen.law import Law
 from rsgen.law.normal_form import expanded, is_long

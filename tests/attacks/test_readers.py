@@ -16,8 +16,7 @@ from rsgen.files import Layout, read_measurement
 from rsgen.files.file_table import _stars
 from rsgen.files.inspection import list_contents
 from rsgen.files.sandbox import list_binary, read_binary
-from rsgen.files.text_cells import LONGEST_NUMBER
-from rsgen.files.text_columns import read_columns
+from rsgen.files.text_columns import LONGEST_NUMBER, read_columns
 from tests.attacks import readers
 from tests.attacks.child import allowed
 from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import rsgen
 from rsgen.cases import case_schema, find_cases, load_case, name_clashes
-from rsgen.cases.data_paths import path_fault
+from rsgen.cases.tables import path_fault
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.files import MeasuredTest
@@ -184,7 +184,7 @@ def test_memory_is_declared_beside_the_force_or_comes_with_a_law(
 ) -> None:
     formula = "a*v - b*abs(v)*z - d*v*abs(z)"
     library = Law("c*v + z", "joint-law", memory={"z": formula})
-    monkeypatch.setattr("rsgen.cases.building.laws", {"joint-law": library})
+    monkeypatch.setattr("rsgen.cases.loading.laws", {"joint-law": library})
     other = """\n[[element]]\nname = "joint"\nlaw = "joint-law"\nparameters = { a = "a2", z = "w" }\n"""
     text = good(force="k1*x + z", truth="k1 = 1\na = 1\na2 = 1\nb = 1\nc = 1\nd = 1\n")
     text = text.replace('z"\n', f'z"\nmemory = {{ z = "{formula}" }}\n{other}', 1)

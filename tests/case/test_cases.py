@@ -13,8 +13,7 @@ import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.identification.prediction import Prediction
 from rsgen.report.index import table_of_results
-from rsgen.report.result_json import build_result, result_text
-from rsgen.report.result_reading import read_results
+from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.subject import Subject
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.common.diagnostics import keep_from_terminal
+from rsgen.common.errors import keep_from_terminal
 
 PROGRAM = """
 import logging, sys, warnings

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import pytest
 
-from rsgen.app.cli import streams
-from rsgen.common.diagnostics import program_fault
+from rsgen.app.cli import terminal as streams
+from rsgen.common.errors import program_fault
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
 
@@ -109,7 +109,7 @@ def test_a_reader_that_left_does_not_change_the_code() -> None:
 
 
 def test_letters_that_an_output_does_not_have_are_escaped() -> None:
-    program = "from rsgen.app.cli import streams; streams.open_streams(); streams.write_output('10 \u03a9')"
+    program = "from rsgen.app.cli import terminal as t; t.open_streams(); t.write_output('10 \u03a9')"
     done = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,

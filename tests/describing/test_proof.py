@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from rsgen.describing import derive, terms
-from rsgen.describing.powers import over_quarters
-from rsgen.describing.proof import LEAST_SETS, draw_trial
+from rsgen.describing import closed as terms
+from rsgen.describing import derive
+from rsgen.describing.closed import over_quarters
+from rsgen.describing.quadrature import LEAST_SETS, draw_trial
 from rsgen.formula import parse, symbol
 from rsgen.law.pieces import normal_form
 

@@ -6,7 +6,7 @@ import pytest
 import sympy
 
 from rsgen.formula import parse, symbol
-from rsgen.formula.renaming import free_symbols, renamed
+from rsgen.formula.names import free_symbols, renamed
 
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
 

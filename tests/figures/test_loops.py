@@ -13,11 +13,10 @@ import rsgen as rs
 from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.dynamics.simulation.virtual_test import add_noise
 from rsgen.formula import parse
 from rsgen.law.memory import Curve, memory_form
 from rsgen.law.motion import Motion, project
-from rsgen.report.dissipation import slip_findings
 from rsgen.report.figures.cycles import (
     branch_mean,
     dissipated_energy,
@@ -31,6 +30,7 @@ from rsgen.report.figures.cycles import (
     small_stiffness,
     stiffness_ratio,
 )
+from rsgen.report.interpretation import slip_findings
 from tests.oracles.masing import slider
 from tests.samples import cubic_identification, cubic_surface
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.identification.fitting.least_squares import Linearisation, fit
-from rsgen.identification.fitting.scaled_columns import determined, solve_scaled
+from rsgen.identification.fitting.least_squares import Linearisation, determined, fit, solve_scaled
 
 
 def test_columns_of_any_size_are_solved_exactly() -> None:

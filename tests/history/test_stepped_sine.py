@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory, from_stepped_sine
-from rsgen.data.history.sine import fit_sine, refine_frequency
+from rsgen.data.history.stepped_sine import fit_sine, refine_frequency
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0

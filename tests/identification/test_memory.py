@@ -103,7 +103,7 @@ def test_a_law_that_runs_away_beyond_the_test_is_not_simulated(monkeypatch: pyte
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("its motions would be followed for thousands of periods")
 
-    monkeypatch.setattr(import_module("rsgen.identification.all_harmonics"), "fit_simulator", fail)
+    monkeypatch.setattr(import_module("rsgen.identification.identify"), "fit_simulator", fail)
     law = (make_element("base", "k*x + c*v"), laws["iwan4"].element())
     found = identify(surface, Model(law))
     assert found.verdict.state in ("doubtful", "rejected")

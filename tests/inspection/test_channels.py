@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.app.cli.inspect_command import Trial, proposal_text, try_proposal
 from rsgen.data.surface import ResponseSurface
 from rsgen.files.inspection import list_contents, propose
 from rsgen.files.tree import Contents, Entry, facts

@@ -12,13 +12,12 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.app.cli.inspect_command import Trial, proposal_text, try_proposal
 from rsgen.data.history import TimeHistory
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.files.inspection import list_contents, propose
-from rsgen.files.inspection.excitation import dies_away, excitation_of
+from rsgen.files.inspection.corrections import dies_away, excitation_of
 
 MASS, DAMPING, STIFFNESS = 1.5, 8.0, 6000.0
 RATE = 256.0

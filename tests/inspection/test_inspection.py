@@ -20,8 +20,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import Layout, MeasuredTest, read_measurement
 from rsgen.files.inspection import Proposal, list_contents, propose
-from rsgen.files.text_columns import read_columns
-from rsgen.files.text_lines import TextLines
+from rsgen.files.text_columns import TextLines, read_columns
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"

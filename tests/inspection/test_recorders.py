@@ -13,8 +13,7 @@ import scipy.io
 import scipy.signal
 
 from rsgen.analysis.export import save_frf
-from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.app.cli.trial_reading import Trial, try_proposal
+from rsgen.app.cli.inspect_command import Trial, proposal_text, try_proposal
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
 from rsgen.files.inspection import list_contents, propose

@@ -16,7 +16,7 @@ from rsgen.cases import load_case
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.inspection.clues import complex_parts
-from rsgen.files.inspection.offset import has_levels, offset_findings
+from rsgen.files.inspection.corrections import has_levels, offset_findings
 from rsgen.files.tree import Entry
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.dynamics.kernel import Kernel, generate, private_folder, store
-from rsgen.dynamics.kernel.machine_code import compile_source
-from rsgen.dynamics.kernel.memory_rows import MemoryRows
-from rsgen.dynamics.kernel.private_folder import UntrustedFolderError, open_private_folder
-from rsgen.dynamics.kernel.store import load_kernel
+from rsgen.dynamics.kernel import Kernel, generate, store
+from rsgen.dynamics.kernel import store as private_folder
+from rsgen.dynamics.kernel.generation import MemoryRows
+from rsgen.dynamics.kernel.store import UntrustedFolderError, compile_source, load_kernel, open_private_folder
 from rsgen.formula import parse
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
@@ -175,7 +174,7 @@ def test_a_planted_kernel_is_never_loaded(
         with monkeypatch.context() as patch:
             patch.setattr(private_folder, "_OTHERS_WRITE", 0)
             patch.setattr(os, "geteuid", lambda: own_cache.stat().st_uid)
-            patch.setattr(private_folder, "_key", lambda _: (own_cache / "key").read_bytes())
+            patch.setattr(private_folder, "_folder_key", lambda _: (own_cache / "key").read_bytes())
             with open_private_folder(own_cache.resolve()) as folder:
                 folder.write(entry.name, code[1].encode() + b"\0planted")
     loaded.clear()

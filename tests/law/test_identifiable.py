@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.cli.law_notes import law_sentences
+from rsgen.app.cli.derive_command import law_sentences
 from rsgen.cases import load_case
 from rsgen.law import laws, make_element
 from rsgen.law.identifiable import combinations_of

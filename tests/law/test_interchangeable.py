@@ -9,7 +9,7 @@ import rsgen
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.formula import parse
-from rsgen.law.interchangeable import equal_terms
+from rsgen.law.identifiable import equal_terms
 
 SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
 

@@ -8,11 +8,10 @@ from scipy.integrate import solve_ivp
 
 from rsgen.formula import parse
 from rsgen.law.character import character
-from rsgen.law.masing_loops import find_reversals
+from rsgen.law.loops import _weight, find_reversals
 from rsgen.law.memory import with_memory
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.law.state_loops import _weight
 
 STATES = {
     "bouc-wen": (

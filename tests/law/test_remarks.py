@@ -7,7 +7,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import parse
-from rsgen.law.remarks import law_remarks
+from rsgen.law.element import law_remarks
 
 
 @pytest.mark.parametrize(

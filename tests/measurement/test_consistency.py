@@ -10,7 +10,7 @@ import pytest
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, Signal, SweepRule, read_measurement
-from rsgen.files.consistency import tell_branches_apart
+from rsgen.files.files_to_surface import tell_branches_apart
 
 FREQUENCY = np.linspace(8, 12, 41)
 OMEGA = 2 * np.pi * FREQUENCY

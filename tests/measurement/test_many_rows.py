@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
-from rsgen.files import Layout, text_lines
+from rsgen.files import Layout
+from rsgen.files import text_columns as text_lines
 from rsgen.files.text_columns import Columns, read_columns
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False).map(repr) | st.sampled_from(

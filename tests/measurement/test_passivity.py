@@ -10,7 +10,7 @@ import pytest
 from rsgen.common.finding import Finding
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, Signal, read_measurement
-from rsgen.files.passivity import passivity_findings
+from rsgen.files.files_to_surface import passivity_findings
 from rsgen.report.wording import sentence
 
 MASS, STIFFNESS, DAMPING = 2.0, 2e4, 6.0

@@ -15,7 +15,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.inspection import list_contents, propose
-from rsgen.files.uff_units import unit_system
+from rsgen.files.uff import unit_system
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
 OMEGA = 2 * np.pi * FREQUENCY

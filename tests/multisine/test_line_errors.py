@@ -11,8 +11,14 @@ from scipy.optimize import least_squares
 import rsgen
 from rsgen.data.oscillator import join_model
 from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
-from rsgen.identification.lines.line_fit import LineFit, blocks_left_out, errors_of, fit_lines, parts_of_band
-from rsgen.identification.lines.line_start import start_values
+from rsgen.identification.lines.line_fit import (
+    LineFit,
+    blocks_left_out,
+    errors_of,
+    fit_lines,
+    parts_of_band,
+    start_values,
+)
 from rsgen.law.numeric import ForceLaw, compile_law
 
 MASS = 1.5

@@ -10,7 +10,7 @@ import numpy as np
 import rsgen
 from rsgen.formula.memory import remembers
 from rsgen.identification.ranking import Ranking
-from rsgen.identification.ranking.sums import library_terms
+from rsgen.identification.ranking.balance import library_terms
 from tests.conftest import FEW
 from tests.identification.test_across import ELEMENTS
 from tests.identification.test_across import two_masses as across

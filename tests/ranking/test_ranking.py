@@ -26,11 +26,10 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
-from rsgen.identification.ranking.balance import Rows
+from rsgen.identification.ranking.balance import Rows, Sum, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.identification.ranking.reference import follow
 from rsgen.identification.ranking.selection import search_sums
-from rsgen.identification.ranking.sums import Sum, library_terms, terms_of
 from rsgen.identification.ranking.verdict import Judgement, judge
 from rsgen.law import laws
 from rsgen.law.element import make_element

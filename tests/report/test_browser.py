@@ -13,12 +13,11 @@ from rsgen.common.finding import Finding
 from rsgen.formula import parse
 from rsgen.report import draw_all, write_index
 from rsgen.report.difference import compare_results, render_difference
-from rsgen.report.environment import plain_text
 from rsgen.report.figures import draw_thumbnail
-from rsgen.report.inline import THUMBNAIL, picture_svg
-from rsgen.report.page import render_page
+from rsgen.report.interpretation import check_printed
+from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.provenance import plain_text
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.source_formulas import check_printed
 from rsgen.report.subject import Subject
 from tests.report.axe import find_axe
 from tests.report.browser import Page, find_browser, in_browser

@@ -22,8 +22,7 @@ import rsgen
 from rsgen import Case, figures, load_case
 from rsgen.app.study import run_cases
 from rsgen.common.errors import RsgenError
-from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
-from rsgen.report.notebook_cells import KnownResults
+from rsgen.report.notebook import KnownResults, build_notebook, literal, prose, write_notebook
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
 

@@ -32,16 +32,18 @@ from rsgen.formula import parse, write
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
-from rsgen.report.environment import TEMPLATES, page_environment, plain_text, verbatim
 from rsgen.report.figures import Drawing, draw_thumbnail
-from rsgen.report.free_vibration import free_frequency
 from rsgen.report.index import table_of_results
-from rsgen.report.inline import THUMBNAIL, picture_svg
-from rsgen.report.interpretation import describe_elements, mean_finding
-from rsgen.report.page import render_page
-from rsgen.report.result_json import build_result, result_text
-from rsgen.report.result_reading import read_results
-from rsgen.report.source_formulas import PrintedFormula, check_printed
+from rsgen.report.interpretation import (
+    PrintedFormula,
+    check_printed,
+    describe_elements,
+    free_frequency,
+    mean_finding,
+)
+from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.provenance import TEMPLATES, page_environment, plain_text, verbatim
+from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from tests.samples import (

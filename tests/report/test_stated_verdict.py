@@ -13,17 +13,15 @@ from matplotlib.figure import Figure
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
-from rsgen.common.verdict import STATES, Verdict, reach_verdict, verdict_lines
+from rsgen.common.finding import STATES, Finding, Verdict, reach_verdict, verdict_lines
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all
 from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
-from rsgen.report.environment import coded
 from rsgen.report.figures import Drawing
 from rsgen.report.index import table_of_results, write_index
 from rsgen.report.page import render_page
-from rsgen.report.result_json import build_result, result_text
-from rsgen.report.result_reading import read_result, read_results
+from rsgen.report.provenance import coded
+from rsgen.report.result_json import build_result, read_result, read_results, result_text
 from rsgen.report.stated_verdict import explain, read_verdict, state_verdict
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, next_step

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.common.verdict import reach_verdict
+from rsgen.common.finding import reach_verdict
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit

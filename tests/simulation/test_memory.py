@@ -8,9 +8,8 @@ import pytest
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import SimulatedTest, simulate
-from rsgen.dynamics.simulation.harmonic_balance import solve_harmonic_balance
-from rsgen.dynamics.simulation.memory_balance import MemoryLoops
-from rsgen.dynamics.simulation.response_control import solve_response_control
+from rsgen.dynamics.simulation.harmonic_balance import MemoryLoops, solve_harmonic_balance
+from rsgen.dynamics.simulation.simulate import solve_response_control
 from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles.long_transients import largest_difference
 

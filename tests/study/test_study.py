@@ -20,10 +20,9 @@ import numpy as np
 import pytest
 
 from rsgen.app.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
-from rsgen.app.study.folder import recover, replaced_folder
-from rsgen.app.study.manifest import UNFINISHED, write_manifest
+from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
+from rsgen.app.study.many_cases import local_workers
 from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_result
-from rsgen.app.study.workers import local_workers
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.files import read_measurement

@@ -8,8 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
-from rsgen.app.study.many_cases import _outcome
-from rsgen.app.study.workers import _Processes, local_workers
+from rsgen.app.study.many_cases import _outcome, _Processes, local_workers
 from rsgen.cases import load_case
 from tests.study.test_study import write_case
 

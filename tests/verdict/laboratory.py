@@ -15,9 +15,8 @@ import numpy as np
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
-from rsgen.common.verdict import Verdict
-from rsgen.dynamics.simulation.noise import add_noise
+from rsgen.common.finding import Finding, Verdict
+from rsgen.dynamics.simulation.virtual_test import add_noise
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"

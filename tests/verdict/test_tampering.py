@@ -72,7 +72,7 @@ def test_a_law_that_feeds_energy_is_not_simulated(tmp_path: Path, monkeypatch: p
     def refused(*args: object, **options: object) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(sys.modules["rsgen.identification.all_harmonics"], "fit_simulator", refused)
+    monkeypatch.setattr(sys.modules["rsgen.identification.identify"], "fit_simulator", refused)
     wrong = BY_NAME["phase in the wrong sense (conjugate)"].make("coulomb", QUICK)
     assert "structure-feeds-exciter" in judge(wrong.write(tmp_path)).deciding
     with pytest.raises(AssertionError, match="simulated"):

@@ -9,6 +9,7 @@ import typer
 
 __all__ = ["application"]
 
+
 application = typer.Typer(
     name="rsgen",
     pretty_exceptions_enable=False,
@@ -186,7 +187,7 @@ def simulate(
     Example:
       rsgen simulate cases/cubic.toml --out cubic.h5
     """
-    from rsgen.app.cli.simulate_command import simulate_command
+    from rsgen.app.cli.identify_command import simulate_command
 
     raise typer.Exit(simulate_command(case, out, json))
 
@@ -249,7 +250,7 @@ def report(
       rsgen report cases/cubic.toml
       rsgen report cases/cubic.toml --figures pdf
     """
-    from rsgen.app.cli.report_command import report_command
+    from rsgen.app.cli.run_command import report_command
 
     raise typer.Exit(report_command(cases or [], out, data, figures, json))
 
@@ -270,7 +271,7 @@ def notebook(
       rsgen notebook cases/cubic.toml
       rsgen notebook cases/cubic.toml --out lesson.ipynb
     """
-    from rsgen.app.cli.notebook_command import notebook_command
+    from rsgen.app.cli.run_command import notebook_command
 
     raise typer.Exit(notebook_command(case, out, data, json))
 
@@ -312,7 +313,7 @@ def show(
       rsgen show reports/cubic --open
       rsgen show reports/cubic --out cubic-surface.html
     """
-    from rsgen.app.cli.show_command import show_command
+    from rsgen.app.cli.diff_command import show_command
 
     raise typer.Exit(show_command(folder, out, open_it, json))
 
@@ -397,4 +398,29 @@ def laws(
     raise typer.Exit(laws_command(name, plot, settings or [], amplitude, json))
 
 
-from rsgen.app.cli import modal_application  # noqa: E402, F401 - one more command
+# ----------------------------------------------------------------------------
+# The command `rsgen modal`, beside the others.
+
+Csv = Annotated[
+    Path | None,
+    typer.Option("--csv", help="Write all rows with their intervals, SI units.", show_default=False),
+]
+
+
+@application.command(short_help="Frequency and damping over amplitude, without a law.")
+def modal(
+    case: OneCase, surface: Surface = None, data: Data = None, csv: Csv = None, json: Json = False
+) -> None:
+    """Tabulate resonance frequency, damping ratio, stiffness and damping over the amplitude, without a law.
+
+    Of the case the test, the mass and [identify] count; its law does not. Levels that are held out are
+    predicted from the table and scored.
+
+    \b
+    Examples:
+      rsgen modal cases/cubic.toml
+      rsgen modal cases/cubic.toml --surface cubic.h5 --csv modal.csv
+    """
+    from rsgen.app.cli.rank_command import modal_command
+
+    raise typer.Exit(modal_command(case, surface, data, csv, json))

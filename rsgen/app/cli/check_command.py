@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from rsgen.app.cli.law_notes import sentences_of_elements
+from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.app.study import STAGES, expect
 from rsgen.app.study.foresight import mass_findings, point_faults
 from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.cases.trial import law_faults, law_notes
-from rsgen.common.diagnostics import program_fault
-from rsgen.common.errors import CaseError, MeasurementError, RsgenError
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.common.finding import Finding
 from rsgen.data.multisine import MultisineSpectra, implausible
 from rsgen.data.surface import ResponseSurface

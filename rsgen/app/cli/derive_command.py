@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rsgen.app.cli.law_notes import law_sentences, read_memory
 from rsgen.app.cli.terminal import print_block, print_json, print_line
 from rsgen.common.errors import ExpressionError, RsgenError
 
@@ -15,8 +14,64 @@ if TYPE_CHECKING:
     import sympy
 
     from rsgen.describing import DescribingFunction
+    from rsgen.law import Element
 
-__all__ = ["PICTURE_ONLY", "derive_command", "describe", "read_settings", "spell", "write_picture"]
+__all__ = [
+    "PICTURE_ONLY",
+    "derive_command",
+    "describe",
+    "law_sentences",
+    "read_memory",
+    "read_settings",
+    "sentences_of_elements",
+    "spell",
+    "write_picture",
+]
+
+
+# ----------------------------------------------------------------------------
+# What the commands say of a law before any test: what no test distinguishes, and what is odd about it.
+
+
+def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
+    """Say it of the elements of a model: those across two sensors follow another motion than the others."""
+    found: list[str] = []
+    for place in dict.fromkeys(element.across for element in elements):
+        first, *others = (element.force for element in elements if element.across == place)
+        found += law_sentences(sum(others, start=first))
+    return found
+
+
+def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
+    """Say what is to be known of a law before any test; ``full`` with capital and full stop."""
+    from rsgen.law.element import law_remarks
+    from rsgen.law.identifiable import combinations_of
+
+    found = [*(combination.finding for combination in combinations_of(force)), *law_remarks(force)]
+    if not found:
+        # the sentences stand in a package that imports the figures
+        return []
+    from rsgen.report.wording import full_sentence, sentence
+
+    return [(full_sentence if full else sentence)(finding) for finding in found]
+
+
+def read_memory(options: Sequence[str]) -> dict[str, str]:
+    """Read ``z = g(x, v, z)`` of every state."""
+    found: dict[str, str] = {}
+    for option in options:
+        name, sign, rate = (part.strip() for part in option.partition("="))
+        # z' = ... is what books write
+        name = name.removesuffix("'").rstrip()
+        if not sign or not name or not rate:
+            raise RsgenError(
+                f"--memory {option!r}: must be 'z = ...', the rate of change of the state z in x, v and z"
+            )
+        if name in found:
+            raise RsgenError(f"--memory {option!r}: the state {name} has an equation already")
+        found[name] = rate
+    return found
+
 
 FORMULAS = ("stiffness", "damping", "mean_balance", "mean")
 KINDS = ("svg", "png", "pdf")

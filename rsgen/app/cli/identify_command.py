@@ -8,8 +8,10 @@ from typing import Any
 from rsgen.analysis.comparison import compare, verdict_of
 from rsgen.analysis.export import save_frf
 from rsgen.app.cli.progress_bar import stage_progress
-from rsgen.app.cli.targets import FRF, check_target, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.targets import FRF, SURFACE, check_target, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import (
+    ACCEPTED,
+    MISSED,
     number,
     print_cache_fault,
     print_json,
@@ -18,19 +20,23 @@ from rsgen.app.cli.terminal import (
     print_verdict,
     verdict_code,
 )
-from rsgen.app.study import obtain_table
-from rsgen.app.study.identified import identify_case
+from rsgen.app.study import obtain_surface, obtain_table
+from rsgen.app.study.foresight import identify_case
 from rsgen.cases import Case, load_case
-from rsgen.common.errors import RsgenError
-from rsgen.common.verdict import Verdict
+from rsgen.cases.trial import law_faults
+from rsgen.common.errors import CaseError, RsgenError
+from rsgen.common.finding import Verdict
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import load_surface
+from rsgen.data.surface import load_surface, save_surface
+from rsgen.dynamics.simulation import MultisineTest
+from rsgen.files import MeasuredTest
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate, Identification
 from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
 
-__all__ = ["identify_command"]
+__all__ = ["identify_command", "simulate_command"]
+
 
 _METHODS = ("paper", "first_order", "refined")
 
@@ -112,3 +118,37 @@ def _verdict(case: Case, identification: Identification) -> Verdict:
     return verdict_of(
         identification, compare(identification, case.with_model(identification.model).truth, case.accept)
     )
+
+
+# ----------------------------------------------------------------------------
+# What `rsgen simulate` does: the response surface of a simulated case as a file.
+
+
+def simulate_command(path: Path, out: Path | None, json: bool) -> int:
+    """Write the response surface of a simulated case as HDF5."""
+    print_cache_fault()
+    case = load_case(path)
+    if isinstance(case.test, MeasuredTest):
+        raise RsgenError(f"{path.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    if isinstance(case.test, MultisineTest):
+        raise RsgenError(
+            f"{path.name}: test.kind: a multisine has no response surface; `rsgen run` simulates it"
+        )
+    refused = law_faults(case)
+    if refused:
+        raise CaseError(refused)
+    target = out or Path(f"{case.name}.h5")
+    refuse_foreign(target, is_foreign(target, SURFACE), inputs_of(case))
+    with stage_progress(case, "surface") as note:
+        surface = obtain_surface(case, lambda share: note("surface", share))
+    save_surface(target, surface)
+    settled = int(surface.settled.sum())
+    if json:
+        print_json({"case": case.name, "file": str(target), "points": len(surface), "settled": settled})
+    else:
+        print_line(f"{case.name}: {len(surface)} points, {settled} settled: {target}")
+        if not settled:
+            print_line(
+                "no point settled: check the values of [truth], their signs first; levels and frequencies"
+            )
+    return ACCEPTED if settled else MISSED

@@ -10,11 +10,11 @@ import jinja2
 import sympy
 
 import rsgen
-from rsgen.app.cli.law_notes import read_memory
+from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
-from rsgen.cases.data_paths import path_fault
 from rsgen.cases.naming import name_fault
+from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 from rsgen.formula import symbol, write
@@ -128,8 +128,7 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
 
 def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
     """Give path and [test] tables for a data file as the case's folder sees it, and what they read."""
-    from rsgen.app.cli.inspect_command import proposal_text, trial_lines
-    from rsgen.app.cli.trial_reading import try_proposal
+    from rsgen.app.cli.inspect_command import proposal_text, trial_lines, try_proposal
     from rsgen.files.inspection import list_contents, propose
 
     contents = list_contents(data)

@@ -13,10 +13,8 @@ from importlib import import_module
 from types import FrameType
 from typing import Any
 
-from rsgen.app.cli.streams import open_streams, output_fault
-from rsgen.app.cli.terminal import FAULTY, INTERRUPTED, print_faults
-from rsgen.common.diagnostics import keep_from_terminal, program_fault
-from rsgen.common.errors import CaseError, RsgenError
+from rsgen.app.cli.terminal import FAULTY, INTERRUPTED, open_streams, output_fault, print_faults
+from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, program_fault
 from rsgen.common.threads import collect_seldom, leave_at_once, single_thread
 
 __all__ = ["run_program"]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rsgen.app.cli.terminal import print_faults, print_line
 from rsgen.app.study import CaseRun, Step, expect
 from rsgen.cases import Case
-from rsgen.common.verdict import verdict_lines
+from rsgen.common.finding import verdict_lines
 
 __all__ = ["Listener", "case_progress", "stage_progress"]
 

@@ -11,12 +11,14 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.records import check_records, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
-from rsgen.identification.fitting.phase_resonance import at_resonance_alone
-from rsgen.identification.fitting.points import Points, select_points
+from rsgen.identification.fitting.points import Points, at_resonance_alone, select_points
 from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.identification.identify import identify
+from rsgen.identification.ranking import identify_best
+from rsgen.identification.results import Identification
 from rsgen.law.numeric import compile_law
 
-__all__ = ["mass_findings", "point_faults", "refuse_ranking"]
+__all__ = ["identify_case", "mass_findings", "point_faults", "refuse_ranking"]
 
 
 def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
@@ -129,3 +131,22 @@ def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[s
     elif not isinstance(case.test, SimulatedTest) and mass_findings(case, surface):
         faults.append("'rank' needs the mass, or points off phase resonance")
     return faults
+
+
+# ----------------------------------------------------------------------------
+# The identification that a case asks for: of its own law, or of the best one of a ranking.
+
+
+def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Identification:
+    """Identify the law of a case, or rank laws and identify the best.
+
+    Raises
+    ------
+    RsgenError
+        As ``identify`` and ``rank``; or laws are to be ranked on a multisine.
+    """
+    if isinstance(table, MultisineSpectra):
+        refuse_ranking(case)
+    if isinstance(table, MultisineSpectra) or not case.ranked:
+        return identify(table, case.model)
+    return identify_best(table, case.model)

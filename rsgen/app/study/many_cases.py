@@ -2,22 +2,303 @@
 
 from __future__ import annotations
 
+import copyreg
+import importlib
+import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import replace
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing.connection import Connection
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
+from types import FrameType, MappingProxyType
 from typing import Any
 
 from rsgen.app.study.folder import check_index, recover
 from rsgen.app.study.progress import Progress, Step
 from rsgen.app.study.run_case import CaseRun, check_place, current_result, run_case
-from rsgen.app.study.workers import cluster_workers, local_workers, work
 from rsgen.cases import Case, find_cases, load_case, name_clashes
-from rsgen.common.errors import CaseError, RsgenError
+from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
+from rsgen.common.threads import ALGEBRA, collect_seldom
 
-__all__ = ["run_cases"]
+__all__ = ["cluster_workers", "local_workers", "run_cases", "work"]
+
+
+# ----------------------------------------------------------------------------
+# Where cases are worked on: processes of this machine or workers of a Dask cluster, behind one interface.
+#
+# Both are executors of ``concurrent.futures``: ``submit`` gives a future, a future gives what became of a
+# case.
+
+_CONNECT_SECONDS = 20
+_CLEARING_SECONDS = 1.0
+"""A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
+
+_TRIES = 2
+"""A case may have been the victim of another program's want of memory once, hardly twice."""
+
+_one_at_a_time = threading.Lock()
+"""Figures are drawn, and output is captured, under settings that all threads of a process share."""
+
+_steps: list[SimpleQueue[Step]] = []
+"""In a worker: where it reports how far its case has come; empty where nobody listens."""
+
+
+def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
+    return MappingProxyType(content)
+
+
+# cases hold read-only mappings, which pickle refuses, and are sent to workers
+copyreg.pickle(MappingProxyType, lambda mapping: (_frozen, (dict(mapping),)))
+
+
+def work(case: Case, out: Path, settings: Mapping[str, Any]) -> CaseRun:
+    """Run a case on a worker; ``settings`` are those of ``run_case``."""
+    progress = _steps[0].put if _steps else None
+    with _one_at_a_time:
+        try:
+            return run_case(case, out, force=True, progress=progress, **settings)
+        except KeyboardInterrupt:
+            # back in the pool it would wait for a lock that another ended worker may have taken along
+            os._exit(1)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Answer SIGTERM, once: unwind through the case, which removes its unfinished folder."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if not _one_at_a_time.locked():
+        os._exit(1)
+    # a finalizer throws the interrupt away and would print it; then _follow ends this process
+    sys.unraisablehook = lambda lost: None
+    raise KeyboardInterrupt
+
+
+def _follow(parent: Connection) -> None:
+    """End this process when the parent closes its end of the pipe, or is gone."""
+    with suppress(EOFError, OSError):
+        parent.recv()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_CLEARING_SECONDS)
+    os._exit(1)
+
+
+def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
+    keep_from_terminal()
+    collect_seldom()
+    if steps is not None:
+        _steps.append(steps)
+    # Ctrl-C reaches every process of a terminal; the parent alone answers it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+
+
+@contextmanager
+def _beginning(share: int) -> Iterator[None]:
+    """Give each process begun meanwhile a number of processors, and no ear for Ctrl-C.
+
+    With a thread for each processor in each process, the cases would fight for all of them.
+    """
+    threads = dict.fromkeys(ALGEBRA, "1") | {"RSGEN_THREADS": str(share)}
+    added = [name for name in threads if name not in os.environ]
+    os.environ.update({name: threads[name] for name in added})
+    mask = None
+    if os.name == "posix":
+        # Python begins this process at the first lock, and lets Ctrl-C in again when it has
+        tracker: Any = importlib.import_module("multiprocessing.resource_tracker")
+        tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        if mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name in added:
+            del os.environ[name]
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A call, the future that its submitter has, and how many workers it has cost."""
+
+    future: Future[Any]
+    call: Callable[[], Any]
+    lost: int = 0
+
+
+class _Processes(Executor):
+    """Processes of this machine, each a pool of its own, so that one that dies takes no other case along.
+
+    A call whose process dies is tried once more; then its future has the exception.
+
+    Parameters
+    ----------
+    number
+        Processes at a time.
+    begin
+        Makes a pool of one process.
+    """
+
+    def __init__(self, number: int, begin: Callable[[], ProcessPoolExecutor]) -> None:
+        self._begin = begin
+        self._idle: list[ProcessPoolExecutor | None] = [None] * number
+        self._busy: set[ProcessPoolExecutor] = set()
+        self._waiting: deque[_Task] = deque()
+        self._closed = False
+        self._lock = threading.RLock()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        task = _Task(Future(), partial(fn, *args, **kwargs))
+        self._waiting.append(task)
+        self._next()
+        return task.future
+
+    def _next(self) -> None:
+        with self._lock:
+            while self._idle and self._waiting and not self._closed:
+                idle, task = self._idle.pop(), self._waiting.popleft()
+                try:
+                    pool, inner = self._given(idle, task.call)
+                except (OSError, RuntimeError) as fault:
+                    if self._busy:
+                        # the system has no place for one more; those that work take this call, too
+                        self._waiting.appendleft(task)
+                    else:
+                        self._idle.append(None)
+                        task.future.set_exception(fault)
+                    continue
+                self._busy.add(pool)
+                inner.add_done_callback(partial(self._done, pool, task))
+
+    def _given(
+        self, idle: ProcessPoolExecutor | None, call: Callable[[], Any]
+    ) -> tuple[ProcessPoolExecutor, Future[Any]]:
+        """Give a call to an idle pool; to a new one where its process was ended meanwhile."""
+        if idle is not None:
+            with suppress(BrokenExecutor):
+                return idle, idle.submit(call)
+            idle.shutdown(wait=False)
+        pool = self._begin()
+        return pool, pool.submit(call)
+
+    def _done(self, pool: ProcessPoolExecutor, task: _Task, inner: Future[Any]) -> None:
+        """Pass on what became of a call; it runs in a thread of the pool."""
+        lost = isinstance(inner.exception(), BrokenExecutor)
+        with self._lock:
+            self._busy.discard(pool)
+            self._idle.append(None if lost else pool)
+            again = lost and task.lost < _TRIES - 1 and not self._closed
+            if again:
+                self._waiting.appendleft(replace(task, lost=task.lost + 1))
+        if lost:
+            pool.shutdown(wait=False)
+        if not again:
+            fault = inner.exception()
+            if fault is None:
+                task.future.set_result(inner.result())
+            else:
+                task.future.set_exception(fault)
+        self._next()
+
+    def close(self) -> None:
+        """Begin nothing any more, so that no worker that is ended from here on is replaced."""
+        with self._lock:
+            self._closed = True
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        if cancel_futures:
+            self.close()
+        with self._lock:
+            pools = [*self._busy, *(pool for pool in self._idle if pool is not None)]
+        for pool in pools:
+            pool.shutdown(wait=wait, cancel_futures=cancel_futures)
+
+
+@contextmanager
+def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Executor]:
+    """Give processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
+
+    Parameters
+    ----------
+    number
+        Processes at a time.
+    steps
+        Gets a queue from each process, in which that reports how far its case has come; None where nobody
+        listens. A queue that all shared would stay locked by a process that is killed while it writes.
+    """
+    # copies of a server that has loaded everything would begin sooner; its socket lies in a temporary folder,
+    # which a killed run leaves for good and which may be missing or have too long a name
+    context = multiprocessing.get_context("spawn")
+    theirs, ours = context.Pipe(duplex=False)
+    share = max(1, (os.cpu_count() or 1) // number)
+
+    def begin() -> ProcessPoolExecutor:
+        queue: SimpleQueue[Step] | None = None if steps is None else context.SimpleQueue()
+        if steps is not None and queue is not None:
+            steps.append(queue)
+        with _beginning(share):
+            pool = ProcessPoolExecutor(
+                1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue)
+            )
+            # the first call begins the process
+            pool.submit(os.getpid)
+        return pool
+
+    executor = _Processes(number, begin)
+    try:
+        yield executor
+    except BaseException:
+        executor.close()
+        ours.close()
+        executor.shutdown()
+        raise
+    executor.shutdown()
+    ours.close()
+
+
+@contextmanager
+def cluster_workers(address: str) -> Iterator[Executor]:
+    """Give the workers of a Dask scheduler; what has begun when the block is left by a fault ends by itself.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler, such as "tcp://node1:8786".
+
+    Raises
+    ------
+    RsgenError
+        dask.distributed is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise RsgenError(
+            '--cluster: dask.distributed is not installed; get it by: pip install "rsgen[cluster]"'
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise RsgenError(
+            f"--cluster {address}: no scheduler answers: {reason}; start one with `dask scheduler`"
+        ) from fault
+    with client:
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor
+        except BaseException:
+            executor.shutdown(wait=False)
+            raise
+
 
 _LISTEN_SECONDS = 0.2
 """Between two looks at how far the cases have come."""

@@ -12,14 +12,19 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 
-from rsgen.app.study.folder import recover, replaced_folder
-from rsgen.app.study.manifest import file_hash, inputs_unchanged, read_manifest, write_manifest
+from rsgen.app.study.folder import (
+    file_hash,
+    inputs_unchanged,
+    read_manifest,
+    recover,
+    replaced_folder,
+    write_manifest,
+)
 from rsgen.app.study.progress import Progress, stage_reporter
 from rsgen.cases import Case, load_case
 from rsgen.cases.trial import law_faults
-from rsgen.common.diagnostics import program_fault
-from rsgen.common.errors import CaseError, RsgenError
-from rsgen.common.verdict import StatedVerdict
+from rsgen.common.errors import CaseError, RsgenError, program_fault
+from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.dynamics.simulation import MultisineTest, simulate
@@ -184,7 +189,7 @@ def _execute(
     report("surface", 0.0)
     # the heavy parts are imported when there is something to do
     from rsgen.analysis.comparison import compare
-    from rsgen.app.study.identified import identify_case
+    from rsgen.app.study.foresight import identify_case
     from rsgen.report import write_report
 
     seed = None

@@ -17,12 +17,11 @@ from __future__ import annotations
 
 from rsgen.data.history.decay import FreeDecay, follow_decay, from_free_decay
 from rsgen.data.history.multisine import from_multisine
-from rsgen.data.history.record import TimeHistory
+from rsgen.data.history.record import TimeHistory, record_findings
 from rsgen.data.history.sep5 import from_sep5, to_sep5
-from rsgen.data.history.soundness import record_findings
 from rsgen.data.history.stepped_sine import from_stepped_sine
-from rsgen.data.history.sweep_law import SweepLaw
 from rsgen.data.history.swept_sine import from_swept_sine
+from rsgen.data.history.tracking import SweepLaw
 
 __all__ = [
     "FreeDecay",

@@ -19,11 +19,19 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.history.envelope import PERIODS, demodulate, independent_instants, place_windows
-from rsgen.data.history.quasi_steady import steady_force
+from rsgen.data.history.envelope import (
+    HARMONICS,
+    PERIODS,
+    demodulate,
+    differentiate,
+    displacement_harmonics,
+    highest_order,
+    independent_instants,
+    place_windows,
+    steady_force,
+)
 from rsgen.data.history.record import FEWEST, TimeHistory, as_histories, check_options
 from rsgen.data.history.release import Stretch, find_decays, force_ends
-from rsgen.data.history.sensor import HARMONICS, differentiate, displacement_harmonics, highest_order
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
 

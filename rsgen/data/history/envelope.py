@@ -8,27 +8,123 @@ harmonics are damped by 100 dB) which does not flatten a peak of the envelope, a
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.data.history.record import BLOCK
+from rsgen.data.history.record import BLOCK, FAINT
+from rsgen.data.surface.columns import DERIVATIVE
 
 __all__ = [
     "DENSE",
+    "HARMONICS",
     "NOISE_WIDTH",
     "PERIODS",
+    "Inertia",
+    "Kinematics",
     "Windows",
     "demodulate",
+    "differentiate",
+    "displacement_harmonics",
+    "estimate_mass",
+    "flank_mass",
+    "highest_order",
     "independent_instants",
     "mean_square",
     "place_windows",
+    "steady_force",
 ]
+
+
+# ----------------------------------------------------------------------------
+# From what a sensor gives to displacement, velocity and acceleration of harmonics whose amplitudes change.
+#
+# With y(t) = Re Y(t) exp(i h phi(t)), s = Y'/Y + i h phi' is the complex rate at which the harmonic moves:
+# growth and frequency. Differentiation is exact, y' = s y and y'' = (s^2 + s') y; integration is its
+# asymptotic
+# inverse, z = y/s (1 + s'/s^2 + ...), whose next term is of second order in how fast the rate itself
+# changes.
+
+HARMONICS = 5
+"""Harmonics of the displacement unless asked otherwise; those of smooth laws are in the noise beyond."""
+_NYQUIST = 0.45
+"""Harmonics up to this fraction of the sampling rate are taken: recorders filter off what is near 0.5."""
+
+
+def highest_order(wanted: int, rate: float, frequency: float) -> int:
+    """Find the highest harmonic, at most ``wanted``, that a sampling rate [Hz] lets through; at least 1."""
+    return max(1, min(wanted, int(_NYQUIST * rate / frequency)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinematics:
+    """Displacement [m], velocity [m/s] and acceleration [m/s^2] (n,) of one harmonic, complex."""
+
+    displacement: ComplexArray
+    velocity: ComplexArray
+    acceleration: ComplexArray
+
+    @property
+    def omega(self) -> Array:
+        """(n,) angular frequency of the steady motion with this acceleration [rad/s].
+
+        omega^2 = -Re(A/X): in it the slow change of the amplitude has no part.
+        """
+        # where nothing moved, as in a drop-out, the frequency is unknown
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            ratio = np.real(self.acceleration / self.displacement)
+        return np.asarray(np.sqrt(np.maximum(-ratio, 0.0)))
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Kinematics:
+        """Take some of the points."""
+        return Kinematics(*(getattr(self, entry.name)[chosen] for entry in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Kinematics]) -> Kinematics:
+        """Put points one after the other."""
+        return cls(*(np.concatenate([getattr(p, entry.name) for p in parts]) for entry in fields(cls)))
+
+
+def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
+    """Turn the envelope of a measured quantity into the kinematics of its harmonic.
+
+    ``envelope`` (n, 3) is what was measured and its first and second time derivative [SI], ``omega`` (n,) the
+    rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
+    """
+    y = envelope[:, 0]
+    # unknown where nothing moved
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        growth = envelope[:, 1] / y
+        s = growth + 1j * omega
+        change = envelope[:, 2] / y - growth**2 + 1j * slope
+        if quantity == "displacement":
+            return Kinematics(y, s * y, (s**2 + change) * y)
+        if quantity == "velocity":
+            velocity, acceleration, slower = y, s * y, s
+        else:
+            velocity, acceleration, slower = y / s * (1 + change / s**2), y, s - change / s
+        return Kinematics(velocity / slower * (1 + change / slower**2), velocity, acceleration)
+
+
+def displacement_harmonics(
+    measured: ComplexArray, omega: Array, quantity: str, harmonics: int
+) -> ComplexArray:
+    """Integrate mean and steady harmonics (n, k+1) [SI] of a measured quantity at ``omega`` (n,) [rad/s].
+
+    Returns (n, harmonics + 1) displacement [m]; NaN above k, and for the mean of a velocity or an
+    acceleration.
+    """
+    table = np.full((len(measured), harmonics + 1), np.nan, dtype=complex)
+    order = np.arange(1, measured.shape[1])
+    table[:, order] = measured[:, order] / (1j * order * omega[:, None]) ** DERIVATIVE[quantity]
+    if quantity == "displacement":
+        table[:, 0] = measured[:, 0].real
+    return table
 
 
 PERIODS = 10.0
@@ -162,3 +258,143 @@ def demodulate(
             views = np.lib.stride_tricks.sliding_window_view(sums, count)[offsets]
             out[batch, column] = (views @ kernel) * (2.0 if order else 1.0)
     return out
+
+
+# ----------------------------------------------------------------------------
+# How far a sweep is from a sequence of steady states, and the force that is left when the rest is taken
+# out.
+#
+# The response lags behind the sweep: with the complex rate s of the motion (growth and frequency) the
+# fundamental of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (Krylov and
+# Bogoliubov),
+#
+#     F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
+#
+# where a steady state has V = i omega X and A = -omega^2 X at the frequency of the force. Velocity and
+# acceleration follow from the envelopes, so what is unknown is only the mass; it follows from the same
+# equation
+# over all points with k and c free functions of the amplitude. For a linear oscillator the equation is
+# exact at
+# any rate. Along one branch of a nonlinear resonance the frequency is itself a function of the amplitude,
+# and
+# the mass is not identifiable beside k(X); the flanks, where the amplitude is small and k(X) the same below
+# and
+# above the resonance, then determine it roughly.
+#
+# The pure number of a sweep is rate / (zeta f)^2: how far the frequency moves while the response rings
+# down,
+# against the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965, thesis, California
+# Institute of Technology). Slowly swept, a resonance comes out shifted by 1/(2 pi) of it, in half widths:
+# its
+# group delay 1/(2 pi zeta f) times the rate.
+
+_KNOTS = 12
+"""Most knots of the free functions k(X) and c(X): straight lines between them follow any curve to 1 %."""
+_ROWS_A_KNOT = 8
+"""Points that each knot needs, of whose 16 numbers it takes two; two knots are the fewest."""
+_ROUNDS = 4
+"""Fits in which outliers lose weight; more change the mass by less than its error."""
+_OUTLIER = 3.0
+"""A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
+_INDEPENDENT = 1e-10
+"""Columns whose singular values are below this fraction of the largest do not determine the mass."""
+_FLANKS = 0.3
+"""Up to this fraction of the largest amplitude k(X) is taken as constant: a cubic spring changes by 9 %."""
+
+
+class Inertia(NamedTuple):
+    """The mass that sweeps determine [kg], its standard error, the misfit relative to the force."""
+
+    mass: float
+    standard_error: float
+    misfit: float
+
+
+def _hats(amplitude: Array) -> Array:
+    """(n, k) piecewise linear functions of the amplitude, knots where the points are."""
+    count = int(np.clip(len(amplitude) // _ROWS_A_KNOT, 2, _KNOTS))
+    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
+    if len(knots) < 2:
+        return np.ones((len(amplitude), 1))
+    return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)
+
+
+def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
+    """Find the mass from F = k(X) X + c(X) V + m A with k and c free; None if it is not identifiable.
+
+    ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one or several levels.
+    """
+    if len(force) < 2 * _ROWS_A_KNOT:
+        return None
+    hats = _hats(np.abs(motion.displacement))
+    columns = np.column_stack(
+        [hats * motion.displacement[:, None], hats * motion.velocity[:, None], motion.acceleration]
+    )
+    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * FAINT)
+    weight = scale.copy()
+    for _ in range(_ROUNDS):
+        matrix = columns * weight[:, None]
+        stacked = np.concatenate([matrix.real, matrix.imag])
+        right = np.concatenate([(force * weight).real, (force * weight).imag])
+        size = np.linalg.norm(stacked, axis=0)
+        if not (np.all(np.isfinite(size)) and np.all(size > 0)):
+            return None
+        solution, _, rank, _ = np.linalg.lstsq(stacked / size, right, rcond=_INDEPENDENT)
+        if rank < stacked.shape[1]:
+            return None
+        residual = np.abs(columns @ (solution / size) - force) * scale
+        # of exact data, rounding is left
+        spread = max(float(np.median(residual)), 1e-12)
+        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
+    left = right - stacked / size @ solution
+    freedom = max(len(right) - stacked.shape[1], 1)
+    inverse = np.linalg.inv((stacked / size).T @ (stacked / size))
+    error = float(np.sqrt(inverse[-1, -1] * (left @ left) / freedom) / size[-1])
+    return Inertia(float(solution[-1] / size[-1]), error, float(np.median(residual)))
+
+
+def flank_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
+    """Find the mass from the flanks of a resonance, with k constant there, to a fifth; None without flanks.
+
+    ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one sweep or of several.
+    """
+    size = np.abs(motion.displacement)
+    flank = (size > 0) & (size < _FLANKS * np.max(size, initial=0.0)) & (np.abs(force) > 0)
+    if np.count_nonzero(flank) < 2 * _ROWS_A_KNOT:
+        return None
+    stiffness = (force[flank] / motion.displacement[flank]).real
+    inertia = (motion.acceleration[flank] / motion.displacement[flank]).real
+    columns = np.column_stack([np.ones(len(inertia)), inertia / np.max(np.abs(inertia))])
+    scale = np.abs(motion.displacement[flank] / force[flank])
+    weight = scale
+    for _ in range(_ROUNDS):
+        solution, _, rank, _ = np.linalg.lstsq(
+            columns * weight[:, None], stiffness * weight, rcond=_INDEPENDENT
+        )
+        if rank < columns.shape[1]:
+            return None
+        residual = np.abs(columns @ solution - stiffness) * scale
+        # of exact data, rounding is left
+        spread = max(float(np.median(residual)), 1e-12)
+        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
+    matrix = columns * weight[:, None]
+    left = (columns @ solution - stiffness) * weight
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    error = float(np.sqrt(inverse[1, 1] * (left @ left) / (len(left) - 2)))
+    unit = float(np.max(np.abs(inertia)))
+    return Inertia(float(solution[1]) / unit, error / unit, float(np.median(residual)))
+
+
+def steady_force(
+    force: ComplexArray, motion: Kinematics, mass: float, omega: Array
+) -> tuple[ComplexArray, Array]:
+    """Find the force (n,) [N] that would hold the motion steady at ``omega`` [rad/s], and c(X) [N s/m]."""
+    x = motion.displacement
+    # unknown where nothing moved, as in a drop-out
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        stiffness = force / x
+        inertia = motion.acceleration / x
+        rate = motion.velocity / x
+        damping = (stiffness.imag - mass * inertia.imag) / rate.imag
+        held = stiffness.real - damping * rate.real - mass * (inertia.real + omega**2) + 1j * omega * damping
+        return np.asarray(held * x), np.asarray(damping)

@@ -5,29 +5,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding
-from rsgen.data.surface.columns import DERIVATIVE
-from rsgen.data.surface.directions import group_forces
+from rsgen.common.finding import Finding, Quantity
+from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES, group_forces
 
 __all__ = [
     "BLOCK",
     "FAINT",
     "FEWEST",
     "QUIET",
+    "ForceKind",
     "TimeHistory",
     "as_histories",
     "blocks",
+    "check_force",
     "check_options",
+    "check_response",
+    "cut_off",
+    "describe_force",
+    "kind_of_force",
     "name_levels",
+    "record_findings",
     "sampling_rate",
 ]
+
 
 QUIET = 0.02
 """A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
@@ -269,3 +276,202 @@ def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
     for number in np.unique(group):
         named[unnamed[group == number]] = float(f"{np.mean(force[group == number]):.3g}")
     return named
+
+
+# ----------------------------------------------------------------------------
+# Faults of a record itself: samples cut off at the end of a range, a response that stands still.
+
+_FLAT = 3
+"""A top is flat from 3 equal samples on; where the steps are coarse, a sine has some of these."""
+_FEWEST = 24
+"""At least 24 samples on flat tops are no chance."""
+_CROWD = 8
+"""A clipped record meets its limit this many times as often as the next value; a coarse sine 2.4 times."""
+_STILL = 32
+"""A live response does not repeat a value 32 times while the force moves ..."""
+_MOVES = 0.2
+"""... by this fraction of its largest."""
+
+
+def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find where True begins and how long it lasts."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
+    return edges[::2], edges[1::2] - edges[::2]
+
+
+def cut_off(values: NDArray[Any], sign: int) -> int:
+    """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
+    top = max(float((sign * block).max()) for block in blocks(values))
+    next_top, count, on_flat = -np.inf, 0, 0
+    for block in blocks(values):
+        raised = sign * block.astype(np.float64)
+        _, lengths = _runs(raised == top)
+        on_flat += int(lengths[lengths >= _FLAT].sum())
+        below = raised[raised < top]
+        if not below.size or below.max() < next_top:
+            continue
+        count = (count if below.max() == next_top else 0) + int(np.count_nonzero(below == below.max()))
+        next_top = float(below.max())
+    return on_flat if np.isfinite(next_top) and on_flat >= max(_FEWEST, _CROWD * count) else 0
+
+
+def _stands(history: TimeHistory) -> list[tuple[float, float]]:
+    """Find stretches of equal response while the force moves: begin and length [s]."""
+    force, response = history.reference, history.response
+    least = _MOVES * max(float(np.abs(block).max()) for block in blocks(force))
+    found = []
+    for start in range(0, len(response), BLOCK):
+        first, lengths = _runs(np.diff(response[start : start + BLOCK]) == 0)
+        for begin, length in zip(first[lengths >= _STILL], lengths[lengths >= _STILL], strict=True):
+            moving = force[start + begin : start + begin + length]
+            if float(moving.max()) - float(moving.min()) > least:
+                found.append((history.start + (start + begin) / history.rate, length / history.rate))
+    return found
+
+
+def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
+    """Find where samples are cut off or missing, which a fit to amplitudes alone does not show."""
+    findings = []
+    for name, values in (("force", history.force), ("response", history.response)):
+        if values is None:
+            continue
+        ends = [(float(values.max()), cut_off(values, 1)), (float(values.min()), cut_off(values, -1))]
+        samples = sum(count for _, count in ends)
+        if samples:
+            names = {"record": history.label, "signal": name}
+            unit = "N" if name == "force" else QUANTITIES[history.quantity]
+            # of the motion, as its amplitudes are: many sensors have an offset
+            rest = float(np.median(values))
+            limit = min(abs(end - rest) for end, count in ends if count)
+            numbers = {"samples": Quantity(samples), "limit": Quantity(limit, unit)}
+            findings.append(Finding("record-clipped", "warning", "", numbers, names))
+    stands = [] if history.force is None else _stands(history)
+    if stands:
+        begin, length = max(stands, key=lambda stand: stand[1])
+        times = Quantity(len(stands))
+        numbers = {"times": times, "begin": Quantity(begin, "s"), "length": Quantity(length, "s")}
+        findings.append(Finding("response-stands-still", "warning", "", numbers, {"record": history.label}))
+    return tuple(findings)
+
+
+# ----------------------------------------------------------------------------
+# Whether a force is a sine at all: the share of its power at one line, and what it is if that is little.
+
+ForceKind = Literal["constant", "blow", "sine", "periodic", "random"]
+"""What a force is by its values."""
+
+_SINE = 0.5
+"""A force with less than half of its power at the line that it is read at, and its harmonics, is no sine."""
+_CLEAN = 0.9
+"""Below this share of the power the rest of the force drives the structure, too: by a third of the line."""
+_ANSWERS = 0.5
+"""A response with less than half of its power at the lines of the force is mainly not the answer to it."""
+_PEAK = 8.0
+"""Blows have peaks of more than eight times the rms value; random forces reach five, sines 1.4."""
+_REPEATS = 0.8
+"""A force that agrees with itself a period later by this much is periodic."""
+_SHORTEST = 16
+"""Samples of the shortest period that is looked for."""
+_TALL = 0.3
+"""The strongest line of a sine has this share of the power in any case, also where it is swept or stepped."""
+
+
+def kind_of_force(force: NDArray[Any]) -> ForceKind:
+    """Tell what a force (n,) is, by its values: a constant, a blow, a sine, periodic with many lines, random.
+
+    A sine may sweep or step, and its steps may be too short to be read.
+    """
+    part = np.asarray(force[:BLOCK], dtype=np.float64)
+    part = part - np.mean(part)
+    square = float(part @ part)
+    if not square > 0:
+        return "constant"
+    if float(np.max(np.abs(part))) > _PEAK * np.sqrt(square / len(part)):
+        return "blow"
+    size = 2 * len(part)
+    spectrum = np.abs(np.fft.rfft(part, size)) ** 2
+    if _narrow(part):
+        return "sine"
+    agrees = np.fft.irfft(spectrum, size)[: len(part) // 2]
+    # fewer samples overlap at longer lags
+    agrees = agrees / square * len(part) / (len(part) - np.arange(len(agrees)))
+    # past the first zero it comes back where the force repeats
+    away = int(np.argmax(agrees < 0)) if (agrees < 0).any() else len(agrees)
+    again = agrees[max(away, _SHORTEST) :]
+    return "periodic" if len(again) and float(np.max(again)) > _REPEATS else "random"
+
+
+_NO_SINE: dict[ForceKind, str] = {
+    "blow": (
+        "the force is a blow, as of a hammer: its free decay is read with test.excitation = "
+        '"ring-down"; for a resonance at several levels, measure with a stepped or swept sine'
+    ),
+    "periodic": (
+        "the force is periodic with many lines, as a multisine is: it is read with test.excitation = "
+        '"multisine" (rsgen.data.history.from_multisine)'
+    ),
+    "random": (
+        "the force is random: it has no amplitude and no frequency of its own, so that no response surface "
+        "follows from it; measure with a stepped or swept sine or a periodic multisine, a level at a time"
+    ),
+}
+"""What a force is that is no sine, and what to do."""
+
+
+def describe_force(force: NDArray[Any]) -> str:
+    """Say what a force is that is no sine, and what to do: a blow, periodic with many lines, or random.
+
+    Returns "" where it may be a sine after all: steps too short, a sweep that turns.
+    """
+    return _NO_SINE.get(kind_of_force(force), "")
+
+
+def _narrow(part: Array) -> bool:
+    """Whether one line has most of the power in short pieces: a sine, whatever its frequency does."""
+    pieces = 32
+    length = len(part) // pieces
+    if length < 4 * _SHORTEST:
+        return False
+    rows = part[: pieces * length].reshape(pieces, length)
+    power = np.abs(np.fft.rfft(rows * np.hanning(length + 2)[1:-1])) ** 2
+    loud = power.sum(axis=1) > 0.01 * power.sum(axis=1).max()
+    top = np.argmax(power[:, 1:], axis=1) + 1
+    near = np.stack(
+        [power[np.arange(pieces), np.clip(top + k, 0, power.shape[1] - 1)] for k in (-2, -1, 0, 1, 2)]
+    )
+    share = near.sum(axis=0)[loud] / power.sum(axis=1)[loud]
+    return bool(np.median(share) > _TALL and np.ptp(top[loud]) < power.shape[1])
+
+
+def check_force(history: TimeHistory, share: Array) -> list[Finding]:
+    """Judge a force by the shares (n,) of its power at the lines that it was read at.
+
+    Raises
+    ------
+    MeasurementError
+        It is no sine.
+    """
+    typical = float(np.median(share))
+    if typical < _SINE:
+        reason = describe_force(history.reference) or (
+            "it is no sine, or its noise hides its steps; measure with a stepped or swept sine"
+        )
+        raise MeasurementError(
+            f"{history.label}: only {typical:.0%} of the power of the force is at the lines that it was read "
+            f"at: {reason}"
+        )
+    if typical >= _CLEAN:
+        return []
+    return [Finding("force-not-sine", "doubt", "", {"share": Quantity(typical)}, {"record": history.label})]
+
+
+def check_response(history: TimeHistory, line: Array, power: Array) -> list[Finding]:
+    """Judge a response by its power (n,) at the lines of the force and in all: both of n points [SI^2]."""
+    known = np.isfinite(line) & np.isfinite(power)
+    total = float(np.sum(power[known]))
+    share = min(float(np.sum(line[known])) / total, 1.0) if total > 0 else 1.0
+    if share >= _ANSWERS:
+        return []
+    return [
+        Finding("response-not-at-drive", "doubt", "", {"share": Quantity(share)}, {"record": history.label})
+    ]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.data.history.record import FEWEST, QUIET, TimeHistory
-from rsgen.data.history.soundness import cut_off
+from rsgen.data.history.record import FEWEST, QUIET, TimeHistory, cut_off
 
 __all__ = ["Stretch", "find_decays", "force_ends"]
 

@@ -13,35 +13,43 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.data.history.envelope import (
+    HARMONICS,
     NOISE_WIDTH,
     PERIODS,
+    Kinematics,
     Windows,
     demodulate,
+    differentiate,
+    displacement_harmonics,
+    estimate_mass,
+    flank_mass,
+    highest_order,
     independent_instants,
     mean_square,
     place_windows,
+    steady_force,
 )
-from rsgen.data.history.excitation import check_force, check_response
-from rsgen.data.history.quasi_steady import estimate_mass, flank_mass, steady_force
-from rsgen.data.history.record import FAINT, TimeHistory, as_histories, check_options, name_levels
-from rsgen.data.history.sensor import (
-    HARMONICS,
-    Kinematics,
-    differentiate,
-    displacement_harmonics,
-    highest_order,
+from rsgen.data.history.record import (
+    FAINT,
+    TimeHistory,
+    as_histories,
+    check_force,
+    check_options,
+    check_response,
+    name_levels,
 )
-from rsgen.data.history.sweep_checks import (
+from rsgen.data.history.tracking import (
+    Sweep,
+    SweepLaw,
     SweptPoints,
     distorted_forces,
     faint_forces,
     fast_sweeps,
+    find_sweeps,
     free_motion,
     most_by_pace,
     other_modes,
 )
-from rsgen.data.history.sweep_law import SweepLaw
-from rsgen.data.history.tracking import Sweep, find_sweeps
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
 

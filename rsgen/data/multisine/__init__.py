@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from rsgen.data.multisine.linear import BestLinear, best_linear
-from rsgen.data.multisine.plausible import implausible
+from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
 from rsgen.data.multisine.spectra import MultisineSpectra
 
 __all__ = ["BestLinear", "MultisineSpectra", "best_linear", "implausible"]

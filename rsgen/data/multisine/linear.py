@@ -10,6 +10,7 @@ lines that are not excited.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +18,41 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
+from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
 from rsgen.common.tolerances import CHANCE
-from rsgen.data.multisine.spectra import MultisineSpectra, scatter, smooth
+from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
+from rsgen.data.surface.plausibility import Sizes, size_findings
 
-__all__ = ["BestLinear", "Distortion", "best_linear"]
+__all__ = ["BestLinear", "Distortion", "best_linear", "implausible"]
+
+
+# ----------------------------------------------------------------------------
+# Whether records of a multisine, and the mode found from them, have sizes that a vibration test can have.
+
+
+def implausible(
+    spectra: MultisineSpectra, *, mass: float | None = None, damping: float | None = None
+) -> Iterator[Finding]:
+    """Find sizes of another unit, as ``size_findings`` of a surface; amplitudes are sqrt(2) rms.
+
+    Parameters
+    ----------
+    spectra
+        Calibrated.
+    mass, damping
+        Of the mode [kg] and its smallest damping ratio, where they are known.
+    """
+    first, last = (end[:, None] for end in spectra.reach())
+    taken = (spectra.lines >= first) & (spectra.lines <= last)
+    motion = np.where(taken, spectra.mean_response, 0)
+    rate = spectra.lines * spectra.omega0
+    parts = [float(np.sqrt(2) * rms(motion * rate**power).max()) for power in range(3)]
+    strongest = int(np.argmax(np.abs(motion[:, 1:]).max(axis=0))) + 1
+    force = float(np.sqrt(2) * spectra.rms_force().max())
+    sizes = Sizes(float(spectra.frequency[strongest]), parts[0], parts[1], parts[2], force, mass, damping)
+    yield from size_findings(sizes)
+
 
 _SIDE = 5
 """Excited lines to each side of the window, which determine the polynomial three times over."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HALVINGS
-from rsgen.law.force_sample import ForceSample
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
+from rsgen.law.switched_sum import ForceSample
 
 __all__ = ["OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
 

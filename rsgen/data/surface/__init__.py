@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.data.surface.amounts import match_level, typical_amounts
-from rsgen.data.surface.copies import without_copies
-from rsgen.data.surface.directions import recognise_directions
-from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
+from rsgen.data.surface.columns import recognise_directions
+from rsgen.data.surface.plausibility import without_copies
+from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface, match_level, typical_amounts
 from rsgen.data.surface.surface_file import load_surface, save_surface
 
 __all__ = [

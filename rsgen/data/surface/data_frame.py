@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import data_frame
-
-if TYPE_CHECKING:
-    from rsgen.data.surface.response_surface import ResponseSurface
 
 __all__ = ["columns_of_frame", "frame_of_surface"]
 
@@ -131,7 +128,7 @@ def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[Com
     return amplitude * np.exp(-1j * lag) * turn, True
 
 
-def frame_of_surface(surface: ResponseSurface) -> Any:
+def frame_of_surface(surface: Any) -> Any:
     """Give a ``pandas.DataFrame`` with the columns that ``columns_of_frame`` reads, and amplitude and phase.
 
     Raises

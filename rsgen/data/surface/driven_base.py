@@ -15,7 +15,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.surface.any_law import AS_GOOD, BETTER, FITS, driven_points, fit_any_law, powers_for
+from rsgen.data.surface.plausibility import AS_GOOD, BETTER, FITS, driven_points, fit_any_law, powers_for
 from rsgen.data.surface.response_surface import ResponseSurface
 
 __all__ = ["base_findings"]

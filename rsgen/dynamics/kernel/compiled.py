@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.dynamics.kernel.generation import generate, parameter_order
-from rsgen.dynamics.kernel.memory_rows import MemoryRows
+from rsgen.dynamics.kernel.generation import MemoryRows, generate, parameter_order
 from rsgen.dynamics.kernel.store import load_kernel
 from rsgen.law.memory import memory_form
 

@@ -8,33 +8,274 @@ leaves errors of the order of 1/H^2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.common.arrays import ComplexArray
+from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation.harmonic_basis import (
-    Array,
-    Basis,
-    basis_of,
-    product,
-    project,
-    to_coefficients,
-    to_harmonics,
-    waveforms,
-)
-from rsgen.dynamics.simulation.memory_balance import MemoryLoops
-from rsgen.dynamics.simulation.point_grid import Progress, in_parts, swept
-from rsgen.dynamics.simulation.virtual_test import SimulatedTest
+from rsgen.dynamics.simulation.virtual_test import Progress, SimulatedTest, in_parts, swept
 from rsgen.dynamics.steady_state import SteadyStates
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.law.memory import memory_form
+from rsgen.law.memory import MemoryForm, memory_form
 
-__all__ = ["balance_grid", "first_order_force", "solve_harmonic_balance"]
+__all__ = [
+    "Array",
+    "Basis",
+    "MemoryLoops",
+    "balance_grid",
+    "basis_of",
+    "first_order_force",
+    "product",
+    "project",
+    "solve_harmonic_balance",
+    "to_coefficients",
+    "to_harmonics",
+    "waveforms",
+]
+
+
+# ----------------------------------------------------------------------------
+# Harmonics and their waveforms for harmonic balance, which shares no motion with identification.
+
+_SAMPLES_A_HARMONIC = 16
+"""Samples of the waveform a harmonic: polynomials to the power 15 are projected without aliasing."""
+_FEWEST_SAMPLES = 256
+"""Samples of the waveform at least: few harmonics see the corners of a law as well."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """Waveforms from coefficients q = (X0, Re X1, -Im X1, Re X2, ...): x = displacement @ q and so on.
+
+    A product g(phase) x has the coefficients M q, where M takes the Fourier coefficients of g at the sums and
+    the differences of the orders: ``same`` and ``sum`` are their places, with a sign each. ``turn`` @ q are
+    the coefficients of the derivative by the phase.
+    """
+
+    displacement: Array
+    velocity: Array
+    order: Array
+    turn: Array
+    same: NDArray[np.intp]
+    sum: NDArray[np.intp]
+    same_sign: Array
+    sum_sign: Array
+
+    @property
+    def samples(self) -> int:
+        """Samples in a period."""
+        return len(self.displacement)
+
+
+@lru_cache(maxsize=8)
+def basis_of(harmonics: int) -> Basis:
+    """The waveforms of so many harmonics, sampled finely enough for the corners of a law."""
+    samples = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
+    shape, rate = waveforms(samples, harmonics)
+    order = np.zeros(2 * harmonics + 1)
+    for h in range(1, harmonics + 1):
+        order[2 * h - 1 : 2 * h + 1] = h
+    turn = np.zeros((len(order), len(order)))
+    for h in range(1, harmonics + 1):
+        turn[2 * h - 1, 2 * h], turn[2 * h, 2 * h - 1] = h, -h
+    is_sine = (np.arange(len(order)) > 0) & (np.arange(len(order)) % 2 == 0)
+    whole = order.astype(np.intp)
+    difference = whole[None, :] - whole[:, None]
+    row, column = is_sine[:, None], is_sine[None, :]
+    mixed = row != column
+    # cos a cos b, sin a sin b: cosines of a - b and a + b; mixed: sines
+    sines = np.where(mixed, 2 * harmonics + 1, 0)
+    same_sign = np.where(mixed, np.sign(difference) * np.where(column, 1, -1), 1)
+    sum_sign = np.where(row & column, -1, 1)
+    half = np.where(whole == 0, 0.5, 1.0)[:, None]
+    return Basis(
+        shape,
+        rate,
+        order,
+        turn,
+        np.abs(difference) + sines,
+        whole[None, :] + whole[:, None] + sines,
+        0.5 * half * same_sign,
+        0.5 * half * sum_sign,
+    )
+
+
+@lru_cache(maxsize=8)
+def waveforms(samples: int, harmonics: int) -> tuple[Array, Array]:
+    """Displacement and velocity over omega of each coefficient (samples, 2H+1)."""
+    phase = 2 * np.pi * np.arange(samples) / samples
+    shape = np.ones((samples, 2 * harmonics + 1))
+    rate = np.zeros((samples, 2 * harmonics + 1))
+    for h in range(1, harmonics + 1):
+        shape[:, 2 * h - 1], shape[:, 2 * h] = np.cos(h * phase), np.sin(h * phase)
+        rate[:, 2 * h - 1], rate[:, 2 * h] = -h * np.sin(h * phase), h * np.cos(h * phase)
+    return shape, rate
+
+
+def project(basis: Basis, waveform: Array) -> Array:
+    """Coefficients (n, 2H+1) of waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : int(basis.order[-1]) + 1] * (2 / basis.samples)
+    return to_coefficients(spectrum / np.where(np.arange(spectrum.shape[1]) == 0, 2, 1))
+
+
+def product(basis: Basis, waveform: Array) -> Array:
+    """Matrices (n, 2H+1, 2H+1) that multiply by waveforms (n, samples)."""
+    spectrum = np.fft.rfft(waveform, axis=1)[:, : 2 * int(basis.order[-1]) + 1] * (2 / basis.samples)
+    parts = np.hstack([spectrum.real, -spectrum.imag])
+    matrix: Array = parts[:, basis.same] * basis.same_sign + parts[:, basis.sum] * basis.sum_sign
+    return matrix
+
+
+def to_harmonics(q: Array) -> ComplexArray:
+    """Harmonics (n, H+1) of coefficients (n, 2H+1)."""
+    return np.hstack([q[:, :1].astype(np.complex128), q[:, 1::2] - 1j * q[:, 2::2]])
+
+
+def to_coefficients(harmonics: ComplexArray) -> Array:
+    """Coefficients (n, 2H+1) of harmonics (n, H+1)."""
+    q = np.empty((len(harmonics), 2 * harmonics.shape[1] - 1))
+    q[:, 0], q[:, 1::2], q[:, 2::2] = harmonics[:, 0].real, harmonics[:, 1:].real, -harmonics[:, 1:].imag
+    return q
+
+
+# ----------------------------------------------------------------------------
+# Closed loops of laws with memory for harmonic balance: an oracle with loops of its own.
+#
+# Nothing is shared with the kernel or with the loops of identification. States are carried along the
+# waveform
+# by the classical method of Runge and Kutta until they repeat; Masing laws follow a stack of reversals,
+# centred
+# between the extremes of the waveform.
+
+_TURNS = 60
+"""Periods after which a state that still changes is taken as it is: what forgets slower hardly settles."""
+
+_FORGETS = 0.98
+"""Share of a change that may be left after a period, for the limit to be foreseen from two of them."""
+
+_CLOSED = 1e-11
+"""Change of the states in a period, of their size, below which a loop has closed."""
+
+_DEEPEST = 12
+"""Reversals of a waveform within its outer loop, at one time: more than harmonics that matter make."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemoryLoops:
+    """Force of a law with memory along one period of n motions."""
+
+    form: MemoryForm
+    force: Numeric
+    rates: Numeric
+    virgins: Numeric
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, oscillator: Oscillator, form: MemoryForm) -> MemoryLoops:
+        """Compile what the loops need."""
+        x, v = symbol("x"), symbol("v")
+        names = tuple(symbol(name) for name in oscillator.parameters)
+        inner = tuple(rate.symbol for rate in form.rates)
+        return cls(
+            form,
+            compiled((form.force,), (x, v, *form.states, *names)),
+            compiled(tuple(rate.rate for rate in form.rates), (x, v, *inner, *names)),
+            compiled(tuple(curve.virgin for curve in form.curves), (x, *names)),
+            tuple(oscillator.values[name] for name in oscillator.parameters),
+        )
+
+    def __call__(self, x: Array, v: Array, lag: Array, omega: Array) -> tuple[Array, Array]:
+        """Force (n, s) [N], and the states with equations at the start of the period (r, n).
+
+        x [m] and v [m/s] (n, 2 s) are two samples for each of the force; lag (n, s) [m] is the displacement a
+        quarter of a period later, and omega (n,) [rad/s].
+        """
+        states = self._states(x, v, omega)
+        place, speed = x[:, ::2], v[:, ::2]
+        moving = [*states, *self._masing(place)] + ([] if self.form.lag is None else [lag])
+        (force,) = self.force(place, speed, *moving, *self.values)
+        return force + 0 * place, np.array([state[:, 0] for state in states])
+
+    def _states(self, x: Array, v: Array, omega: Array) -> Array:
+        """States (r, n, s) along the motion."""
+        samples, count = x.shape[1] // 2, len(self.form.rates)
+        waves = np.zeros((count, len(x), samples))
+        if not count:
+            return waves
+        step = 2 * np.pi / omega / samples
+        x, v = (np.ascontiguousarray(np.hstack([wave, wave[:, :1]]).T) for wave in (x, v))
+
+        def rate(at: int, z: Array) -> Array:
+            return np.array([row + 0 * z[0] for row in self.rates(x[at], v[at], *z, *self.values)])
+
+        z = np.zeros((count, len(omega)))
+        last = np.zeros_like(z)
+        for turn in range(_TURNS):
+            before = z
+            for i in range(samples):
+                waves[:, :, i] = z
+                first = rate(2 * i, z)
+                second = rate(2 * i + 1, z + 0.5 * step * first)
+                third = rate(2 * i + 1, z + 0.5 * step * second)
+                fourth = rate(2 * i + 2, z + step * third)
+                z = z + step / 6 * (first + 2 * second + 2 * third + fourth)
+            if np.all(np.abs(z - before) <= _CLOSED * np.abs(waves).max(axis=2)):
+                break
+            change = z - before
+            # what is forgotten slowly is forgotten geometrically: two turns show the rest
+            share = np.divide(change, last, out=np.ones_like(z), where=np.abs(last) > 0)
+            share[np.abs(share) >= _FORGETS] = 0.0
+            if turn % 3 == 2:
+                z = z + change * share / (1 - share)
+            last = change
+        return waves
+
+    def _masing(self, x: Array) -> list[Array]:
+        """Forces (n, s) of the Masing laws along the motion."""
+        if not self.form.curves:
+            return []
+        rows, samples = x.shape
+        everybody = np.arange(rows)
+        top = np.argmax(x, axis=1)
+        order = (top[:, None] + np.arange(samples)) % samples
+        path = np.take_along_axis(x, order, axis=1)
+
+        def virgin(distance: Array) -> Array:
+            return np.array([n + 0 * distance for n in self.virgins(distance, *self.values)])
+
+        places = np.zeros((rows, _DEEPEST))
+        forces = np.zeros((len(self.form.curves), rows, _DEEPEST))
+        places[:, 0] = path[:, 0]
+        forces[:, :, 0] = virgin(0.5 * np.ptp(path, axis=1))
+        depth, way = np.zeros(rows, dtype=np.intp), -np.ones(rows)
+        now, here = forces[:, :, 0].copy(), path[:, 0].copy()
+        found = np.empty((len(self.form.curves), rows, samples))
+        found[:, :, 0] = now
+        for i in range(1, samples):
+            there = path[:, i]
+            turns = np.flatnonzero((there - here) * way < 0)
+            way[turns] *= -1
+            depth[turns] = np.minimum(depth[turns] + 1, _DEEPEST - 1)
+            places[turns, depth[turns]], forces[:, turns, depth[turns]] = here[turns], now[:, turns]
+            while True:
+                # beyond the reversal before, a loop within the loop has closed
+                closes = np.flatnonzero(depth >= 2)
+                closes = closes[(there[closes] - places[closes, depth[closes] - 1]) * way[closes] > 0]
+                if not len(closes):
+                    break
+                depth[closes] -= 2
+            last = places[everybody, depth]
+            now = forces[:, everybody, depth] + 2 * way * virgin(0.5 * np.abs(there - last))
+            found[:, :, i], here = now, there
+        back = np.empty_like(found)
+        np.put_along_axis(back, np.broadcast_to(order, found.shape), found, axis=2)
+        return list(back)
+
 
 _ITERATIONS = 40
 """Newton steps at most; ten are usual, a step that jumps over a corner needs more."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,23 @@ from numpy.typing import ArrayLike
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import BASE_UNITS, below_acceleration
+from rsgen.dynamics.steady_state import SteadyStates
 from rsgen.dynamics.steady_state.solver import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS
+from rsgen.law.numeric import compile_law
 
-__all__ = ["SimulatedTest", "level_grid"]
+__all__ = [
+    "Progress",
+    "SimulatedTest",
+    "add_noise",
+    "free_mean_fault",
+    "grid_of",
+    "in_parts",
+    "level_grid",
+    "swept",
+]
 
 
 _RESONANT = 0.2
@@ -151,3 +164,99 @@ class SimulatedTest:
             return np.asarray(level, dtype=np.complex128)
         derivatives = below_acceleration(self.base)
         return np.asarray(-mass * (2j * np.pi * frequency) ** derivatives * level)
+
+
+# ----------------------------------------------------------------------------
+# Virtual tests whose mean displacement nothing determines.
+
+
+def free_mean_fault(oscillator: Oscillator, test: SimulatedTest) -> str:
+    """Say why a test cannot be simulated in time for want of a spring; empty where it can."""
+    law = compile_law(oscillator.force)
+    if test.method != "time" or not law.mean_free:
+        return ""
+    return (
+        "no spring holds the mean displacement: the law depends on x through its memory only, so that the "
+        "mass drifts and stays where the start left it; a spring beside the loop, however soft, is needed, "
+        'or method = "harmonic-balance", which keeps the mean at zero'
+    )
+
+
+# ----------------------------------------------------------------------------
+# The grid of a virtual test: in parts, or frequency by frequency as a sweep passes them.
+
+States = TypeVar("States", bound=SteadyStates)
+Progress = Callable[[float], None] | None
+"""Called with the share that is done, from 0 to 1."""
+
+_PART = 65536
+"""Points between two reports of the progress: a second or so."""
+
+
+def grid_of(test: SimulatedTest) -> tuple[Array, Array]:
+    """Level and frequency (n,) of every point, level by level."""
+    return np.repeat(test.level, len(test.frequency)), np.tile(test.frequency, len(test.level))
+
+
+def in_parts(solve: Callable[[Array, Array], States], test: SimulatedTest, progress: Progress) -> States:
+    """Solve the grid part by part, by ``solve(levels, frequencies)``."""
+    level, frequency = grid_of(test)
+    parts = []
+    for low in range(0, len(level), _PART):
+        part = slice(low, low + _PART)
+        parts.append(solve(level[part], frequency[part]))
+        if progress is not None:
+            progress(min(low + _PART, len(level)) / len(level))
+    return type(parts[0]).joined(parts)
+
+
+def swept(
+    solve: Callable[[Array, SteadyStates | None], SteadyStates], test: SimulatedTest, progress: Progress
+) -> SteadyStates:
+    """Solve the grid frequency by frequency in the order of the sweep, all levels at once.
+
+    ``solve(frequency, last)`` takes the frequency (levels,) and the states at the one before, None at first.
+    """
+    order = np.argsort(test.frequency)[:: 1 if test.sweep == "up" else -1]
+    parts: list[SteadyStates] = []
+    for column in order:
+        frequency = np.full(len(test.level), test.frequency[column])
+        parts.append(solve(frequency, parts[-1] if parts else None))
+        if progress is not None:
+            progress(len(parts) / len(order))
+    # the parts are in the order of the sweep, the grid is level by level
+    rank, levels = np.argsort(order), len(test.level)
+    return SteadyStates.joined(parts, (rank[None, :] * levels + np.arange(levels)[:, None]).ravel())
+
+
+# ----------------------------------------------------------------------------
+# Measurement noise of a virtual test.
+
+
+def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseSurface:
+    """Add complex Gaussian noise to force and response, independent of each other.
+
+    The standard deviation of the complex noise is ``relative`` |F| on the force and ``relative`` |X1| on
+    every harmonic: real and imaginary part have 1/sqrt(2) of it each, and so have the mean and the peaks,
+    which are real. The same seed gives the same noise; zero leaves the surface as it is.
+    """
+    if relative == 0:
+        return surface
+    # separate streams: another number of harmonics does not change the noise of the force
+    of_force, of_harmonics, of_peak = (np.random.default_rng([seed, stream]) for stream in range(3))
+    deviation = relative / np.sqrt(2)
+    F, X = np.abs(surface.force), surface.amplitude
+
+    def complex_noise(generator: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+        # point by point: more points do not change the noise of the first ones
+        parts = generator.standard_normal((*shape, 2))
+        return np.asarray(parts[..., 0] + 1j * parts[..., 1])
+
+    on_harmonics = complex_noise(of_harmonics, surface.harmonics.shape)
+    on_harmonics[:, 0] = on_harmonics[:, 0].real
+    return replace(
+        surface,
+        force=surface.force + deviation * F * complex_noise(of_force, F.shape),
+        harmonics=surface.harmonics + deviation * X[:, None] * on_harmonics,
+        peak=surface.peak + deviation * X[:, None] * of_peak.standard_normal(surface.peak.shape),
+    )

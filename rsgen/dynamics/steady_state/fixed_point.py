@@ -2,15 +2,198 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.dynamics.steady_state.period_map import Indices, PeriodMap
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.kernel import Integrated, Kernel
+from rsgen.dynamics.steady_state.loop_memory import LoopMemory, Stiffness
+from rsgen.formula import symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.law.memory import memory_form, real_powers
+from rsgen.law.pieces import normal_form_at
 
-__all__ = ["FixedPoints", "attraction", "correction", "find_fixed_points", "jacobians", "norm", "times"]
+__all__ = [
+    "FixedPoints",
+    "PeriodMap",
+    "Sticking",
+    "attraction",
+    "correction",
+    "find_fixed_points",
+    "jacobians",
+    "norm",
+    "times",
+]
+
+
+# ----------------------------------------------------------------------------
+# Motions under Masing laws in which nothing slips any more: there the law is straight, and its offset
+# exact.
+#
+# After the last slip a slider is a spring about the place where it stopped. The loops of a transient that
+# decays or beats about it have no area and no fixed middle, so that their steady state is looked for with
+# the
+# memory as the transient left it.
+
+_STRAIGHT = 1e-12
+"""Departure from a straight line, relative, that is rounding."""
+
+_PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+"""Where a beginning is compared with a straight line, in parts of its length: a curve differs somewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sticking:
+    """Straight beginning of a virgin curve: its slope [N/m], and the displacement [m] at which it ends."""
+
+    slope: float
+    reach: float
+
+    @classmethod
+    def of(cls, oscillator: Oscillator) -> Sticking | None:
+        """Find the beginning of the only virgin curve; None where there is none or more, or it is bent."""
+        memory = memory_form(oscillator.force)
+        if memory is None or len(memory.curves) != 1:
+            return None
+        virgin = memory.curves[0].virgin
+        reach = _first_corner(virgin, oscillator)
+        if not np.isfinite(reach):
+            return None
+        names = oscillator.parameters
+        force = compiled((virgin,), (symbol("x"), *map(symbol, names)))
+        values = [oscillator.values[name] for name in names]
+        end, *between = force(reach * np.append(1.0, _PLACES), *values)[0]
+        straight = end > 0 and np.abs(between - _PLACES * end).max() < _STRAIGHT * end
+        return cls(end / reach, reach) if straight else None
+
+    def reaches(self, middle: Array, top: Array, bottom: Array) -> NDArray[np.bool_]:
+        """(k,) whether nothing slips between bottom and top (k,) [m] about the places ``middle`` (k,)."""
+        return np.asarray((top < middle + self.reach) & (bottom > middle - self.reach))
+
+
+def _first_corner(virgin: sympy.Expr, oscillator: Oscillator) -> float:
+    """Displacement [m] of the first corner of a virgin curve; infinite where it has none."""
+    switches = normal_form_at(real_powers(virgin), oscillator.values).switches
+    places = tuple(switch.threshold for switch in switches if switch.threshold is not None)
+    names = oscillator.parameters
+    found = compiled(places, tuple(map(symbol, names)))(*(oscillator.values[name] for name in names))
+    return min((float(place) for place in found if place > 0), default=np.inf)
+
+
+# ----------------------------------------------------------------------------
+# The period map: where a state is after one period of the force. Its fixed points are the steady states.
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PeriodMap:
+    """The period maps of n test points of one oscillator.
+
+    States are y = (x, v/omega) [m], so that both parts weigh the same, followed for a law with memory by its
+    states over ``units``, (D,) or None, and by the loop of its Masing laws: k of them are an array (D, k).
+    ``force`` (n, 2) holds the real and imaginary part of F [N].
+
+    ``memory`` is what else the points remember. A transient goes on with it and changes it. Fixed points
+    are those of the closed loop alone, whose force after a reversal follows from the reversal before and not
+    from the whole history: with the history the offset of a loop is arbitrary (eigenvalue one), alone it is
+    the one that the transient has left.
+    """
+
+    kernel: Kernel
+    mass: float
+    values: Array
+    force: Array
+    omega: Array
+    units: Array | None = None
+    memory: LoopMemory | None = None
+    stiffness: Stiffness | None = None
+    sticking: Sticking | None = None
+
+    def of(self, points: Indices) -> PeriodMap:
+        """The maps of some of the points."""
+        return replace(
+            self,
+            force=self.force[points],
+            omega=self.omega[points],
+            memory=None if self.memory is None else self.memory.of(points),
+        )
+
+    def scale(self) -> Array:
+        """(n,) displacement [m] below which a motion is none at all: a millionth of |F| / (m omega^2)."""
+        return np.asarray(1e-6 * np.hypot(*self.force.T) / (self.mass * self.omega**2))
+
+    def carry(
+        self,
+        points: Indices,
+        y: Array,
+        steps: NDArray[np.int64],
+        periods: int,
+        harmonics: int | None = None,
+        *,
+        peaks: bool = False,
+        transient: bool = False,
+    ) -> Integrated:
+        """Carry states over periods; a transient takes its memory along.
+
+        ``points`` and ``steps`` (k,) say what belongs to the columns of ``y``: (D, k), or (D, r k) with the
+        points r times in a row.
+        """
+        several = y.shape[1] // max(len(points), 1)
+        if several > 1:
+            points = np.concatenate([points] * several)
+        if len(steps) and (steps == steps[0]).all():
+            return self._integrate(points, y, int(steps[0]), periods, harmonics, peaks, transient)
+        if several > 1:
+            steps = np.concatenate([steps] * several)
+        k, columns = len(points), 0 if harmonics is None else harmonics + 1
+        whole = Integrated(
+            np.empty((len(y), k)),
+            np.empty((2, len(y), k)),
+            np.empty((k, columns), np.complex128),
+            np.empty((k if peaks else 0, 2)),
+        )
+        for kind in sorted(set(steps.tolist())):
+            mine = np.flatnonzero(steps == kind)
+            part = self._integrate(points[mine], y[:, mine], kind, periods, harmonics, peaks, transient)
+            whole.state[:, mine], whole.history[:, :, mine] = part.state, part.history
+            whole.harmonics[mine] = part.harmonics
+            if peaks:
+                whole.peak[mine] = part.peak
+        return whole
+
+    def _integrate(
+        self,
+        points: Indices,
+        y: Array,
+        steps: int,
+        periods: int,
+        harmonics: int | None,
+        peaks: bool,
+        transient: bool,
+    ) -> Integrated:
+        size = len(y)
+        if self.units is not None:
+            y = y * self.units[:size, None]
+        if self.memory is not None:
+            y = self.memory.joined(points, y, transient=transient)
+        moved = self.kernel.integrate(
+            points, y, self.force, self.omega, self.mass, self.values,
+            steps=steps, periods=periods, harmonics=harmonics, peaks=peaks,
+        )  # fmt: skip
+        if self.memory is not None:
+            if transient:
+                self.memory.keep(points, moved.state)
+            moved = replace(moved, state=moved.state[:size], history=moved.history[:, :size])
+        if self.units is not None:
+            moved.state[:] /= self.units[:size, None]
+            moved.history[:] /= self.units[:size, None]
+        return moved
+
 
 _OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
 _ITERATIONS = 6  # Newton steps; a start that needs more is not near a fixed point

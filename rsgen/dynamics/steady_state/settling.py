@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.dynamics.steady_state.fixed_point import (
     FixedPoints,
+    Indices,
+    PeriodMap,
     attraction,
     find_fixed_points,
     jacobians,
@@ -22,8 +24,7 @@ from rsgen.dynamics.steady_state.fixed_point import (
     times,
 )
 from rsgen.dynamics.steady_state.loop_memory import HeldMemory, LoopMemory
-from rsgen.dynamics.steady_state.period_map import Indices, PeriodMap
-from rsgen.dynamics.steady_state.step_grid import grid_above
+from rsgen.dynamics.steady_state.solution import grid_above
 
 __all__ = ["COARSE", "DIVERGED", "PERIOD_TWO", "SETTLED", "UNSETTLED", "Settling", "settle"]
 

@@ -11,7 +11,19 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 
-__all__ = ["SteadyStates"]
+__all__ = ["SteadyStates", "grid_above"]
+
+
+# ----------------------------------------------------------------------------
+# Numbers of steps in a period on offer: few different ones fill the batches.
+
+_GRID = np.array([24 * 2**k for k in range(10)] + [32 * 2**k for k in range(10)])
+_GRID.sort()
+
+
+def grid_above(wanted: float | Array) -> NDArray[np.int64]:
+    """The next number of steps on offer."""
+    return np.asarray(_GRID[np.minimum(np.searchsorted(_GRID, wanted), len(_GRID) - 1)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

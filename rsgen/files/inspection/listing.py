@@ -17,21 +17,19 @@ from rsgen.files.data_files import file_label, open_text, recognise_format
 from rsgen.files.inspection.clues import unit_for
 from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
-from rsgen.files.text_cells import (
-    MISSING,
-    automatic_delimiter,
-    is_of_words,
-    number_in,
-    split_cells,
-)
 from rsgen.files.text_columns import (
     MAX_COLUMNS,
+    MISSING,
     REMARKS,
     Columns,
+    TextLines,
+    automatic_delimiter,
     column_names,
+    is_of_words,
+    number_in,
     read_columns,
+    split_cells,
 )
-from rsgen.files.text_lines import TextLines
 from rsgen.files.tree import Contents, Entry, facts
 
 __all__ = ["list_contents"]

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.common.first_use import on_first_use
-from rsgen.formula.units.dimension import Dimension
 from rsgen.formula.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
-from rsgen.formula.units.unit_text import read_unit
+from rsgen.formula.units.unit_text import Dimension, read_unit
 
 if TYPE_CHECKING:
     from rsgen.formula.units.deduction import parameter_units, per_mass_unit, unit_faults

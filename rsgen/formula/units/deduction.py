@@ -10,8 +10,7 @@ import sympy
 
 from rsgen.common.errors import RsgenError
 from rsgen.formula.memory import Masing, State, Structural
-from rsgen.formula.units.dimension import FORCE, NUMBER, Dimension
-from rsgen.formula.units.unit_text import read_unit
+from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
 
 __all__ = ["parameter_units", "per_mass_unit", "unit_faults"]
 

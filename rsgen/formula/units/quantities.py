@@ -7,8 +7,7 @@ import re
 from fractions import Fraction
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula.units.dimension import NUMBER, Dimension
-from rsgen.formula.units.unit_text import read_unit
+from rsgen.formula.units.unit_text import NUMBER, Dimension, read_unit
 
 __all__ = ["quantity", "sensor_factor", "sensor_unit", "unit_of"]
 

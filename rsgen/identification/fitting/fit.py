@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
-from rsgen.identification.fitting.across import MeasuredAcross
+from rsgen.identification.fitting.across import MeasuredAcross, pull_of_noise
 from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.forward import HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, fit
-from rsgen.identification.fitting.noise_across import pull_of_noise
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.simulator import Simulator
-from rsgen.identification.fitting.systematic import is_systematic
 from rsgen.law.motion import Motion, sine_motion
 
 __all__ = ["RESOLUTION", "Fit", "Solution", "fit_balance", "fit_simulator"]

@@ -25,9 +25,9 @@ from rsgen.identification.lines.line_fit import (
     fit_lines,
     parts_of_band,
     relative_to_force,
+    start_values,
     times_noise,
 )
-from rsgen.identification.lines.line_start import start_values
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.results.estimates import (
     NOT_ZERO,
@@ -37,7 +37,7 @@ from rsgen.identification.results.estimates import (
     units_of,
     with_combinations,
 )
-from rsgen.law.interchangeable import put_in_order
+from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw, compile_law
 

@@ -26,9 +26,9 @@ from rsgen.common.tolerances import ROUND_OFF, TAIL, TO_REST, TRIAL_STEPS
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
 from rsgen.data.multisine.steady import OVERSAMPLED
-from rsgen.law.force_sample import ForceSample
 from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
+from rsgen.law.switched_sum import ForceSample
 
 __all__ = ["Balance", "Lines", "NoiseOfBalance", "lines_of"]
 

@@ -12,15 +12,18 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import BRANCH
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
+from rsgen.describing import derive
+from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal import ModalTable
-from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
-from rsgen.identification.prediction.known_oscillator import as_identification
-from rsgen.identification.prediction.measured_across import acts_across, respond_across
-from rsgen.identification.prediction.modal_synthesis import SynthesisBalance, table_as_identification
+from rsgen.identification.prediction.amplitude_balance import (
+    AmplitudeBalance,
+    SynthesisBalance,
+    table_as_identification,
+)
 from rsgen.identification.prediction.multisine import predict_multisine
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
@@ -29,9 +32,140 @@ from rsgen.identification.prediction.prediction_result import (
     ResonanceCurve,
     severity_of_error,
 )
-from rsgen.identification.results import Identification
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification
+from rsgen.law.motion import Motion
 
-__all__ = ["judge_held_out", "predict"]
+__all__ = ["acts_across", "as_identification", "judge_held_out", "predict", "respond_across"]
+
+
+# ----------------------------------------------------------------------------
+# Responses of a law across two sensors: only where the motion across was measured with the response.
+
+_RANGE = (0.1, 10.0)
+"""Amplitudes that are tried, relative to the measured one: an error of that size predicts nothing."""
+
+_TRIED = 120
+"""Amplitudes in that range: four per cent apart, closer than the branches of a jump lie."""
+
+_NEAR = np.linspace(0.9, 1.1, 201)
+"""Amplitudes near the measured one, a thousandth apart: two states that lie closer are one measurement."""
+
+_HALVINGS = 40
+"""Of an interval of four per cent: to round-off."""
+
+
+def acts_across(identification: Identification) -> str:
+    """Between which sensors elements of the law act, "" where all follow the response."""
+    return next((element.across for element in identification.model.elements if element.across), "")
+
+
+def respond_across(identification: Identification, surface: ResponseSurface) -> ComplexArray:
+    """(n,) predicted fundamental [m] under the measured force.
+
+    The motion across goes with the response as it was measured at the same point. Of several amplitudes that
+    the force holds the one nearest to the measured one is taken; NaN where there is none.
+    """
+    if surface.across is None or not len(surface):
+        return np.full(len(surface), np.nan, dtype=complex)
+    response, across = np.nan_to_num(surface.harmonics), np.nan_to_num(surface.across)
+    law = law_of(identification.model.elements, across=True)
+    forward = MeasuredAcross(
+        law, Motion(surface.omega, response), Motion(surface.omega, across), mass_free=False
+    )
+    values, measured, level = np.array(identification.solution), np.abs(response[:, 1]), np.abs(surface.force)
+
+    def excess(size: Array) -> Array:
+        return np.asarray(np.abs(forward(values, identification.mass, size).force) - level)
+
+    sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
+    table = np.array([excess(share * measured) for share in sizes])
+    crossed = (table[:-1] < 0) != (table[1:] < 0)
+    distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
+    row = np.argmin(distance, axis=0)
+    upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
+    low, high = sizes[row] * measured, sizes[row + 1] * measured
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        above = (excess(middle) >= 0) == upward
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    force = forward(values, identification.mass, high).force
+    found = high * np.exp(1j * (np.angle(surface.force) - np.angle(force)))
+    return np.where(np.isfinite(distance.min(axis=0)), found, np.nan)
+
+
+# ----------------------------------------------------------------------------
+# An oscillator with known values as an identification without any error, so that it can be predicted.
+
+_SIZES = np.geomspace(1e-12, 1e3, 601)
+"""Amplitudes [m] among which the resonances of an oscillator are sought: from atoms to any structure."""
+
+_ROUNDS = 4
+"""Damping may depend on the frequency, and the frequency on stiffness alone: few rounds settle both."""
+
+_FLANK = 1e-2
+"""The flanks of a resonance are drawn down to this share of its amplitude."""
+
+_HALF_WIDTHS = 8.0
+"""Half widths around the resonances of an oscillator; there the amplitude is an eighth of the largest."""
+
+_LEAST_AROUND = 0.1
+"""At least this share of the frequency is drawn on both sides."""
+
+
+def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
+    """Give an oscillator as an identification without any error, over the amplitudes of its resonances."""
+    values = oscillator.values
+    estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
+    amplitudes, frequencies = _resonant_ranges(oscillator, levels)
+    none = np.zeros(0)
+    return Identification(
+        model=Model(oscillator.elements, oscillator.mass),
+        paper=(),
+        first_order=(),
+        refined=estimates,
+        first_order_bias=(),
+        covariance=np.zeros((len(values), len(values))),
+        resonances=(),
+        curve=EquivalentCurve(none, none, none, none, none, none.astype(bool)),
+        residual=0.0,
+        noise=0.0,
+        levels=np.array(levels),
+        amplitude_range=amplitudes,
+        frequency_range=frequencies,
+        outcome=Finding("values-given", "info"),
+    )
+
+
+def _resonant_ranges(
+    oscillator: Oscillator, levels: Sequence[float]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Amplitudes [m] and frequencies [Hz] of the resonances of the levels, to first order."""
+    function = derive(oscillator.force)
+    omega = np.ones_like(_SIZES)
+    for _ in range(_ROUNDS):
+        with np.errstate(all="ignore"):
+            first = function.evaluate(_SIZES, omega, oscillator.values)
+            stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
+            omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
+            omega = np.where(np.isfinite(omega), omega, 1.0)
+    with np.errstate(all="ignore"):
+        force = damping * omega * _SIZES
+    known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
+    reached = known & (force <= max(levels))
+    if reached[known][-1:].all():
+        raise RsgenError(
+            f"predict: the resonance under {max(levels):g} N has no end; the law needs damping, and a "
+            "stiffness that stays positive"
+        )
+    largest = float(_SIZES[reached][-1]) if reached.any() else float(_SIZES[known][0])
+    small = known & (force <= min(levels))
+    smallest = float(_SIZES[small][-1]) if small.any() else largest
+    chosen = known & (largest >= _SIZES) & (smallest * _FLANK <= _SIZES)
+    width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
+    low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
+    around = max(_HALF_WIDTHS * width, _LEAST_AROUND * high)
+    ends = (max(low - around, _LEAST_AROUND * low), high + around)
+    return (smallest * _FLANK, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
 
 
 _POINTS = 161

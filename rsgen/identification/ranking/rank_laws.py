@@ -24,11 +24,9 @@ from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.observed import Observed
-from rsgen.identification.fitting.phase_resonance import at_resonance_alone
-from rsgen.identification.fitting.points import Points, per_unit_mass, select_points
+from rsgen.identification.fitting.points import Points, at_resonance_alone, per_unit_mass, select_points
 from rsgen.identification.fitting.problem import Problem
-from rsgen.identification.ranking.balance import Rows
-from rsgen.identification.ranking.competitors import Entries, competitors, start_guess
+from rsgen.identification.ranking.balance import Rows, Term, base_law
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.identification.ranking.ranking_result import OWN, Candidate, Ranking
 from rsgen.identification.ranking.reference import (
@@ -38,7 +36,7 @@ from rsgen.identification.ranking.reference import (
     neighbour_noise,
     outlying,
 )
-from rsgen.identification.ranking.sums import Term, base_law
+from rsgen.identification.ranking.selection import Entries, competitors, start_guess
 from rsgen.identification.ranking.verdict import implausible, is_same, judge
 from rsgen.identification.results import Identification
 from rsgen.identification.starting.start import start_fit

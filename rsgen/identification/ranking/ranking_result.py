@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
-from rsgen.common.verdict import Verdict, reach_verdict
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify

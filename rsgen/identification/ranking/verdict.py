@@ -13,11 +13,10 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE, SIGNIFICANT
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.ranking.balance import Rows
+from rsgen.identification.ranking.balance import Rows, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess
 from rsgen.identification.ranking.ranking_result import Candidate
 from rsgen.identification.ranking.reference import neighbour_noise, outlying
-from rsgen.identification.ranking.sums import library_terms, terms_of
 from rsgen.identification.results.estimates import phase_findings
 from rsgen.law.numeric import compile_law
 

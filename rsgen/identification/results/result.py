@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import frozen_array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
-from rsgen.common.verdict import Verdict, reach_verdict
 from rsgen.data.oscillator import Model
 from rsgen.formula.units import per_mass_unit
 from rsgen.identification.fitting.observed import Shape, shape_of

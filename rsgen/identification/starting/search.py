@@ -12,10 +12,9 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
-from rsgen.identification.fitting.scaled_columns import solve_scaled
+from rsgen.identification.fitting.least_squares import solve_scaled
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
-from rsgen.law.natural_sizes import DECADES, natural_sizes
-from rsgen.law.numeric import ForceLaw
+from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
 __all__ = ["search_nonlinear"]
 

@@ -7,12 +7,16 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 from __future__ import annotations
 
 from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text, unit_text
-from rsgen.report.figures.curves import draw_collapse, draw_damping, draw_resonance, draw_stiffness
+from rsgen.report.figures.curves import (
+    draw_collapse,
+    draw_damping,
+    draw_modal,
+    draw_resonance,
+    draw_stiffness,
+)
 from rsgen.report.figures.drawing import STYLE, Drawing
-from rsgen.report.figures.forces import draw_forces, force_function
 from rsgen.report.figures.law_figure import draw_derivation
-from rsgen.report.figures.loops import draw_energy, draw_loops
-from rsgen.report.figures.modal import draw_modal
+from rsgen.report.figures.loops import draw_energy, draw_forces, draw_loops, force_function
 from rsgen.report.figures.multisine import draw_best_linear, draw_line_misfit, draw_predicted_record
 from rsgen.report.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.report.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history

@@ -10,14 +10,8 @@ from __future__ import annotations
 from rsgen.report.wording import (  # noqa: F401
     identification_sentences,
     law_sentences,
-    modal_sentences,
     multisine_sentences,
-    phase_sentences,
-    plausibility_sentences,
-    prediction_sentences,
-    ranking_sentences,
     surface_sentences,
-    verdict_sentences,
 )
 from rsgen.report.wording.sentences import CODES, NEXT_STEPS, full_sentence, next_step, sentence
 

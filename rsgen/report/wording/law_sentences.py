@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rsgen.common.finding import Finding
 from rsgen.formula.units.scale import number_text, quantity_text
-from rsgen.report.wording.sentences import say_plainly, says
+from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
+
+__all__ = []
+
 
 say_plainly(
     {
@@ -152,3 +157,191 @@ def _(found: Finding) -> str:
         "on the positive side is about (negative peak / positive peak)² = "
         f"{found['stiffness_ratio']:.3g} times that on the negative side"
     )
+
+
+# ----------------------------------------------------------------------------
+# Sentences about predictions.
+
+say_plainly(
+    {
+        "curve-extrapolated": (
+            "the curve of {level:.3q} leaves the tested amplitudes ({low:.3q} to {high:.3q}): nothing is "
+            "known of the law there"
+        ),
+        "curves-need-mass": (
+            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
+            "resonance both depend on it"
+        ),
+        "no-steady-state": "no steady state in the tested frequencies under {level:.3q}",
+        "held-out-points-missing": (
+            "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
+            "predicted steady state near the measured one"
+        ),
+        "held-out-by-label": (
+            "hold_out = {label:g} is the label of the level of {level:.3q}, which is held out; the level at "
+            "which {label:g} was measured is not"
+        ),
+        "held-out-missed": (
+            "the held-out level {level:.3q} (sweep {sweep}) is predicted with an error of {error:.0%}, "
+            "against a misfit of {misfit:.2p} where the law was fitted"
+        ),
+    }
+)
+
+NEXT_STEPS["held-out-missed"] = (
+    "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
+    "fewer levels."
+)
+
+
+# ----------------------------------------------------------------------------
+# Sentences about rankings.
+
+_LISTED = 5
+"""Names in a list; the others are counted."""
+
+
+def _percent(share: float) -> str:
+    return f"{share:.1%}" if share < 1 else "more than 100 %"
+
+
+def _joined(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _listed(laws: str) -> str:
+    names = laws.split("; ")
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _between(low: float, high: float, unit: str) -> str:
+    one, two = number_text(low, 4), number_text(high, 4)
+    return f"near {one} {unit}" if one == two else f"between {one} and {two} {unit}"
+
+
+say_plainly(
+    {
+        "mass-negative": (
+            "the mass comes out negative ({mass:.3g} kg): is the sense of the phase right, and the sign of "
+            "the sensor?"
+        ),
+        "structure-feeds-exciter": (
+            "the structure would feed energy into the exciter: is the sense of the phase right, and the "
+            "sign of the sensor?"
+        ),
+        "law-nearest": "{law} comes nearest, with a noise of {noise:.2g} at {points:g} points",
+        "law-nearest-unproved": (
+            "{law} comes nearest; the frequencies are too far apart to tell noise from misfit, so that it is "
+            "not known whether it fits"
+        ),
+        "laws-equal": "{law} beside a linear spring is the same law as {same}",
+        "ranking-points-aside": "{aside:g} of {points:g} points are set aside: no candidate explains them",
+        "ranking-few-points": (
+            "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
+        ),
+        "law-at-limit": (
+            "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
+            "true law may be another"
+        ),
+        "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
+        "phase-turned": (
+            "with this law the phase of the force has to be turned by {phase:.3q}: that is a wrong sign or "
+            "phase sense of a sensor, not a background"
+        ),
+        "ranking-one-level": "one level only: other levels would separate more laws",
+    }
+)
+
+NEXT_STEPS.update(
+    {
+        "mass-negative": (
+            "Check the sense of the phase and the sign of the sensor; or give the mass in the case, where it "
+            "is known."
+        ),
+        "no-law-fits": (
+            "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
+            "restoring forces show."
+        ),
+        "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
+        "damping-feeds-energy": (
+            "Take the term out, or rank with the dampers that you expect alone, and check the background; if "
+            "energy is fed by design, write the term with its sign, as in -c*v."
+        ),
+        "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
+        "phase-turned": "Check the sign of the sensor and the sense of the phase, then fit the background.",
+        "law-unconfirmed": (
+            "Identify the law that you expect, and those near the top of the table, one by one, and take the "
+            "one that leaves least."
+        ),
+        "levels-predicted-worse": (
+            "Test more levels between those that there are, or take the law that predicts levels best."
+        ),
+        "ranking-points-aside": (
+            "Look where the points set aside lie: if they are one run or one end of the band, it is no "
+            "accident."
+        ),
+    }
+)
+
+
+@says("no-law-fits")
+def _(f: Finding) -> str:
+    return (
+        f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
+        "and response unexplained (noise, judged by how much neighbouring points differ: "
+        f"{_percent(f['noise'])}); all candidates assume one mode: a hysteresis "
+        "that is none of theirs, a second mode, a background or a drift would leave this"
+    )
+
+
+@says("misfit-place")
+def _(f: Finding) -> str:
+    orders = [name for name in f.numbers if name.startswith("harmonic ")]
+    named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
+    parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in orders]
+    text = f"it is unexplained in the {_joined(parts or ['response'])}"
+    if "frequency from" in f.numbers:
+        text += f", mostly {_between(f['frequency from'], f['frequency to'], 'Hz')}"
+    if "amplitude from" in f.numbers:
+        text += f", at amplitudes {_between(f['amplitude from'], f['amplitude to'], 'm')}"
+    return text
+
+
+@says("law-fits-best")
+def _(f: Finding) -> str:
+    small = f["noise"] <= f["least"]
+    size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
+    return f"{f.names['law']} fits best: what it leaves unexplained at {f['points']:g} points {size}"
+
+
+@says("laws-not-separated")
+def _(f: Finding) -> str:
+    return f"this test does not separate it from: {_listed(f.names['laws'])}"
+
+
+@says("laws-add-nothing")
+def _(f: Finding) -> str:
+    return f"these contain it and fit no better: {_listed(f.names['laws'])}"
+
+
+@says("law-unconfirmed")
+def _(f: Finding) -> str:
+    return (
+        f"{f.names['law']} does not follow the test by itself: fitted along its own motions it misses force "
+        f"and response by {_percent(f['misfit'])}, in the ranking by {_percent(f['expected'])}"
+    )
+
+
+@says("levels-predicted-worse")
+def _(f: Finding) -> str:
+    return (
+        f"a level predicted from the others is off by {_percent(f['predicted'])}, but only by "
+        f"{_percent(f['fitted'])} when it is fitted with them: some values rest on a single level, or the "
+        "law is too flexible"
+    )
+
+
+@says("other-law-predicts-better")
+def _(f: Finding) -> str:
+    return f"{f.names['law']} predicts levels better: off by {_percent(f['predicted'])}"
