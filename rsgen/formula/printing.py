@@ -14,7 +14,7 @@ from typing import ClassVar
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.memory import Masing, State, Structural
+from rsgen.formula.memory_terms import Masing, State, Structural
 from rsgen.formula.names import STATES, free_symbols, shown, symbol
 from rsgen.formula.scanning import DIGITS
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.memory import Inner
+from rsgen.formula.memory_terms import Inner
 from rsgen.formula.names import STATE_V, STATE_X
 
 __all__ = [

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 import rsgen
-from rsgen.formula.memory import remembers
+from rsgen.formula.memory_terms import remembers
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.ranking.balance import library_terms
 from tests.conftest import FEW

@@ -16,7 +16,7 @@ SDyPy family has them.
 from __future__ import annotations
 
 from rsgen.data.history.decay import FreeDecay, follow_decay, from_free_decay
-from rsgen.data.history.multisine import from_multisine
+from rsgen.data.history.multisine_records import from_multisine
 from rsgen.data.history.record import TimeHistory, record_findings
 from rsgen.data.history.sep5 import from_sep5, to_sep5
 from rsgen.data.history.stepped_sine import from_stepped_sine

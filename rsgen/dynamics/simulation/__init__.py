@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rsgen.dynamics.simulation.multisine import MultisineTest
 from rsgen.dynamics.simulation.simulate import simulate
+from rsgen.dynamics.simulation.virtual_multisine import MultisineTest
 from rsgen.dynamics.simulation.virtual_test import SimulatedTest
 
 __all__ = ["MultisineTest", "SimulatedTest", "simulate"]

@@ -17,7 +17,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.simulation.harmonic_balance import balance_grid, first_order_force
-from rsgen.dynamics.simulation.multisine import MultisineTest, simulate_multisine
+from rsgen.dynamics.simulation.virtual_multisine import MultisineTest, simulate_multisine
 from rsgen.dynamics.simulation.virtual_test import (
     Progress,
     SimulatedTest,

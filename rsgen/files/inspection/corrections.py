@@ -12,7 +12,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import NOTICEABLE
 from rsgen.data.history import TimeHistory
-from rsgen.data.history.multisine import find_period
+from rsgen.data.history.multisine_records import find_period
 from rsgen.data.history.record import kind_of_force
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import QUANTITIES

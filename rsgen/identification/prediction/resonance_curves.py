@@ -24,7 +24,7 @@ from rsgen.identification.prediction.amplitude_balance import (
     SynthesisBalance,
     table_as_identification,
 )
-from rsgen.identification.prediction.multisine import predict_multisine
+from rsgen.identification.prediction.multisine_prediction import predict_multisine
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
     HeldOutLevel,

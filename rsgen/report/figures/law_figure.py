@@ -13,7 +13,7 @@ from rsgen.common.arrays import Array
 from rsgen.describing import DescribingFunction
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory import Inner
+from rsgen.formula.memory_terms import Inner
 from rsgen.formula.units.scale import choose_scale, number_text, quantity_text
 from rsgen.law.notation import readable
 from rsgen.law.pieces import normal_form

@@ -14,12 +14,13 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import BestLinear
 from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
-from rsgen.identification.prediction.multisine import MultisinePrediction, PredictedRecord
+from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, PredictedRecord
 from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours
 
 __all__ = ["draw_best_linear", "draw_line_misfit", "draw_predicted_record"]
+
 
 _PALE: dict[str, Any] = {"lw": 0.7, "alpha": 0.75}
 _FLOOR = 1e-7

@@ -21,6 +21,7 @@ from rsgen.law.numeric import ForceLaw, compile_law
 
 __all__ = ["MultisineTest", "simulate_multisine"]
 
+
 _EXACT = 1e-9
 """Relative change of the recorded lines at which more lines of the motion no longer matter: a smooth law."""
 _SWITCHED = 1e-5
