@@ -26,6 +26,7 @@ import numpy as np
 import rsgen
 from benchmarks import tampered_measurements as measured
 from rsgen.common.output import write_atomic
+from rsgen.data.oscillator import Model
 from rsgen.dynamics.simulation.virtual_test import add_noise
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.verdict import laboratory
@@ -157,7 +158,7 @@ def _measured(name: str) -> Callable[[], tuple[rsgen.ResponseSurface, object]]:
 
 
 def _oracle(make: Callable[[], rsgen.ResponseSurface], law: str) -> Callable[[], tuple[object, object]]:
-    return lambda: (add_noise(make(), laboratory.NOISE, 1), rsgen.Model(law))
+    return lambda: (add_noise(make(), laboratory.NOISE, 1), Model(law))
 
 
 POLYNOMIAL = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v)"

@@ -16,7 +16,7 @@ The whole program::
 and with a case file, which holds test, law, and, of a virtual test, the truth::
 
     case           = rs.load_case("cases/cubic.toml")
-    surface        = rs.simulate(case.oscillator, case.test)       # or rs.read_measurement(case.test)
+    surface        = rs.simulate(case.oscillator, case.test)       # or rs.read(case)
     identification = rs.identify(surface, case.model)              # laws without values: truth cannot leak
     comparison     = rs.compare(identification, case.truth, case.accept)
     rs.write_report("reports/cubic", case, surface, identification, comparison)
@@ -26,31 +26,30 @@ Names are imported when they are first used, so that ``import rsgen`` and ``rsge
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsgen import figures, history
     from rsgen.analysis.comparison import Comparison, compare, verdict_of
     from rsgen.analysis.export import save_frf
     from rsgen.cases import Case, load_case, read
-    from rsgen.common.errors import CaseError, ExpressionError, MeasurementError, RsgenError
-    from rsgen.common.finding import Finding, Verdict
-    from rsgen.data import history
+    from rsgen.common.errors import RsgenError
+    from rsgen.common.finding import Finding
     from rsgen.data.multisine import MultisineSpectra, best_linear
     from rsgen.data.observation import Observation
-    from rsgen.data.oscillator import Model, Oscillator
+    from rsgen.data.oscillator import Oscillator
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
-    from rsgen.describing import DescribingFunction, derive
+    from rsgen.describing import derive
     from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
-    from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
-    from rsgen.files import MeasuredTest, read_measurement
     from rsgen.identification.identify import identify
     from rsgen.identification.modal import ModalTable, modal_table
     from rsgen.identification.prediction import Prediction, predict
     from rsgen.identification.ranking import Ranking, rank
     from rsgen.identification.results import Identification
-    from rsgen.law import Element, Law, laws, make_element
-    from rsgen.report import figures, write_report
+    from rsgen.law import Law, laws, make_element
+    from rsgen.report import write_report
     from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
 
@@ -63,18 +62,11 @@ _NOT_INSTALLED = "0+unknown"
 # name -> the package or module that has it
 _PLACES = {
     "Case": "cases",
-    "CaseError": "common.errors",
     "Comparison": "analysis.comparison",
-    "DescribingFunction": "describing",
-    "Element": "law",
-    "ExpressionError": "common.errors",
     "Finding": "common.finding",
     "Identification": "identification.results",
     "Law": "law",
-    "MeasuredTest": "files",
-    "MeasurementError": "common.errors",
     "ModalTable": "identification.modal",
-    "Model": "data.oscillator",
     "MultisineSpectra": "data.multisine",
     "MultisineTest": "dynamics.simulation",
     "Observation": "data.observation",
@@ -84,8 +76,6 @@ _PLACES = {
     "ResponseSurface": "data.surface",
     "RsgenError": "common.errors",
     "SimulatedTest": "dynamics.simulation",
-    "SteadyStates": "dynamics.steady_state",
-    "Verdict": "common.finding",
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
     "derive": "describing",
@@ -99,31 +89,37 @@ _PLACES = {
     "predict": "identification.prediction",
     "rank": "identification.ranking",
     "read": "cases",
-    "read_measurement": "files",
     "save_frf": "analysis.export",
     "save_surface": "data.surface",
     "sentence": "report.wording",
     "simulate": "dynamics.simulation",
-    "solve_steady_states": "dynamics.steady_state",
     "verdict_of": "analysis.comparison",
     "write_report": "report",
 }
-_PACKAGES = {"figures": "rsgen.report.figures", "history": "rsgen.data.history"}
+_LEAVING = {
+    "CaseError": "common.errors",
+    "DescribingFunction": "describing",
+    "Element": "law",
+    "ExpressionError": "common.errors",
+    "MeasuredTest": "files",
+    "MeasurementError": "common.errors",
+    "Model": "data.oscillator",
+    "SteadyStates": "dynamics.steady_state",
+    "Verdict": "common.finding",
+    "read_measurement": "files",
+    "solve_steady_states": "dynamics.steady_state",
+}
+"""Names that were here, and the package that has them; they go after the next release."""
+
+_PACKAGES = ("figures", "history")
 
 __all__ = [
     "Case",
-    "CaseError",
     "Comparison",
-    "DescribingFunction",
-    "Element",
-    "ExpressionError",
     "Finding",
     "Identification",
     "Law",
-    "MeasuredTest",
-    "MeasurementError",
     "ModalTable",
-    "Model",
     "MultisineSpectra",
     "MultisineTest",
     "Observation",
@@ -133,8 +129,6 @@ __all__ = [
     "ResponseSurface",
     "RsgenError",
     "SimulatedTest",
-    "SteadyStates",
-    "Verdict",
     "best_linear",
     "compare",
     "derive",
@@ -150,12 +144,10 @@ __all__ = [
     "predict",
     "rank",
     "read",
-    "read_measurement",
     "save_frf",
     "save_surface",
     "sentence",
     "simulate",
-    "solve_steady_states",
     "verdict_of",
     "write_report",
 ]
@@ -175,7 +167,12 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         return globals().setdefault(name, _version())
     if name in _PACKAGES:
-        return import_module(_PACKAGES[name])
+        return import_module(f"rsgen.{name}")
+    if name in _LEAVING:
+        place = f"rsgen.{_LEAVING[name]}"
+        text = f"rsgen.{name} is {place}.{name}; the name at the top goes after the next release"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return getattr(import_module(place), name)
     if name not in _PLACES:
         raise AttributeError(f"module 'rsgen' has no attribute {name!r}; it has {', '.join(__all__)}")
     value = getattr(import_module(f"rsgen.{_PLACES[name]}"), name)

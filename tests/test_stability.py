@@ -18,6 +18,7 @@ import rsgen
 from rsgen.cases.document import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface import surface_file
+from rsgen.files import read_measurement
 from rsgen.report.difference import compare_results
 from rsgen.report.index import write_index
 from rsgen.report.result_json import SCHEMA, read_results
@@ -53,7 +54,7 @@ def test_an_earlier_case_means_the_same(version, case):
     loaded = rsgen.load_case(HERE / version / case / "case.toml")
     assert loaded.name == case
     if case == TABLE:
-        surface = rsgen.read_measurement(loaded.test)
+        surface = read_measurement(loaded.test)
         earlier = rsgen.load_surface(HERE / version / case / "surface.h5")
         np.testing.assert_allclose(surface.harmonics[:, 1], earlier.harmonics[:, 1], rtol=1e-12)
     else:

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import rsgen as rs
+from rsgen.data.oscillator import Model
 from rsgen.data.surface.columns import QUANTITIES
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
@@ -66,7 +67,7 @@ def test_free_decays() -> None:
 def test_three_surfaces_identify_one_oscillator() -> None:
     force = 2 * np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME)
     surface = rs.history.from_swept_sine(rs.history.TimeHistory(RATE, force, response_to(force)))
-    model = rs.Model((rs.make_element("all", "k*x + c*v"),))
+    model = Model((rs.make_element("all", "k*x + c*v"),))
     found = {estimate.name: estimate.value for estimate in rs.identify(surface, model).refined}
     assert found == pytest.approx({"k": STIFFNESS, "c": DAMPING, "m": MASS}, rel=SAMPLED)
 

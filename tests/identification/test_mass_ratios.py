@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.files import MeasuredTest, Signal
+from rsgen.files import MeasuredTest, Signal, read_measurement
 from rsgen.report.figures import draw_resonance, draw_stiffness
 from tests.surfaces import noisy
 
@@ -140,7 +140,7 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: f
     path = tmp_path / "loop.csv"
     table = np.stack([surface.frequency, np.abs(surface.force), surface.amplitude], axis=1)
     np.savetxt(path, table, delimiter=",", header="f,force,response", comments="")
-    read = rsgen.read_measurement(
+    read = read_measurement(
         MeasuredTest(
             files=path,
             frequency="f",

@@ -9,6 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.formula import parse
 from rsgen.law import Law, as_elements, laws, make_element
 
@@ -148,7 +149,7 @@ WAYS = (
 def test_a_law_is_identified_however_it_is_given(way):
     true = {"k": 5921.8, "k3": 2e5, "c": 7.54}
     oscillator = rsgen.Oscillator(1.5, way, true)
-    found = rsgen.solve_steady_states(oscillator, FORCES, FREQUENCIES, accuracy=1e-7)
+    found = solve_steady_states(oscillator, FORCES, FREQUENCIES, accuracy=1e-7)
     surface = rsgen.ResponseSurface(FORCES, FREQUENCIES, FORCES, found.harmonics)
     identified = rsgen.identify(surface, way)
     for name, value in true.items():

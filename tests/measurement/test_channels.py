@@ -10,7 +10,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
-from rsgen.files import HistoryRule
+from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.histories import shifted
 from rsgen.files.signals import BaseRule, NamedChannel, Signal, combination
 
@@ -259,7 +259,7 @@ def test_a_base_does_not_lose_its_unit_in_other_excitations(excitation):
     history = HistoryRule(excitation, rate=400.0)
     base = BaseRule(Signal(samples="b"), "relative", "acceleration")
     with pytest.raises(MeasurementError, match=f"base: does not go with '{excitation}'"):
-        rs.MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
+        MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
 
 
 @pytest.mark.slow

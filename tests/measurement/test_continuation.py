@@ -11,7 +11,7 @@ import pytest
 import rsgen
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation.simulate import ControlledStates, solve_response_control
-from rsgen.files import LevelRule, MeasuredTest, Signal
+from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
 LAW = "k*x + k3*x**3 + c*v"
@@ -48,7 +48,7 @@ def read(folder: Path, states: ControlledStates, rows: Any = slice(None), **opti
         quantity="displacement",
         **options,
     )
-    return rsgen.read_measurement(plan)
+    return read_measurement(plan)
 
 
 def test_a_fold_at_one_frequency_is_recognised_and_its_unstable_points_are_marked(

@@ -12,7 +12,7 @@ import rsgen
 from rsgen.app.study.foresight import mass_findings, point_faults
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
-from rsgen.files import MeasuredTest, Signal
+from rsgen.files import MeasuredTest, Signal, read_measurement
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
 AMPLITUDE = np.linspace(4e-3, 48e-3, 23)
@@ -42,7 +42,7 @@ def read(path: Path, **options: Any) -> ResponseSurface:
         "response": Signal(amplitude="response", **phase),
         "quantity": "displacement",
     }
-    return rsgen.read_measurement(MeasuredTest(**(settings | options)))
+    return read_measurement(MeasuredTest(**(settings | options)))
 
 
 def codes(surface: ResponseSurface) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.modal.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
@@ -167,7 +168,7 @@ def test_amplitudes_alone_are_enough():
 
 
 def test_a_model_gives_its_mass_and_observation_and_not_its_law():
-    model = rsgen.Model("k*x + c*v", mass=2 * MASS, observation=Observation(hold_out=(1.0, 12.0)))
+    model = Model("k*x + c*v", mass=2 * MASS, observation=Observation(hold_out=(1.0, 12.0)))
     table = rsgen.modal_table(SURFACE, model)
     assert (table.mass, table.mass_error) == (2 * MASS, 0.0)
     assert table.tested[1] < SURFACE.amplitude[SURFACE.level == 12.0].max()

@@ -17,6 +17,8 @@ import numpy as np
 
 import rsgen
 from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Model
+from rsgen.files import read_measurement
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = Path(__file__).with_name("numbers.json")
@@ -118,7 +120,7 @@ def identify_draw(case: Draw) -> rsgen.Identification:
         force = np.abs(force).astype(complex)
     seen = replace(surface, force=force, harmonics=harmonics, phase_known=case.phase_known)
     observation = Observation(background=case.background, hold_out=(4.0,) if case.hold_out else ())
-    return rsgen.identify(seen, rsgen.Model(elements, MASS if case.mass_known else None, observation))
+    return rsgen.identify(seen, Model(elements, MASS if case.mass_known else None, observation))
 
 
 def _identify_case(name: str, noise: float) -> rsgen.Identification:
@@ -129,7 +131,7 @@ def _identify_case(name: str, noise: float) -> rsgen.Identification:
 
 def _identify_measured(name: str) -> rsgen.Identification:
     case = rsgen.load_case(ROOT / "tests" / "cases" / f"{name}.toml", data=Path(os.environ["RSGEN_DATA"]))
-    return rsgen.identify(rsgen.read_measurement(case.test), case.model)
+    return rsgen.identify(read_measurement(case.test), case.model)
 
 
 PAPER = ("bilinear", "combined", "coulomb", "cubic", "cubic-hardening", "joint", "piecewise", "quintic")

@@ -12,6 +12,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.oscillator import Model
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.cycles import SAMPLES, loop_force, measured_loops
@@ -36,9 +37,9 @@ STEPPED = replace(SWITCHED, value=1e-6)
 def steady(name: str, start: bool = False) -> Tree:
     """Steady states of the joint from rest, or from a state given with what the joint remembers."""
     force, frequency = LEVELS.astype(complex), np.array([9.5, 10.5, 11.5])
-    found = rsgen.solve_steady_states(joint(name), force, frequency, harmonics=5, accuracy=ACCURACY)
+    found = solve_steady_states(joint(name), force, frequency, harmonics=5, accuracy=ACCURACY)
     if start:
-        found = rsgen.solve_steady_states(
+        found = solve_steady_states(
             joint(name), force, frequency - 0.2, harmonics=5, accuracy=ACCURACY, start=found.state
         )
     return {

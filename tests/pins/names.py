@@ -18,15 +18,19 @@ import numpy as np
 
 import rsgen
 from rsgen.analysis.comparison import Row
-from rsgen.common.finding import Quantity
+from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
-from rsgen.describing import Equivalent, Limit
+from rsgen.data.oscillator import Model
+from rsgen.describing import DescribingFunction, Equivalent, Limit
+from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, PredictedRecord
 from rsgen.identification.ranking.ranking_result import Candidate
 from rsgen.identification.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
+from rsgen.law import Element
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses
 from tests.pins import pinned
@@ -42,9 +46,9 @@ CLASSES: tuple[type, ...] = (
     rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
     Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
-    MultisinePrediction, PredictedRecord, rsgen.SteadyStates, rsgen.DescribingFunction, Equivalent, Limit,
-    rsgen.Comparison, Row, rsgen.Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
-    rsgen.Model, rsgen.Law, rsgen.Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
+    MultisinePrediction, PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
+    rsgen.Comparison, Row, Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
+    Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
     rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,
 )  # fmt: skip
 
@@ -130,8 +134,8 @@ def _multisine() -> Parts:
 
 def _measured() -> Parts:
     case = rsgen.load_case(ROOT / "tests" / "cases" / "nlbeam.toml", data=Path(os.environ["RSGEN_DATA"]))
-    assert isinstance(case.test, rsgen.MeasuredTest)
-    table = rsgen.read_measurement(case.test)
+    assert isinstance(case.test, MeasuredTest)
+    table = read_measurement(case.test)
     return case, table, rsgen.identify(table, case.model)
 
 

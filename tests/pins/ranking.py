@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 import rsgen
+from rsgen.data.oscillator import Model
 from rsgen.formula.memory_terms import remembers
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.ranking.balance import library_terms
@@ -153,7 +154,7 @@ PINS = {
     "multisine": Pin(_multisine),
     # laws are compared along one motion
     "two-sensors/laws": Pin(lambda: tree(rsgen.rank(across(), list(FORMULAS)))),
-    "two-sensors/across": Pin(lambda: tree(rsgen.rank(across(), rsgen.Model(ELEMENTS)))),
+    "two-sensors/across": Pin(lambda: tree(rsgen.rank(across(), Model(ELEMENTS)))),
     "two-sensors/without-across": Pin(
         lambda: tree(rsgen.rank(changed(across(noise=0.01), across=None), list(FORMULAS))), UNFIT
     ),

@@ -30,6 +30,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula import parse, write
 from rsgen.identification.results import Estimate, Identification
+from rsgen.law import Element
 from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.figures import Drawing, draw_thumbnail
@@ -99,7 +100,7 @@ def page(drawings: Sequence[Any], comparison: Comparison = COMPARISON, **changes
     )
 
 
-def described(element: rsgen.Element, identification: Identification) -> str:
+def described(element: Element, identification: Identification) -> str:
     return describe_elements([element], identification)[element.name]
 
 

@@ -1,0 +1,77 @@
+"""The shape of the package: few rooms, no circles, one idea a file."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import rsgen
+
+ROOT = Path(rsgen.__file__).parent
+PACKAGES = (
+    "analysis", "app", "cases", "common", "data", "describing", "dynamics", "files", "formula",
+    "identification", "law", "report",
+)  # fmt: skip
+LONGEST = 600
+"""Lines of a file; what needs more is more than one idea."""
+
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    """Every module by its dotted name, without the files that only name what a package has."""
+    return {
+        ".".join(path.relative_to(ROOT.parent).with_suffix("").parts): ast.parse(path.read_text("utf-8"))
+        for path in sorted(ROOT.rglob("*.py"))
+        if not path.name.startswith("__")
+    }
+
+
+def imported(tree: ast.Module) -> set[str]:
+    """Modules that one imports anywhere: in functions and for type checkers, too."""
+    named = {
+        name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module
+        for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+    }
+    named |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    return named & set(modules())
+
+
+def circle_in(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle; none where there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as found:
+        return list(found.args[1])
+    return []
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    graph = {name: imported(tree) for name, tree in modules().items()}
+    assert sum(map(len, graph.values())) > 1000
+    assert circle_in(graph) == []
+    # it would be seen
+    (one, others) = next((name, found) for name, found in graph.items() if found)
+    other = next(iter(others))
+    assert circle_in(graph | {other: graph[other] | {one}}) != []
+
+
+def test_the_top_of_the_package_is_a_table_of_contents() -> None:
+    there = {path.name for path in ROOT.iterdir() if path.is_dir() and any(path.rglob("*.py"))}
+    assert sorted(there) == sorted(PACKAGES)
+    assert {path.name for path in ROOT.glob("*.py")} == {
+        "__init__.py",
+        "__main__.py",
+        "figures.py",
+        "history.py",
+    }
+
+
+def test_a_file_has_one_idea_and_a_name_of_its_own() -> None:
+    paths = [path for path in ROOT.rglob("*.py") if not path.name.startswith("__")]
+    assert {path.name: n for path in paths if (n := path.read_text("utf-8").count("\n")) > LONGEST} == {}
+    assert [name for name, times in Counter(path.name for path in paths).items() if times > 1] == []
