@@ -99,6 +99,12 @@ def identified(
     }
 
 
+def intervals(read: rsgen.MultisineSpectra, law: object, mass: float | None = None) -> Tree:
+    """Values with both ends of their intervals and their units."""
+    found = rsgen.identify(read, law, mass=mass)  # type: ignore[arg-type]
+    return trees.estimates(found, whole=True)
+
+
 def predicted(read: rsgen.MultisineSpectra, law: str, held: float) -> Tree:
     """Every record that was held out, as it was measured and as it is predicted."""
     found = rsgen.identify(read, law, rsgen.Observation(hold_out=(held,)))
@@ -183,6 +189,10 @@ PINS = {
     "identified/background": Pin(
         lambda: identified(made(NOISE, 4), LAW, rsgen.Observation(background="constant"))
     ),
+    "intervals/made-noisy": Pin(lambda: intervals(made(NOISE, 4), LAW)),
+    "intervals/given-mass": Pin(lambda: intervals(made(NOISE, 4), LAW, 1.5)),
+    "intervals/law-that-lacks": Pin(lambda: intervals(made(NOISE, 4), "k*x + c*v")),
+    "intervals/friction": Pin(lambda: intervals(virtual("friction", NOISE), FRICTION), SWITCHED),
     "predicted/cubic": Pin(lambda: predicted(virtual("cubic", NOISE), CUBIC, 5.0)),
     "predicted/friction": Pin(lambda: predicted(virtual("friction", NOISE), FRICTION, 5.0), SWITCHED),
     "predicted/made": Pin(lambda: predicted(made(NOISE, 4), LAW, float(made(NOISE, 4).level[1]))),
