@@ -38,7 +38,7 @@ from tests.pins.grids import NOISE, small
 from tests.pins.multisine import CUBIC, virtual
 from tests.pins.pinned import Pin, Tree
 from tests.pins.ranking import library
-from tests.surfaces import noisy
+from tests.surfaces import changed, noisy
 
 ROOT = Path(__file__).parents[2]
 
@@ -151,6 +151,7 @@ PINS = {
     **{f"attributes/{kind.__name__}": Pin(partial(attributes, kind)) for kind in CLASSES},
     "surface.h5": Pin(lambda: surface_names(small("cubic"))),
     "surface.h5/across": Pin(lambda: surface_names(two_masses())),
+    "surface.h5/labels": Pin(lambda: surface_names(changed(small("cubic"), label=small("cubic").level))),
     "spectra.npz": Pin(_spectra_names, slow=True),
     **{
         f"result.json/{kind}": Pin(
