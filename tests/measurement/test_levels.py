@@ -167,6 +167,17 @@ def test_records_are_held_out_by_their_labels() -> None:
     assert held_out_records(spectra.select([2, 1, 0]), (1,)).tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize(("asked", "said"), [(1, []), (2, [4.0]), (6, [])])
+def test_a_label_that_is_the_amount_of_another_record_is_said(asked: int, said: list[float]) -> None:
+    omega = 1j * np.arange(12) * 5.0
+    size = np.array([2.0, 4.0, 6.0])[:, None, None]
+    response = size * np.where(np.arange(12) > 0, 1e-3 * np.exp(1j * np.arange(12) ** 2), 0)
+    force = (1.5 * omega**2 + 4.0 * omega + 1500.0) * response
+    spectra = MultisineSpectra([2.0, 4.0, 6.0], 5.0, force, response, label=[1, 2, 3])
+    found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(asked,)))
+    assert [f["level"] for f in found.findings if f.code == "held-out-by-label"] == said
+
+
 def test_nominal_levels_stay_where_the_force_falls_at_the_resonance(tmp_path: Path) -> None:
     dip = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
     forces = {f"{level}N.csv": level * dip for level in (2, 5)}

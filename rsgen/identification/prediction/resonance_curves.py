@@ -275,7 +275,7 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
     if not found.model.observation.hold_out:
         return ()
     if isinstance(found, MultisineIdentification):
-        return predict_multisine(found).findings
+        return (*_by_label(found, found.spectra), *predict_multisine(found).findings)
     if isinstance(surface, MultisineSpectra):
         return ()
     meant = _by_label(found, surface)
@@ -288,13 +288,19 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
     return (*meant, *_missing(held_out), *missed)
 
 
-def _by_label(found: Identification, surface: ResponseSurface) -> tuple[Finding, ...]:
+def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
     """Say which level was meant by a number that is the label of one and the amount of another."""
-    findings = []
+    findings: list[Finding] = []
+    if test.label is None:
+        return ()
     for asked in found.model.observation.hold_out:
-        meant, amount = surface.find_level(asked), match_level(surface.levels, asked)
-        if meant is not None and amount not in (None, meant):
-            numbers = quantities(label=asked, level=Quantity(meant, surface.level_unit))
+        label, amount = match_level(np.unique(test.label), asked), match_level(test.levels, asked)
+        if label is None or amount is None:
+            continue
+        meant = float(test.level[test.label == label][0])
+        if amount != meant:
+            unit = test.level_unit if isinstance(test, ResponseSurface) else "N"
+            numbers = quantities(label=asked, level=Quantity(meant, unit))
             findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
     return tuple(findings)
 
