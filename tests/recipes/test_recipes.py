@@ -173,7 +173,7 @@ def test_a_figure_is_drawn(seen: dict[str, Any]) -> None:
 
 
 def test_a_command_is_listed_and_runs(scratch: Scratch, seen: dict[str, Any]) -> None:
-    assert "How many points a test has." in run(scratch.root, "-m", "rsgen", "--help")
+    assert "How many points a measured test has." in run(scratch.root, "-m", "rsgen", "--help")
     assert run(scratch.root, "-m", "rsgen", "count", "held.toml") == "54 points\n"
 
 
