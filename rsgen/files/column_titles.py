@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.files.plan import MeasuredTest, Signal
 from rsgen.formula.units import quantity, sensor_unit
+
+if TYPE_CHECKING:
+    from rsgen.files.plan import MeasuredTest, Signal
 
 __all__ = ["contradiction", "is_angular", "is_unit", "split_title", "unit_doubts", "unit_in"]
 

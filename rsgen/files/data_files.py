@@ -1,4 +1,4 @@
-"""Data files on the disk: regular, not too large, and of which format."""
+"""Data files on the disk: regular, not too large, and of which format; the formats that are read."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import hashlib
 import io
 import stat
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO
 
 from rsgen.common.errors import MeasurementError
 
 __all__ = [
+    "FORMATS",
     "MAX_TEXT_BYTES",
+    "Format",
     "Rewritten",
     "check_digest",
     "file_label",
@@ -31,12 +36,97 @@ _LABVIEW = b"LabVIEW Measurement"
 """How LabVIEW's measurement files begin; those without a header are columns of text."""
 _BOOK = (b"[Content_Types].xml", b"xl/", b"docProps/", b"_rels/")
 """Members of a workbook, one of which comes first in the archive."""
-_SUFFIXES = {
-    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "npy", ".npz": "npz",
-    ".uff": "uff", ".unv": "uff", ".uf": "uff", ".58": "uff", ".tdms": "tdms", ".wav": "wav",
-    ".xlsx": "xlsx", ".xlsm": "xlsx",
-}  # fmt: skip
 
+
+def _is_hdf5(head: bytes) -> bool:
+    return b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520]) or head.startswith(b"MATLAB 7.3 MAT-file")
+
+
+def _is_matlab(head: bytes) -> bool:
+    # MATLAB 7.3 writes HDF5 behind a head with the same mark
+    marked = head.startswith(b"MATLAB 5.0 MAT-file") or head[126:128] in (b"IM", b"MI")
+    return marked and not _is_hdf5(head)
+
+
+def _is_archive(head: bytes, *, book: bool) -> bool:
+    return head.startswith(b"PK\x03\x04") and head[30:].startswith(_BOOK) == book
+
+
+def _is_universal(head: bytes) -> bool:
+    first = head.lstrip().split(b"\n", 1)
+    return len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit()
+
+
+def _is_labview(head: bytes) -> bool:
+    # two bytes a sign, or none, before and between
+    return head[:64].replace(b"\x00", b"").lstrip(b"\xff\xfe\xef\xbb\xbf").startswith(_LABVIEW)
+
+
+def _is_sound(head: bytes) -> bool:
+    return head[8:12] == b"WAVE" and head[:4] in (b"RIFF", b"RIFX", b"RF64")
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format that is read in the confined process; columns of text, "csv", are what is none of these.
+
+    Parameters
+    ----------
+    name
+        What a case calls it; of a format that needs a package also the extra that brings the package.
+    module, walk
+        The module of ``rsgen.files`` and its function that reads such a file; only the confined process
+        imports it.
+    begins
+        Whether a file is one, by its first 1024 bytes.
+    endings
+        Of names of files that are taken for it where nothing else is recognised.
+    sample
+        The function of the module that makes a small file: it is read before no file can be opened any more,
+        so that everything is imported. "" where the reader imports nothing while it reads.
+    package, plural
+        The package that is needed, and what the files are called; "" where rsgen brings all.
+    texts
+        Whether the numbers are texts: reading takes long for its size on every system.
+    seconds, rate
+        Time to read a file: ``seconds``, and one more for each ``rate`` bytes.
+    """
+
+    name: str
+    module: str
+    walk: str
+    begins: Callable[[bytes], bool]
+    endings: tuple[str, ...]
+    sample: str = ""
+    package: str = ""
+    plural: str = ""
+    texts: bool = False
+    seconds: float = 1.0
+    rate: int = 20 * 2**20
+
+
+# The rates of texts are a quarter of the 8 and 1.3 MB/s that good files reach; numbers that repeat pack
+# better than others, so that a small workbook may have as many as 32 MB of them.
+_ROWS = (
+    Format("mat", "matlab", "walk_matlab", _is_matlab, (".mat",), sample="sample_matlab"),
+    Format("hdf5", "hdf5", "walk_hdf5", _is_hdf5, (".h5", ".hdf5", ".hdf"), sample="sample_hdf5"),
+    Format("npy", "npy", "walk_npy", lambda head: head.startswith(b"\x93NUMPY"), (".npy",), "sample_npy"),
+    Format("npz", "npy", "walk_npz", partial(_is_archive, book=False), (".npz",), sample="sample_npz"),
+    Format("uff", "uff", "walk_universal", _is_universal, (".uff", ".unv", ".uf", ".58")),
+    Format("lvm", "lvm", "walk_lvm", _is_labview, (), texts=True, rate=2 * 2**20),
+    Format(
+        "tdms", "tdms", "walk_tdms", lambda head: head.startswith(b"TDSm"), (".tdms",),
+        sample="sample_tdms", package="nptdms", plural="TDMS files",
+    ),
+    Format(
+        "xlsx", "xlsx", "walk_xlsx", partial(_is_archive, book=True), (".xlsx", ".xlsm"),
+        sample="sample_xlsx", package="openpyxl", plural="Excel workbooks",
+        texts=True, seconds=8.0, rate=2**19,
+    ),
+    Format("wav", "wav", "walk_wav", _is_sound, (".wav",)),
+)  # fmt: skip
+FORMATS = {row.name: row for row in _ROWS}
+"""The formats by their names: what else has to know of one takes it from here."""
 
 _OTHERS = (
     (
@@ -101,38 +191,22 @@ def recognise_format(path: Path) -> str:
 
     Returns
     -------
-    "mat", "hdf5", "npy", "npz", "uff", "lvm", "tdms", "xlsx", "wav", or "csv" for everything else: columns
-    of text.
+    A name in ``FORMATS``, or "csv" for everything else: columns of text.
 
     Raises
     ------
     MeasurementError
-        Missing or no regular file.
+        Missing, no regular file, or of another format that is known and not read.
     """
     with open_regular(path, sys.maxsize) as file:
         head = file.read(1024)
-    if b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520]) or head.startswith(b"MATLAB 7.3 MAT-file"):
-        return "hdf5"
-    if head.startswith(b"MATLAB 5.0 MAT-file") or head[126:128] in (b"IM", b"MI"):
-        return "mat"
-    if head.startswith(b"\x93NUMPY"):
-        return "npy"
-    if head[8:12] == b"WAVE" and head[:4] in (b"RIFF", b"RIFX", b"RF64"):
-        return "wav"
-    if head.startswith(b"TDSm"):
-        return "tdms"
-    # two bytes a sign, or none, before and between
-    if head[:64].replace(b"\x00", b"").lstrip(b"\xff\xfe\xef\xbb\xbf").startswith(_LABVIEW):
-        return "lvm"
     for place, sign, kind in _OTHERS:
         if head[place:].startswith(sign):
             raise MeasurementError(f"{file_label(path)}: is {kind}")
-    if head.startswith(b"PK\x03\x04"):
-        return "xlsx" if head[30:].startswith(_BOOK) else "npz"
-    first = head.lstrip().split(b"\n", 1)
-    if len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit():
-        return "uff"
-    return _SUFFIXES.get(path.suffix.lower(), "csv")
+    ending = path.suffix.lower()
+    by_head = (row.name for row in FORMATS.values() if row.begins(head))
+    by_ending = (row.name for row in FORMATS.values() if ending in row.endings)
+    return next(by_head, None) or next(by_ending, "csv")
 
 
 class Rewritten(io.BytesIO):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,14 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, quantities
+from rsgen.data.history import (
+    TimeHistory,
+    from_free_decay,
+    from_multisine,
+    from_stepped_sine,
+    from_swept_sine,
+    record_findings,
+)
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, recognise_directions
 from rsgen.data.surface.columns import below_acceleration
@@ -21,18 +29,11 @@ from rsgen.data.surface.plausibility import quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, read_sources, with_across
-from rsgen.files.nominal_levels import (
-    amplitude_steps,
-    hold,
-    level_of_file,
-    settle_levels,
-)
+from rsgen.files.histories import read_both, read_histories
+from rsgen.files.nominal_levels import amplitude_steps, hold, level_of_file, settle_levels
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
 from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
-
-if TYPE_CHECKING:
-    from rsgen.data.history import TimeHistory
 
 __all__ = ["passivity_findings", "read_measurement", "repeated_rows", "run_findings", "tell_branches_apart"]
 
@@ -482,10 +483,6 @@ def _levels_of_histories(
 
 
 def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
-    # imported here, as below
-    from rsgen.data.history import from_multisine, record_findings
-    from rsgen.files.histories import read_histories
-
     histories = read_histories(test)
     labels = [history.level for history in histories] if test.level.labels else [None]
     if test.level.labels:
@@ -500,10 +497,6 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    # imported here, for a table needs none of it
-    from rsgen.data.history import record_findings
-    from rsgen.files.histories import read_both
-
     both = read_both(test)
     histories = [history for history, _ in both]
     across = [history for _, history in both if history is not None]
@@ -519,8 +512,6 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
 
 
 def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    from rsgen.data.history import from_free_decay, from_stepped_sine, from_swept_sine
-
     # the force on a driven base is one on a kilogram
     mass = rule.mass if test.base is None else 1.0
     given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -12,13 +13,22 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import MAX_NODES, Node, array_bytes, is_wanted
 
-__all__ = ["walk_hdf5"]
+__all__ = ["sample_hdf5", "walk_hdf5"]
 
 MAX_DEPTH = 12
 MAX_REFERENCES = 10_000
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
 # MATLAB keeps there what cells and struct arrays refer to; it is met by following these references
 _HIDDEN = ("#refs#", "#subsystem#")
+
+
+def sample_hdf5() -> bytes:
+    """Make a small file."""
+    file = io.BytesIO()
+    with h5py.File(file, "w") as made:
+        data = made.create_dataset("a/b", data=np.arange(3.0), chunks=(2,), compression="gzip")
+        data.attrs["units"] = "m"
+    return file.getvalue()
 
 
 def _text(value: Any) -> str:

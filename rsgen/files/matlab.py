@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -13,7 +14,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes, is_wanted
 
-__all__ = ["walk_matlab"]
+__all__ = ["sample_matlab", "walk_matlab"]
 
 MAX_DEPTH = 12
 _TEXTS = 12
@@ -23,6 +24,16 @@ _WIDTHS = {
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "logical": "u1",
 }  # fmt: skip
 _NOT_READ = "is no array of numbers; structs, cells and numbers are read, nothing else"
+
+
+def sample_matlab() -> bytes:
+    """Make a small file."""
+    numbers = np.arange(3.0)
+    file: Any = io.BytesIO()
+    tree = {"a": {"b": numbers, "c": np.array([1, "x"], dtype=object)}, "d": 1j * numbers}
+    scipy.io.savemat(file, tree, do_compression=True)
+    made: bytes = file.getvalue()
+    return made
 
 
 def _children(value: NDArray[Any], path: str) -> Iterator[tuple[str, Any]]:

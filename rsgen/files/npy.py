@@ -16,13 +16,27 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
 
-__all__ = ["walk_npy", "walk_npz"]
+__all__ = ["sample_npy", "sample_npz", "walk_npy", "walk_npz"]
 
 MAX_HEADER = 10_000
 """Bytes of a header: as many as numpy itself parses, for it reads this text with Python's parser."""
 _PICKLE = "holds Python objects (a pickle), which could run code; arrays of numbers are read"
 
 Open = Callable[[], AbstractContextManager[IO[bytes]]]
+
+
+def sample_npy() -> bytes:
+    """Make a small .npy file."""
+    file = io.BytesIO()
+    np.save(file, np.arange(3.0))
+    return file.getvalue()
+
+
+def sample_npz() -> bytes:
+    """Make a small .npz archive."""
+    file = io.BytesIO()
+    np.savez_compressed(file, a=np.arange(3.0))
+    return file.getvalue()
 
 
 def _head_bytes(file: IO[bytes]) -> IO[bytes]:

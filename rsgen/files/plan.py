@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
     AMPLITUDES,
     BaseRule,
@@ -93,6 +94,10 @@ LABEL = "label"
 _UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m)(?![A-Za-z])")
 """A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
+if TYPE_CHECKING:
+    FormatName = str
+else:
+    FormatName = Literal["auto", "csv", *FORMATS]
 Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
 Mark = Annotated[int | str, Rule(most=200, what="a whole number or a text of at most 200 characters")]
 Hertz = Annotated[float, Rule(unit="Hz", above=0)]
@@ -269,9 +274,7 @@ class MeasuredTest:
     sha256: tuple[Annotated[str, _SHA256], ...] = declare(
         (), "The SHA-256 of the file, or of each of them.", fewest=1, most=MAX_FILES
     )
-    format: Literal["auto", "csv", "mat", "hdf5", "npy", "npz", "uff", "lvm", "tdms", "xlsx", "wav"] = (
-        declare("auto", "auto: recognised by how the file begins. csv: columns of text.")
-    )
+    format: FormatName = declare("auto", "auto: recognised by how the file begins. csv: columns of text.")
     per_force: bool = declare(False, "The response is response over force.", key="response.per_force")
     phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")
     response_files: tuple[Path, ...] = declare(

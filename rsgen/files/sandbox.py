@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.confined import MEMORY_STATUS, READY, command, environment
 from rsgen.common.errors import MeasurementError, printable
-from rsgen.files.data_files import check_digest, file_label, open_regular
+from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regular
 from rsgen.files.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
 __all__ = ["list_binary", "read_binary", "reading_fault"]
@@ -34,10 +34,7 @@ WAIT_RATE = 2 * 2**20
 ends sooner, after a second of work or some of a text, but only where the system can count that."""
 UNCOUNTED = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
-_TEXTS = ("lvm", "xlsx")
 _WORKER = "rsgen.files.sandbox_worker"
-_EXTRAS = {"tdms": ("nptdms", "TDMS files"), "xlsx": ("openpyxl", "Excel workbooks")}
-"""Formats that need a package of their own; the extra that brings it is called as the format."""
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
 
 
@@ -150,17 +147,17 @@ def reading_fault() -> str | None:
 
 def _check_extra(name: str, form: str) -> None:
     """Refuse a format whose package is not installed."""
-    package, files = _EXTRAS.get(form, ("", ""))
-    if package and not find_spec(package):
+    row = FORMATS[form]
+    if row.package and not find_spec(row.package):
         raise MeasurementError(
-            f"{name}: {files} are read by {package}, which is not installed: "
+            f"{name}: {row.plural} are read by {row.package}, which is not installed: "
             f'python -m pip install "rsgen[{form}]"; or export the file as text'
         )
 
 
 def _seconds(size: int, form: str) -> float:
     seconds = WAIT_SECONDS + size / WAIT_RATE
-    return seconds if find_spec("resource") or form in _TEXTS else seconds / UNCOUNTED
+    return seconds if find_spec("resource") or FORMATS[form].texts else seconds / UNCOUNTED
 
 
 @contextmanager

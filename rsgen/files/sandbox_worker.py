@@ -13,7 +13,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-from datetime import datetime
 from importlib import import_module
 from itertools import islice
 from typing import Any, BinaryIO
@@ -23,72 +22,28 @@ from numpy.typing import NDArray
 
 from rsgen.common.confined import READY, confine
 from rsgen.common.errors import MeasurementError
-from rsgen.files.address import find, select
-from rsgen.files.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
+from rsgen.files.data_files import FORMATS
+from rsgen.files.tree import (
+    LARGEST_BYTES,
+    MAX_NODES,
+    Node,
+    array_bytes,
+    describe,
+    facts,
+    find,
+    largest_bytes,
+    select,
+)
 
-__all__ = ["FORMATS", "main"]
+__all__ = ["main"]
 
-FORMATS = {
-    "mat": ("rsgen.files.matlab", "walk_matlab"),
-    "hdf5": ("rsgen.files.hdf5", "walk_hdf5"),
-    "npy": ("rsgen.files.npy", "walk_npy"),
-    "npz": ("rsgen.files.npy", "walk_npz"),
-    "uff": ("rsgen.files.uff", "walk_universal"),
-    "lvm": ("rsgen.files.lvm", "walk_lvm"),
-    "tdms": ("rsgen.files.tdms", "walk_tdms"),
-    "xlsx": ("rsgen.files.xlsx", "walk_xlsx"),
-    "wav": ("rsgen.files.wav", "walk_wav"),
-}
 _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
-_SECONDS = 1.0
-_RATE = 20 * 2**20
-"""Time to read a file: _SECONDS, and one more for each _RATE bytes."""
-_TEXTS = {"lvm": (1.0, 2 * 2**20), "xlsx": (8.0, 2**19)}
-"""The same of formats whose numbers are texts: a quarter of the 8 and 1.3 MB/s that good files reach; numbers
-that repeat pack better than others, so that a small workbook may have as many as 32 MB of them."""
-
 Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
 
 
-def _sample(form: str) -> bytes:
-    """Make a small file of a format, or nothing where the reader is rsgen's."""
-    numbers = np.arange(3.0)
-    file = io.BytesIO()
-    if form == "mat":
-        import scipy.io
-
-        tree = {"a": {"b": numbers, "c": np.array([1, "x"], dtype=object)}, "d": 1j * numbers}
-        opened: Any = file
-        scipy.io.savemat(opened, tree, do_compression=True)
-    elif form == "hdf5":
-        import h5py
-
-        with h5py.File(file, "w") as made:
-            data = made.create_dataset("a/b", data=numbers, chunks=(2,), compression="gzip")
-            data.attrs["units"] = "m"
-    elif form == "npy":
-        np.save(file, numbers)
-    elif form == "npz":
-        np.savez_compressed(file, a=numbers)
-    elif form == "tdms":
-        from nptdms import ChannelObject, TdmsWriter
-
-        with TdmsWriter(file) as written:
-            written.write_segment([ChannelObject("a", "b", numbers, {"wf_increment": 0.1})])
-    elif form == "xlsx":
-        from openpyxl import Workbook
-
-        book = Workbook()
-        book.active.append(["f [Hz]", "date"])
-        book.active.append([1.0, datetime(2000, 1, 1)])
-        book.save(file)
-    return file.getvalue()
-
-
-def _rehearse(form: str, walk: Walk) -> None:
+def _rehearse(walk: Walk, sample: bytes) -> None:
     """Read a sample, so that everything is imported before no file can be opened any more."""
-    sample = _sample(form)
     if sample:
         for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
             describe(node)
@@ -158,14 +113,14 @@ def _heads(wanted: list[int | str] | None) -> set[str] | None:
 def main() -> None:
     """Read the file on standard input as the order in the first argument says."""
     order = json.loads(sys.argv[1])
-    module, name = FORMATS[order["format"]]
-    walk: Walk = getattr(import_module(module), name)
+    row = FORMATS[order["format"]]
+    module = import_module(f"rsgen.files.{row.module}")
+    walk: Walk = getattr(module, row.walk)
     size = sys.stdin.buffer.seek(0, 2)
     sys.stdin.buffer.seek(0)
     largest = largest_bytes(size)
-    _rehearse(order["format"], walk)
-    seconds, rate = _TEXTS.get(order["format"], (_SECONDS, _RATE))
-    confine(_MEMORY_BYTES + _COPIES * largest, seconds + size / rate)
+    _rehearse(walk, getattr(module, row.sample)() if row.sample else b"")
+    confine(_MEMORY_BYTES + _COPIES * largest, row.seconds + size / row.rate)
     sys.stdout.buffer.write(READY)
     sys.stdout.buffer.flush()
     wanted = order["wanted"]

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from functools import partial
 from math import isfinite
 from typing import Any, BinaryIO
 
 import numpy as np
+from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes, is_wanted
 
-__all__ = ["walk_tdms"]
+__all__ = ["sample_tdms", "walk_tdms"]
 
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
 """Properties in which DIAdem, LabVIEW and users keep the unit of a channel."""
 _READ = "fiubc"
 """Kinds of numbers; texts and instants of a clock are none."""
 _PERIODS = ("", "s")
+
+
+def sample_tdms() -> bytes:
+    """Make a small file."""
+    file = io.BytesIO()
+    with TdmsWriter(file) as written:
+        written.write_segment([ChannelObject("a", "b", np.arange(3.0), {"wf_increment": 0.1})])
+    return file.getvalue()
 
 
 def _text(properties: Mapping[str, Any], *names: str) -> str:
@@ -91,8 +101,6 @@ def walk_tdms(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     MeasurementError
         Cut off, or it declares more numbers than it has bytes.
     """
-    from nptdms import TdmsFile  # comes with an extra
-
     size = file.seek(0, 2)
     file.seek(0)
     book = TdmsFile.open(file)

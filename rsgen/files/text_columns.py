@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
-from rsgen.files.plan import Layout
+
+if TYPE_CHECKING:
+    from rsgen.files.plan import Layout
 
 __all__ = [
     "LONGEST_NUMBER",

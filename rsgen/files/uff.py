@@ -1,14 +1,15 @@
 """Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary), what is about them.
 
 Source of the format: the published descriptions of universal file data sets 58, "Function at Nodal DOF", 151,
-"Header", 164, "Units", and 1858, "Dataset 58 qualifiers". The parser is written for rsgen: published ones
-accept wrong counts, steps and a missing end.
+"Header", 164, "Units", and 1858, "Dataset 58 qualifiers"; of the words: ISO 7626-1, "Mechanical mobility:
+basic terms and definitions". The parser is written for rsgen: published ones accept wrong counts, steps and
+a missing end.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
@@ -20,9 +21,108 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
-from rsgen.files.uff_meaning import FORCES, Qualifiers, fault_of, place_of, qualifiers, remark_of, scale_of
 
-__all__ = ["SI", "UnitSystem", "axis_unit", "unit_system", "walk_universal"]
+__all__ = ["SI", "UnitSystem", "unit_system", "walk_universal"]
+
+
+# ----------------------------------------------------------------------------
+# What functions are, in words of ISO 7626, and how they were made.
+
+_FUNCTIONS = {
+    0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
+    5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation",
+    9: "power spectral density", 10: "energy spectral density", 11: "probability density", 12: "spectrum",
+    13: "cumulative distribution", 14: "peaks and valleys", 18: "mode indicator", 24: "shock spectrum",
+    26: "multiple coherence", 27: "order function",
+}  # fmt: skip
+_RESPONSES = (0, 1, 4, 12, 27)
+_AMPLITUDES = (12, 27)
+"""Functions whose amplitudes may be peaks, halves of them or root mean squares; in a quotient they cancel."""
+_QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure"}
+_FORCE_KINDS = (9, 13)
+"""Kinds of data: reaction force and excitation force."""
+_OVER_FORCE = {8: "receptance", 11: "mobility", 12: "accelerance"}
+_OF_FORCE = {8: "dynamic stiffness", 11: "mechanical impedance", 12: "apparent mass"}
+_WINDOWS = {1: "Hanning window", 2: "Hanning window", 3: "flattop window", 4: "exponential window",
+            5: "impact window", 6: "impact and exponential window"}  # fmt: skip
+_EXPONENTIAL = (4, 6)
+_SCALES = {1: "half-peak", 2: "peak", 3: "rms"}
+_WEIGHTINGS = {1: "A", 2: "B", 3: "C", 4: "D"}
+_DIRECTIONS = {"1": "+X", "2": "+Y", "3": "+Z", "-1": "-X", "-2": "-Y", "-3": "-Z"}
+_ROTATIONS = (1, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class _Qualifiers:
+    """Data set 1858: how a function was made; 0 where it is unknown or was not."""
+
+    octave: int = 0
+    """n of bands of 1/n octave."""
+    weighting: int = 0
+    window: int = 0
+    scale: int = 0
+    """Of the amplitudes."""
+    numerator: int = 0
+    """1 and 3 for rotations."""
+    denominator: int = 0
+
+
+def _qualifiers(lines: Sequence[str]) -> _Qualifiers:
+    """Read the first two lines of data set 1858; the message of a fault has no place yet."""
+    found = [line.split() for line in lines[:2]]
+    if [len(line) >= few for line, few in zip(found, (2, 7), strict=False)] != [True, True] or not all(
+        re.fullmatch(r"-?\d{1,9}", text, re.ASCII) for line in found for text in line
+    ):
+        raise MeasurementError("two lines of whole numbers, 2 and 7 at least, are needed in data set 1858")
+    first, second = ([int(text) for text in line] for line in found)
+    return _Qualifiers(first[1], second[0], second[1], second[2], second[5], second[6])
+
+
+def _fault_of(function: int, ordinate: int, over: int, said: _Qualifiers) -> str:
+    """Say why a function of these kinds of function and data is none that can be read, or ""."""
+    if function not in _RESPONSES:
+        what = _FUNCTIONS.get(function, f"function of type {function}")
+        return (
+            f"is a {what}, which is no response to one sine; "
+            "a time response, frequency response or spectrum is needed"
+        )
+    if function == 4 and ordinate in _FORCE_KINDS and over in _OF_FORCE:
+        return f"is a force over a motion ({_OF_FORCE[over]}); receptance, mobility or accelerance is needed"
+    if said.numerator in _ROTATIONS or said.denominator in _ROTATIONS:
+        return "is of a rotation or a moment (data set 1858); motions along a line and forces are read"
+    if said.octave:
+        return f"is in bands of 1/{said.octave} octave (data set 1858); narrow lines are needed"
+    if said.weighting:
+        weighting = _WEIGHTINGS.get(said.weighting, str(said.weighting))
+        return f"has a frequency weighting ({weighting}, data set 1858); numbers without one are needed"
+    return ""
+
+
+def _scale_of(function: int, said: _Qualifiers) -> str:
+    """Give "rms", "peak" or "half-peak" where a spectrum says what its amplitudes are, else ""."""
+    return _SCALES.get(said.scale, "") if function in _AMPLITUDES else ""
+
+
+def _remark_of(
+    function: int, axes: tuple[int, int], places: tuple[str, str], label: str, said: _Qualifiers
+) -> str:
+    """Describe a function, what it is in words of ISO 7626 first; ``places`` of response and reference."""
+    ordinate, over = axes
+    parts = [_OVER_FORCE.get(ordinate, "") if function == 4 and over in _FORCE_KINDS else ""]
+    parts.append(_scale_of(function, said))
+    parts.append(_WINDOWS.get(said.window, "") + (" adds damping" if said.window in _EXPONENTIAL else ""))
+    what = _FUNCTIONS.get(function, f"function {function}")
+    parts += [what, places[0], label, _QUANTITIES.get(ordinate, "")]
+    if over in _FORCE_KINDS:
+        parts += ["over force", f"at {places[1]}" if places[1] else ""]
+    return ", ".join(part for part in parts if part)
+
+
+def _place_of(text: str) -> str:
+    """Name a point by entity, node and direction, "" for none; directions that are no axis are left out."""
+    entity, node, direction = text[:11].strip(), text[11:21].strip(), text[21:25].strip()
+    named = "" if entity == "NONE" and node == "0" else f"{entity} {node}".strip()
+    return f"{named} {_DIRECTIONS.get(direction, '')}".strip() if named else ""
 
 
 # ----------------------------------------------------------------------------
@@ -51,15 +151,7 @@ _PER_FORCE = re.compile(r"/\s*(?:[kmcuµM]?N|lbf?|kgf|kp|dyne?)\Z")
 
 @dataclass(frozen=True, slots=True)
 class UnitSystem:
-    """Units of length and force in a universal file.
-
-    Parameters
-    ----------
-    length, force
-        Names of the units; "" where they are not known.
-    source
-        Where they come from, or why they are not known.
-    """
+    """Units of length and force in a universal file, "" where not known; where they come from, or why not."""
 
     length: str
     force: str
@@ -106,31 +198,25 @@ def _unit(kind: int, label: str, system: UnitSystem) -> tuple[str, str]:
         return label, "axis label"
     if kind in _PER_TIME:
         return system.length and system.length + _PER_TIME[kind], system.source
-    return (system.force, system.source) if kind in FORCES else ("", "")
+    return (system.force, system.source) if kind in _FORCE_KINDS else ("", "")
 
 
-def axis_unit(ordinate: tuple[int, str], over: tuple[int, str], system: UnitSystem) -> tuple[str, str]:
-    """Find the unit of the ordinate of a function, and where it comes from.
+def _axis_unit(ordinate: tuple[int, str], over: tuple[int, str], system: UnitSystem) -> tuple[str, str]:
+    """Find the unit of an ordinate, "" where it is not known; and its source, or why it is not known.
 
-    Parameters
-    ----------
-    ordinate, over
-        Kind of data and label of the unit, of the numerator and of the denominator.
-    system
-        The last data set 164 before the function, or SI.
-
-    Returns
-    -------
-    Unit, "" where it is not known; and its source, or why it is not known.
+    Of numerator and denominator the kind of data and the label are given, and the last data set 164 before.
     """
     unit, source = _unit(*ordinate, system)
-    if over[0] not in FORCES or _PER_FORCE.search(unit) or not source:
+    if over[0] not in _FORCE_KINDS or _PER_FORCE.search(unit) or not source:
         return unit, source
     force, origin = _unit(*over, system)
     if not (unit and force):
         return "", system.source
     return f"{unit}/{force}", source if source == origin else f"{source}, force: {origin}"
 
+
+# ----------------------------------------------------------------------------
+# The data sets, line by line.
 
 MAX_LINE = 4096
 HEADER_LINES = 11
@@ -228,7 +314,7 @@ def _head(lines: _Lines) -> _Head:
     after = lines.number
     lines.number = after - 5
     function = lines.integer(texts[5][:5], "the kind of function")
-    place, reference = place_of(texts[5][30:55]), place_of(texts[5][55:80])
+    place, reference = _place_of(texts[5][30:55]), _place_of(texts[5][55:80])
     lines.number = after - 4
     fields = texts[6].split()
     if len(fields) < 5:
@@ -337,7 +423,7 @@ class _Sets:
         self.others: list[str] = []
         self.system = SI
         self.texts: dict[str, str] = {}
-        self.found: list[tuple[_Head, NDArray[Any], UnitSystem] | Qualifiers] = []
+        self.found: list[tuple[_Head, NDArray[Any], UnitSystem] | _Qualifiers] = []
 
     def walk(self) -> None:
         """Read all data sets; what is of use is in ``found`` and ``texts``, in the order of the file."""
@@ -382,24 +468,24 @@ class _Sets:
             if name and text and text != "NONE":
                 self.texts.setdefault(f"header/{name}", " ".join(text.split()))
 
-    def qualifiers(self) -> Qualifiers:
+    def qualifiers(self) -> _Qualifiers:
         lines = self.lines_of("1858", 2)
         try:
-            return qualifiers(lines)
+            return _qualifiers(lines)
         except MeasurementError as fault:
             raise self.lines.fail(str(fault)) from None
 
-    def functions(self) -> Iterator[tuple[_Head, NDArray[Any], UnitSystem, Qualifiers]]:
+    def functions(self) -> Iterator[tuple[_Head, NDArray[Any], UnitSystem, _Qualifiers]]:
         """Give each function with its qualifiers: those before it, or behind where the file ends so."""
-        behind = isinstance(self.found[-1], Qualifiers)
+        behind = isinstance(self.found[-1], _Qualifiers)
         for number, part in enumerate(self.found):
-            if isinstance(part, Qualifiers):
+            if isinstance(part, _Qualifiers):
                 continue
             beside = (
                 self.found[number + 1 : number + 2] if behind else self.found[max(0, number - 1) : number]
             )
-            said = [other for other in beside if isinstance(other, Qualifiers)]
-            yield *part, said[0] if said else Qualifiers()
+            said = [other for other in beside if isinstance(other, _Qualifiers)]
+            yield *part, said[0] if said else _Qualifiers()
 
     def skip(self, name: str) -> str:
         if not re.fullmatch(r"\d{1,6}[a-z]?", name):
@@ -482,7 +568,7 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
     file.seek(0)
     sets = _Sets(file, size, largest)
     sets.walk()
-    if not any(not isinstance(part, Qualifiers) for part in sets.found):
+    if not any(not isinstance(part, _Qualifiers) for part in sets.found):
         others = f"; there are data sets {', '.join(sets.others[:5])}" if sets.others else ""
         raise MeasurementError(f"no data set 58 in it{others}; functions (data set 58) are read")
     for path, text in sets.texts.items():
@@ -490,17 +576,17 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
     for number, (head, flat, system, said) in enumerate(sets.functions(), start=1):
         known, unit = _ABSCISSAS.get(head.abscissa.kind, ("", ""))
         ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
-        fault = fault_of(head.function, ordinate[0], over[0], said)
+        fault = _fault_of(head.function, ordinate[0], over[0], said)
         kind = f"{'complex' if head.paired else 'float'}{flat.itemsize * (16 if head.paired else 8)}"
         yield Node(
             f"{number}/abscissa", (head.count,), "float64", load=partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
-        unit, source = axis_unit(ordinate, over, system)
+        unit, source = _axis_unit(ordinate, over, system)
         yield Node(
             f"{number}/ordinate", (head.count,), kind, load=partial(_ordinate, head, flat),
-            unit=unit, unit_source=source, fault=fault, scale=scale_of(head.function, said),
-            remark=remark_of(
+            unit=unit, unit_source=source, fault=fault, scale=_scale_of(head.function, said),
+            remark=_remark_of(
                 head.function, (ordinate[0], over[0]), (head.place, head.reference), head.ordinate.label, said
             ),
             title=head.place or head.title,

@@ -6,13 +6,16 @@ looked at.
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
+from openpyxl import Workbook, load_workbook
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
@@ -20,7 +23,7 @@ from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.text_columns import MISSING, WORD
 from rsgen.files.tree import Node, is_wanted
 
-__all__ = ["walk_xlsx"]
+__all__ = ["sample_xlsx", "walk_xlsx"]
 
 MAX_ROWS = 2**20
 """Rows of a sheet, as Excel has them."""
@@ -28,6 +31,16 @@ MAX_CELLS = 20_000_000
 """Cells of a sheet, empty ones among others: reading as many takes longer than any file may."""
 _LONGEST_TITLE = 120
 _Row = Sequence[Any]
+
+
+def sample_xlsx() -> bytes:
+    """Make a small workbook."""
+    file = io.BytesIO()
+    book = Workbook()
+    book.active.append(["f [Hz]", "date"])
+    book.active.append([1.0, datetime(2000, 1, 1)])
+    book.save(file)
+    return file.getvalue()
 
 
 def _check_archive(file: BinaryIO, largest: int) -> None:
@@ -203,8 +216,6 @@ def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     MeasurementError
         No workbook, damaged, or it unpacks to more than a file of its size may.
     """
-    from openpyxl import load_workbook  # comes with an extra
-
     _check_archive(file, largest)
     book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
     sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]

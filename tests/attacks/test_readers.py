@@ -13,6 +13,7 @@ import pytest
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import load_surface
 from rsgen.files import Layout, read_measurement
+from rsgen.files.data_files import FORMATS
 from rsgen.files.file_table import _stars
 from rsgen.files.inspection import list_contents
 from rsgen.files.sandbox import list_binary, read_binary
@@ -34,6 +35,10 @@ def refusal(act: Callable[[], object]) -> str:
         act()
     assert time.process_time() - begun < allowed(SECONDS)
     return str(caught.value)
+
+
+def test_every_format_is_attacked() -> None:
+    assert {"csv", *FORMATS} <= {*ENDINGS, *(row.name for row in FORMATS.values() if row.package)}
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -267,8 +268,6 @@ def _best_misfit(
     force: ComplexArray, response: ComplexArray, rate: Array, parts: list[ComplexArray], begin: Array
 ) -> float:
     """Relative misfit of the best law, the best multiples of ``parts``, sought from ``begin``, taken off."""
-    from scipy.optimize import least_squares  # a third of a second, and needed where any law misfits
-
     typical, weight = float(np.median(np.abs(response))), 1 / np.abs(force)
     columns = np.array([part / np.median(np.abs(part)) for part in parts])
 
@@ -279,7 +278,8 @@ def _best_misfit(
     def residual(values: Array) -> Array:
         return fit_any_law(force, rest(values), rate, _POWERS, weight, mass=True)[0]
 
-    values = least_squares(residual, begin, x_scale=0.1, max_nfev=60).x
+    # loaded here first: a third of a second, and needed where any law misfits
+    values = scipy.optimize.least_squares(residual, begin, x_scale=0.1, max_nfev=60).x
     return _misfit(force, rest(values), rate)
 
 

@@ -9,9 +9,7 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
-from rsgen.files.address import natural_order
 from rsgen.files.column_titles import split_title, unit_in
-from rsgen.files.inspection.beside import Guess, run_of, siblings_of
 from rsgen.files.inspection.clues import (
     ANGULAR,
     BASE,
@@ -37,15 +35,27 @@ from rsgen.files.inspection.clues import (
     TIME,
     VARIES,
     Clue,
+    Guess,
     last_name,
     of_size,
     remarked,
+    run_of,
+    siblings_of,
     unit_for,
 )
-from rsgen.files.inspection.motions import place_of, unit_of_force, write_base, write_motions
-from rsgen.files.inspection.sensors import Sensor, find_base, find_sensors, fundamentals, is_of_another
+from rsgen.files.inspection.sensors import (
+    Sensor,
+    find_base,
+    find_sensors,
+    fundamentals,
+    is_of_another,
+    place_of,
+    unit_of_force,
+    write_base,
+    write_motions,
+)
 from rsgen.files.plan import HERTZ, SECONDS, Layout
-from rsgen.files.tree import Contents, Entry
+from rsgen.files.tree import Contents, Entry, natural_order
 from rsgen.formula.units.quantities import UNKNOWN
 
 __all__ = [

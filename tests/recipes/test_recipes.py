@@ -1,0 +1,206 @@
+"""The recipes of docs/architecture.md, followed in a copy of the checkout: what they add works for a user."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from docs._extension.snippets import ROOT, find_snippets
+from tests.faults.scratch import Scratch
+
+PAGE = ROOT / "docs" / "architecture.md"
+PLACE = re.compile(r"# (?P<file>\S+), (?P<how>below|in place of|new|at its end)(?:: (?P<line>.+))?")
+
+USER = '''
+import json, sys
+import numpy as np
+import rsgen as rs
+from rsgen.report import wording
+from rsgen.cases import case_schema
+
+# response held at three amplitudes of a septic spring: the force follows from the balance of one harmonic
+f = np.tile(np.linspace(8.0, 12.0, 18), 3)
+X = np.repeat([1e-3, 2e-3, 3e-3], 18)
+omega = 2 * np.pi * f
+F = X * (5920 + 35 / 64 * 2e18 * X**6 - 1.5 * omega**2 + 7.5j * omega)
+table = np.array([f, F.real, F.imag, X, 0 * X])
+with open("held.flt", "wb") as file:
+    file.write(b"FLT1" + np.array(table.shape, dtype="<u4").tobytes() + table.tobytes())
+with open("held.toml", "w") as file:
+    file.write("""
+schema = 1
+name = "held"
+title = "A test that needs every recipe"
+element = [{ name = "spring", law = "septic-spring" }, { name = "damper", force = "c*v" }]
+
+[test]
+kind = "measured"
+file = "held.flt"
+format = "flt"
+control = "response"
+humidity = 0.4
+
+[test.frequency]
+column = 1
+
+[test.force]
+real = 2
+imaginary = 3
+phase_sense = "lead"
+
+[test.response]
+quantity = "displacement"
+real = 4
+imaginary = 5
+phase_sense = "lead"
+
+[test.level]
+column = 4
+
+[identify]
+background = "curved"
+""")
+case = rs.load_case("held.toml")
+surface = rs.read("held.toml")
+found = rs.identify(surface, case.model)
+drawing = rs.figures.draw_amplitudes(surface)
+print(json.dumps({
+    "laws": list(rs.laws.names),
+    "stiffness": str(rs.derive(rs.laws["septic-spring"]).stiffness),
+    "values": {one.name: one.value for one in found.refined},
+    "points": len(surface),
+    "humidity": case.test.humidity,
+    "schema": case_schema(),
+    "background": [one.name for one in found.background.estimates],
+    "sentences": [rs.sentence(one) for one in found.findings],
+    "steps": [wording.next_step(one) for one in found.findings if one.code == "points-few"],
+    "drawn": drawing.alternative,
+    "bytes": len(drawing.render("svg")),
+}))
+'''
+
+
+def follow(block: str, root: Path) -> None:
+    """Write a block where its first line says."""
+    first, _, body = block.partition("\n")
+    place = PLACE.fullmatch(first)
+    assert place is not None, first
+    file = root / place["file"]
+    if place["how"] == "new":
+        assert not file.exists(), first
+        file.write_text(body, encoding="utf-8")
+        return
+    text = file.read_text(encoding="utf-8")
+    if place["how"] == "at its end":
+        file.write_text(f"{text}\n\n{body}", encoding="utf-8")
+        return
+    lines = text.split("\n")
+    found = [number for number, line in enumerate(lines) if line.strip() == place["line"]]
+    assert len(found) == 1, f"{first}: {len(found)} lines"
+    above = found[0] + (place["how"] == "below")
+    lines[above : found[0] + 1] = body.rstrip("\n").split("\n")
+    file.write_text("\n".join(lines), encoding="utf-8")
+
+
+def run(root: Path, *words: str) -> str:
+    """Run the program of the copy beside it, and give what it printed."""
+    environment = os.environ | {"PYTHONPATH": str(root), "RSGEN_CACHE": str(root.parent / "caches")}
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=root.parent,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Scratch:
+    """A copy with all additions of the page."""
+    copy = Scratch.of(ROOT, tmp_path_factory.mktemp("recipes"))
+    for block in find_snippets(PAGE.read_text(encoding="utf-8")):
+        if block.kind == "py":
+            follow(block.text, copy.root)
+    copy.caches.mkdir(mode=0o700)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def seen(scratch: Scratch) -> dict[str, Any]:
+    """What a user of the copy sees."""
+    answer: dict[str, Any] = json.loads(run(scratch.root, "-c", USER))
+    return answer
+
+
+def test_a_law_is_listed_derived_and_identified(seen: dict[str, Any]) -> None:
+    assert "septic-spring" in seen["laws"]
+    assert "35" in seen["stiffness"]
+    assert seen["values"] == pytest.approx({"k": 5920, "k7": 2e18, "c": 7.5, "m": 1.5}, rel=0.1)
+
+
+def test_a_format_is_read_by_a_case(seen: dict[str, Any]) -> None:
+    assert seen["points"] == 54
+    assert "'flt'" in str(seen["schema"])
+
+
+def test_a_background_is_accepted_and_fitted(seen: dict[str, Any]) -> None:
+    assert "b2_re" in seen["background"]
+
+
+def test_a_finding_has_its_sentence_and_its_next_step(seen: dict[str, Any]) -> None:
+    assert "54 points are few to tell one law from another" in seen["sentences"]
+    assert len(seen["steps"]) == 1
+
+
+def test_a_key_is_read_and_in_the_schema(seen: dict[str, Any]) -> None:
+    assert seen["humidity"] == 0.4
+    assert "'humidity': {'description': 'Of the air; 1 is saturated.'" in str(seen["schema"])
+
+
+def test_a_figure_is_drawn(seen: dict[str, Any]) -> None:
+    assert "54 points" in seen["drawn"]
+    assert seen["bytes"] > 1000
+
+
+def test_a_command_is_listed_and_runs(scratch: Scratch, seen: dict[str, Any]) -> None:
+    assert "How many points a measured test has." in run(scratch.root, "-m", "rsgen", "--help")
+    assert run(scratch.root, "-m", "rsgen", "count", "held.toml") == "54 points\n"
+
+
+COMPLETE = (
+    "tests/law/test_law.py::test_the_library_is_a_mapping_that_iterates_over_laws",
+    "tests/law/test_law.py::test_every_law_of_the_library_says_what_its_parameters_are",
+    "tests/ranking/test_ranking.py::test_every_law_of_the_library_takes_part",
+    "tests/attacks/test_readers.py::test_every_format_is_attacked",
+    "tests/attacks/test_readers.py::test_good_files_are_read[flt]",
+    "tests/report/test_wording.py::test_every_sentence_can_be_said[1.0-points-few]",
+    "tests/report/test_wording.py::test_every_next_step_is_one_full_sentence[points-few]",
+    "tests/figures/test_figures.py::test_drawing_is_whole[amplitudes]",
+    "tests/cli/test_cli.py::test_every_command_has_an_example[count]",
+)
+"""Tests of all laws, formats, findings, figures and commands; the page names what else they ask for."""
+
+
+def test_the_tests_of_completeness_pass(scratch: Scratch) -> None:
+    ran = scratch.run(COMPLETE)
+    assert ran.failed == ()
+    assert ran.broken == ""
+
+
+def test_a_stale_recipe_is_noticed(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("one\ntwo\ntwo\n")
+    follow("# a.py, below: one\nthree\n", tmp_path)
+    assert (tmp_path / "a.py").read_text() == "one\nthree\ntwo\ntwo\n"
+    for line in ("two", "four"):
+        with pytest.raises(AssertionError, match="lines"):
+            follow(f"# a.py, in place of: {line}\nfive\n", tmp_path)
