@@ -21,8 +21,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.confined import READY, confine
 from rsgen.common.errors import MeasurementError
+from rsgen.common.process import READY, confine
 from rsgen.files.address import find, select
 from rsgen.files.tree import LARGEST_BYTES, MAX_NODES, Node, array_bytes, describe, facts, largest_bytes
 

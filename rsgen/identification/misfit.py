@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.distributions import t_quantile
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     APART,
@@ -26,6 +25,7 @@ from rsgen.common.tolerances import (
     SIGNIFICANT,
     START_ORDER,
     TAKEN,
+    t_quantile,
 )
 from rsgen.data.observation import OFFSET
 from rsgen.data.surface import ResponseSurface

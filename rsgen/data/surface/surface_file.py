@@ -13,10 +13,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from rsgen.common.confined import READY, command, environment
 from rsgen.common.errors import MeasurementError, RsgenError, printable, require
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
+from rsgen.common.process import READY, command, environment
 from rsgen.data.surface.columns import COLUMN_UNITS
 from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 

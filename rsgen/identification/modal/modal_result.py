@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rsgen.common.arrays import Array
-from rsgen.common.distributions import t_quantile
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
-from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER
+from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.observation import Observation
 from rsgen.identification.modal.modal_splines import ModalSplines
 from rsgen.identification.results import Background

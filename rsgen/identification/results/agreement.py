@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.distributions import f_tail, t_quantile
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import CONFIDENCE, GROUPS, SAME_NUMBER, SEVERAL
+from rsgen.common.tolerances import CONFIDENCE, GROUPS, SAME_NUMBER, SEVERAL, f_tail, t_quantile
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import Points
 

@@ -10,10 +10,9 @@ from math import log2, nan
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.distributions import t_quantile
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.common.tolerances import CONFIDENCE, NULL_PART, ROUND_OFF, TURNED, samples_for
+from rsgen.common.tolerances import CONFIDENCE, NULL_PART, ROUND_OFF, TURNED, samples_for, t_quantile
 from rsgen.data.oscillator import Model
 from rsgen.formula.units import parameter_units, per_mass_unit
 from rsgen.identification.fitting.fit import Solution
