@@ -30,8 +30,7 @@ from rsgen.describing.regimes import Reading
 from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import Masing, State
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Masing, State, X
 from rsgen.law.memory import Inner, MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable

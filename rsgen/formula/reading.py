@@ -23,8 +23,7 @@ from rsgen.formula.bounds import (
     decimal_value,
     power_terms,
 )
-from rsgen.formula.memory_terms import Masing, Structural
-from rsgen.formula.names import CONSTANTS, FUNCTIONS, closest, shown, symbol
+from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, shown, symbol
 from rsgen.formula.scanning import DEPTH, refusal, scan
 
 __all__ = [

@@ -9,8 +9,7 @@ from typing import ClassVar
 
 import sympy
 
-from rsgen.formula.printing import Level, Printer, decimal_text, depends_on_state, split_sum
-from rsgen.formula.writing import TextPrinter
+from rsgen.formula.printing import Level, Printer, TextPrinter, decimal_text, depends_on_state, split_sum
 
 __all__ = ["latex", "mathml", "readable"]
 

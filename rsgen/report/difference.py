@@ -11,7 +11,7 @@ from typing import Any
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, StatedVerdict
-from rsgen.formula.units.scale import number_text, quantity_text
+from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result, read_results

@@ -17,7 +17,7 @@ from rsgen.common.output import write_atomic
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.dynamics import kernel
-from rsgen.formula.memory_terms import Structural, remembers
+from rsgen.formula.names import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.prediction import Prediction, predict
 from rsgen.identification.prediction.resonance_curves import acts_across

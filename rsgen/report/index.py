@@ -13,7 +13,7 @@ from markupsafe import Markup
 import rsgen
 from rsgen.common.finding import STATES
 from rsgen.common.output import write_atomic
-from rsgen.formula.units.scale import quantity_text
+from rsgen.formula.units.quantities import quantity_text
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.page import THUMBNAIL
 from rsgen.report.provenance import page_environment, plain_text

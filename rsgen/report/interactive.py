@@ -13,7 +13,7 @@ from markupsafe import Markup
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface, load_surface
-from rsgen.formula.units.scale import SWEEPS, choose_scale
+from rsgen.formula.units.quantities import SWEEPS, choose_scale
 from rsgen.report.figures.overview import largest_answer
 from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result

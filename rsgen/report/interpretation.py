@@ -17,7 +17,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.formula import symbol
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law

@@ -17,8 +17,8 @@ from rsgen.common.output import write_atomic
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.dynamics import kernel
 from rsgen.files import MeasuredTest
-from rsgen.formula.memory_terms import Structural
-from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.names import Structural
+from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, predict_multisine
 from rsgen.identification.results import Identification

@@ -18,7 +18,7 @@ from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 from rsgen.formula import symbol, write
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.formula.units import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsgen.common.finding import Finding, State, Verdict
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units.scale import count_text, number_text, quantity_text
+from rsgen.formula.units.quantities import count_text, number_text, quantity_text
 from rsgen.report.wording.sentences import says, sentence
 
 __all__ = ["MARKED", "error_text", "headline", "proof_sentence", "share_text", "surface_sentence"]

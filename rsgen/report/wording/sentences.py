@@ -8,7 +8,7 @@ from functools import partial
 from typing import Self
 
 from rsgen.common.finding import Finding, Quantity
-from rsgen.formula.units.scale import number_text, quantity_text
+from rsgen.formula.units.quantities import number_text, quantity_text
 
 __all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "say_plainly", "says", "sentence"]
 
