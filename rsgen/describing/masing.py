@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.describing.closed import HIGHEST_POWER, close, quarter
-from rsgen.describing.limits import Limit
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.describing.regimes import Reading, tidy
+from rsgen.describing.regimes import Limit, Reading, tidy
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X

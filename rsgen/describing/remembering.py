@@ -15,7 +15,6 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
-from rsgen.describing.limits import Limit
 from rsgen.describing.masing import (
     Branches,
     ClosedMasing,
@@ -26,7 +25,7 @@ from rsgen.describing.masing import (
     on_cycle,
 )
 from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE
-from rsgen.describing.regimes import Reading
+from rsgen.describing.regimes import Limit, Reading
 from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
