@@ -12,7 +12,7 @@ import scipy.io
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.records import held_out_records
+from rsgen.data.multisine.spectra import held_out_records
 from rsgen.data.observation import Observation
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts

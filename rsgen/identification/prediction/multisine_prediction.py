@@ -13,7 +13,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.text_table import TextTable, short
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.records import held_out_records
+from rsgen.data.multisine.spectra import held_out_records
 from rsgen.data.multisine.steady import periodic_response
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.lines import MultisineIdentification
