@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cases.document import CaseDocument
+from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface import surface_file
 from rsgen.files import read_measurement

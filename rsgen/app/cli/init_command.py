@@ -13,7 +13,7 @@ import rsgen
 from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
-from rsgen.cases.naming import name_fault
+from rsgen.cases.faults import name_fault
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic

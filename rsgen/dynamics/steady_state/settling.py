@@ -1,4 +1,4 @@
-"""From a start to the neighbourhood of the steady state that the motion itself would reach, and what is found.
+"""From a start to the neighbourhood of the steady state that the motion itself would reach.
 
 Transients are carried for a few periods, then Newton's method looks for the fixed point. It is believed
 only if it attracts and if the last periods already obeyed its linear map: then the motion is inside its
