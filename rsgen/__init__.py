@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
     from rsgen.data.multisine import MultisineSpectra, best_linear
-    from rsgen.data.observation import Observation
-    from rsgen.data.oscillator import Oscillator
+    from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import derive
     from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
@@ -69,7 +68,7 @@ _PLACES = {
     "ModalTable": "identification.modal",
     "MultisineSpectra": "data.multisine",
     "MultisineTest": "dynamics.simulation",
-    "Observation": "data.observation",
+    "Observation": "data.oscillator",
     "Oscillator": "data.oscillator",
     "Prediction": "identification.prediction",
     "Ranking": "identification.ranking",

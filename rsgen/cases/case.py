@@ -19,8 +19,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from rsgen.cases.measured_test import MEASURED
 from rsgen.cases.tables import MAX_TEXT, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.declaration import Rule
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest
 

@@ -21,8 +21,7 @@ from rsgen.cases.measured_test import make_measured
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import KNOWN_MASS, Model, Oscillator, total_force
+from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest

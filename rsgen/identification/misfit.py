@@ -27,7 +27,7 @@ from rsgen.common.tolerances import (
     TAKEN,
     t_quantile,
 )
-from rsgen.data.observation import OFFSET
+from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance

@@ -16,8 +16,7 @@ import pytest
 import rsgen
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, save_surface
 from rsgen.files import read_measurement
 from rsgen.formula import parse

@@ -15,8 +15,7 @@ from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 
 if TYPE_CHECKING:
-    from rsgen.data.observation import Observation
-    from rsgen.data.oscillator import Model
+    from rsgen.data.oscillator import Model, Observation
 
 __all__ = [
     "SMOOTHED",

@@ -15,7 +15,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
-from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Observation
 from rsgen.identification.modal.modal_splines import ModalSplines
 from rsgen.identification.results import Background
 

@@ -21,8 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.descent import Descent
