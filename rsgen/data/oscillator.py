@@ -105,6 +105,9 @@ class Observation:
             yield "band", f"{self.band[0]:g} to {self.band[1]:g} Hz; must be ascending"
 
 
+# ----------------------------------------------------------------------------
+# The structure itself.
+
 KNOWN_MASS = Rule("Mass, where it is known beforehand.", unit="kg", above=0)
 
 

@@ -20,7 +20,7 @@ from rsgen.files import MeasuredTest
 from rsgen.formula.names import Structural
 from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
-from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, predict_multisine
+from rsgen.identification.prediction.prediction_result import MultisinePrediction, predict_multisine
 from rsgen.identification.results import Identification
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing, draw_best_linear, draw_line_misfit, draw_predicted_record

@@ -24,7 +24,7 @@ from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
 from rsgen.data.multisine.steady import SMALL
 from rsgen.identification.fitting.least_squares import determined, solve_scaled
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.results.agreement import leave_out
+from rsgen.identification.results.estimates import leave_out
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 

@@ -42,10 +42,15 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
-from rsgen.identification.modal.modal_splines import ModalSplines, SplineBasis, SplineMode
-from rsgen.identification.results.agreement import Agreement
-from rsgen.identification.results.estimates import state_background
+from rsgen.identification.modal.modal_result import (
+    MODAL_COLUMNS,
+    ModalSplines,
+    ModalTable,
+    ModalTest,
+    SplineBasis,
+    SplineMode,
+)
+from rsgen.identification.results.estimates import Agreement, state_background
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.numeric import compile_law
 
