@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from rsgen.identification.results import Identification
     from rsgen.law import Law, laws, make_element
     from rsgen.report import write_report
-    from rsgen.report.stated_verdict import explain
     from rsgen.report.wording import sentence
+    from rsgen.report.wording.sentences import explain
 
 __version__: str
 """Of the installed package; it comes from the tag of the commit that was built."""
@@ -78,7 +78,7 @@ _PLACES = {
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
     "derive": "describing",
-    "explain": "report.stated_verdict",
+    "explain": "report.wording.sentences",
     "identify": "identification.identify",
     "laws": "law",
     "load_case": "cases",

@@ -15,8 +15,7 @@ from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result, read_results
-from rsgen.report.stated_verdict import read_verdict
-from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.sentences import error_text, read_verdict
 
 __all__ = [
     "CaseDifference",

@@ -17,7 +17,7 @@ from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
-from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.sentences import error_text
 
 __all__ = [
     "NO_MODAL",

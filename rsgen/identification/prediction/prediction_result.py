@@ -47,10 +47,6 @@ def severity_of_error(error: float) -> Severity | None:
     return next((severity for severity, limit in _MISSED.items() if error > limit), None)
 
 
-# ----------------------------------------------------------------------------
-# The periodic motion of the identified law under the force of a record of a multisine.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ResonanceCurve:
     """The resonance curve of one level, ordered along the curve; a row of NaN separates detached parts.
@@ -202,6 +198,10 @@ class Prediction(Printed):
             rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
         heads = ("level [N]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
+
+
+# ----------------------------------------------------------------------------
+# The periodic motion of the identified law under the force of a record of a multisine.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
