@@ -14,6 +14,9 @@ import sys
 import time
 from math import ceil
 
+if sys.platform != "win32":
+    import resource
+
 __all__ = [
     "ALGEBRA",
     "MEMORY_STATUS",
@@ -96,10 +99,8 @@ def confine(memory: int, seconds: float) -> None:
     seconds
         Of work from now on, not of waiting: a busy machine must not refuse a good file.
     """
-    try:
-        import resource
-    except ImportError:
-        # Windows has no such limits; the time limit of the parent holds there, too
+    if sys.platform == "win32":
+        # it has no such limits; the time limit of the parent holds there, too
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     last = ceil(time.process_time() + seconds)

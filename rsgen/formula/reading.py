@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import mpmath
 import sympy
 
 from rsgen.common.errors import ExpressionError
@@ -142,8 +143,6 @@ def _bessel(name: str, usage: str) -> Function:
     make = getattr(sympy, name)
 
     def number(order: float, argument: float) -> float:
-        import mpmath
-
         return float(getattr(mpmath, name)(order, argument))
 
     def plain(order: sympy.Expr, argument: sympy.Expr) -> sympy.Expr:

@@ -41,7 +41,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     RsgenError
         The file cannot be written; what was there before is still there.
     """
-    import h5py  # whatever handles surfaces loads this module, and few of them write one
+    import h5py  # 0.1 s; whatever handles surfaces loads this module, and few write one
 
     require(surface, ResponseSurface, "surface")
     buffer = io.BytesIO()
