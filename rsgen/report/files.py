@@ -69,7 +69,7 @@ from rsgen.report.result_json import (
 from rsgen.report.subject import Subject
 from rsgen.report.wording.sentences import error_text, share_text
 
-__all__ = ["draw_all", "write_multisine_files", "write_multisine_notebook", "write_report"]
+__all__ = ["draw_all", "write_multisine_notebook", "write_report"]
 
 
 def draw_all(
