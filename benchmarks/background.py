@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 import rsgen
 from benchmarks.cramer_rao import Background, cramer_rao
 from benchmarks.sections import write_section
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.dynamics.simulation.virtual_test import add_noise
 from rsgen.law import make_element

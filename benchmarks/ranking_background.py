@@ -19,8 +19,7 @@ import rsgen
 from benchmarks.background import MASS, OTHERS
 from benchmarks.cramer_rao import Background
 from benchmarks.sections import write_section
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.dynamics.simulation.virtual_test import add_noise
 from rsgen.law import make_element

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.common.threads import single_thread
+from rsgen.common.process import single_thread
 
 # before numpy is loaded, as the program does
 single_thread()

@@ -10,8 +10,7 @@ import numpy as np
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases import Case
 from rsgen.common.finding import Finding
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.formula import parse, symbol

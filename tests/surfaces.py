@@ -7,8 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element

@@ -10,8 +10,7 @@ import pytest
 import sympy
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.formula import symbol
 from rsgen.law import Element, Law
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import Prediction, predict

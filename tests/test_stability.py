@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cases.document import CaseDocument
+from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface import surface_file
 from rsgen.files import read_measurement
 from rsgen.report.difference import compare_results
-from rsgen.report.index import write_index
+from rsgen.report.page import write_index
 from rsgen.report.result_json import SCHEMA, read_results
 
 HERE = Path(__file__).parent / "stability"

@@ -7,7 +7,7 @@ import sys
 
 _ENDING = """
 import sys
-from rsgen.common import threads
+from rsgen.common import process
 
 class Cycle:
     def __init__(self):
@@ -16,7 +16,7 @@ class Cycle:
     def __del__(self, write=sys.__stdout__.write):
         write("searched")
 
-getattr(threads, sys.argv[1])()
+getattr(process, sys.argv[1])()
 kept = Cycle()
 """
 

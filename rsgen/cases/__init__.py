@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from rsgen.common.first_use import on_first_use
 
 if TYPE_CHECKING:
-    from rsgen.cases.case import Case
-    from rsgen.cases.document import case_schema
+    from rsgen.cases.case import Case, case_schema
     from rsgen.cases.loading import DATA_VARIABLE, find_cases, load_case, name_clashes, read
 
 __all__ = ["DATA_VARIABLE", "Case", "case_schema", "find_cases", "load_case", "name_clashes", "read"]
@@ -19,7 +18,7 @@ __getattr__ = on_first_use(
     {
         "Case": "case",
         "DATA_VARIABLE": "loading",
-        "case_schema": "document",
+        "case_schema": "case",
         "find_cases": "loading",
         "load_case": "loading",
         "name_clashes": "loading",

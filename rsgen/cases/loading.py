@@ -15,16 +15,13 @@ from typing import Any
 import sympy
 from pydantic import ValidationError
 
-from rsgen.cases.case import Case
-from rsgen.cases.document import CaseDocument, Document, ElementTable
-from rsgen.cases.faults import KINDS, parse_case, read_text, sentences
+from rsgen.cases.case import Case, CaseDocument, Document, ElementTable
+from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
 from rsgen.cases.measured_test import make_measured
-from rsgen.cases.naming import name_fault, suggest, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import KNOWN_MASS, Model, Oscillator, total_force
+from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
 from pydantic_core import PydanticCustomError, core_schema
 
-from rsgen.cases.naming import is_device
+from rsgen.cases.faults import is_device
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Declared, Rule, declared, read_hint
 from rsgen.common.errors import RsgenError, quote

@@ -18,7 +18,7 @@ from rsgen.dynamics.simulation.virtual_test import free_mean_fault
 from rsgen.files import MeasuredTest
 from rsgen.formula import symbol, write
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import Structural
+from rsgen.formula.names import Structural
 from rsgen.law.element import Element
 from rsgen.law.memory import memory_form
 from rsgen.law.motion import Motion

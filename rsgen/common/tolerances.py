@@ -1,6 +1,10 @@
-"""Numbers that several steps from a surface to a result decide with, each with its reason."""
+"""Numbers that several steps from a surface to a result decide with, each with its reason; and quantiles."""
 
 from __future__ import annotations
+
+from typing import Any
+
+import scipy
 
 __all__ = [
     "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "DAMPED", "ERRORS", "EXCESS",
@@ -8,7 +12,8 @@ __all__ = [
     "MEANINGLESS", "MOVE", "NEAR_STEPS", "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER",
     "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES",
     "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL",
-    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "UNCHANGED", "samples_for",
+    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "UNCHANGED", "chi_square_exceeded",
+    "f_quantile", "f_tail", "normal_quantile", "normal_share", "samples_for", "t_quantile",
 ]  # fmt: skip
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -179,3 +184,37 @@ and ends of a search with them are one solution, as of sliders that change place
 def samples_for(switched: bool) -> int:
     """Samples a period along which a law is evaluated, with switches or without."""
     return SAMPLES_SWITCHED if switched else SAMPLES
+
+
+# ----------------------------------------------------------------------------
+# Quantiles and tails of the distributions by which fits and intervals are judged.
+
+
+def normal_share(value: float) -> float:
+    """Give the probability that a standard normal number is below a value."""
+    return float(scipy.special.ndtr(value))
+
+
+def normal_quantile(share: float) -> float:
+    """Give what a standard normal number is below with probability ``share``."""
+    return float(scipy.special.ndtri(share))
+
+
+def t_quantile(freedom: Any, share: float) -> Any:
+    """Give what a number of Student's distribution is below with probability ``share``, of any freedoms."""
+    return scipy.special.stdtrit(freedom, share)
+
+
+def f_tail(above: float, below: float, value: float) -> float:
+    """Give the probability that a ratio of variances, of these degrees of freedom, exceeds a value."""
+    return float(scipy.special.fdtrc(above, below, value))
+
+
+def f_quantile(above: float, below: float, share: float) -> float:
+    """Give what a ratio of variances, of these degrees of freedom, is below with probability ``share``."""
+    return float(scipy.special.fdtri(above, below, share))
+
+
+def chi_square_exceeded(freedom: int, chance: float) -> float:
+    """Give what a sum of so many squares of standard normal numbers exceeds with probability ``chance``."""
+    return float(scipy.special.chdtri(freedom, chance))

@@ -12,16 +12,23 @@ import sympy
 from rsgen.common.errors import ExpressionError, require
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, taken_as_positive
-from rsgen.describing.limits import Limit, grows_slowly, limit_at_infinity, limit_at_rest, limit_at_zero
 from rsgen.describing.mean import closed_mean
 from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE, Trial, draw_trial, worst_error
-from rsgen.describing.regimes import Reading, read
+from rsgen.describing.regimes import (
+    Limit,
+    Reading,
+    grows_slowly,
+    limit_at_infinity,
+    limit_at_rest,
+    limit_at_zero,
+    read,
+)
 from rsgen.describing.remembering import add_memory, take_apart
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
+from rsgen.law.character import vanishes
 from rsgen.law.element import Element, Law, make_element
-from rsgen.law.linear_parameters import vanishes
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 from rsgen.law.pieces import NormalForm, normal_form

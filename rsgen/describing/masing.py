@@ -14,14 +14,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.describing.closed import HIGHEST_POWER, close, quarter
-from rsgen.describing.limits import Limit
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.describing.regimes import Reading, tidy
+from rsgen.describing.regimes import Limit, Reading, tidy
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
@@ -231,11 +231,11 @@ class Partial:
 
     def evaluate(self, X_: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> Array:
         """Give the integral by the incomplete beta function (Abramowitz and Stegun, 6.6.1)."""
-        from scipy.special import beta, betainc  # a sixth of a second, for few laws
-
         power, threshold = compiled((self.power, self.threshold), names)(*values)
         share = np.clip(threshold / X_, 0.0, 1.0)
-        return np.asarray(beta(power + 0.5, 0.5) * betainc(power + 0.5, 0.5, share) / 2)
+        return np.asarray(
+            scipy.special.beta(power + 0.5, 0.5) * scipy.special.betainc(power + 0.5, 0.5, share) / 2
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
-from rsgen.describing.limits import Limit
 from rsgen.describing.masing import (
     Branches,
     ClosedMasing,
@@ -26,12 +25,11 @@ from rsgen.describing.masing import (
     on_cycle,
 )
 from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE
-from rsgen.describing.regimes import Reading
+from rsgen.describing.regimes import Limit, Reading
 from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import Masing, State
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Masing, State, X
 from rsgen.law.memory import Inner, MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable

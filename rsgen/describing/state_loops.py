@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import sympy
 from numpy.typing import NDArray
 
@@ -401,8 +402,6 @@ class Loop:
         -------
         Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start.
         """
-        from scipy.integrate import solve_ivp  # imports half of scipy, for laws with states only
-
         numbers = tuple(values[name] for name in self.parameters)
         fields = tuple(np.array([number]) for number in numbers)
         cycles = Cycles(np.array([X_]), np.zeros(1), np.array([omega]), fields)
@@ -419,7 +418,9 @@ class Loop:
         start = np.concatenate((begin[:, 0], (0.0, 0.0)))
         ends = (-np.pi / 2, 3 * np.pi / 2)
         scale = float(np.max(np.abs(begin))) or 1.0
-        run = solve_ivp(slope, ends, start, "DOP853", max_step=0.2, rtol=1e-9, atol=1e-11 * scale)
+        run = scipy.integrate.solve_ivp(
+            slope, ends, start, "DOP853", max_step=0.2, rtol=1e-9, atol=1e-11 * scale
+        )
         end = run.y[:, -1]
         miss = float(np.max(np.abs(end[:size] - start[:size]))) / scale
         return float(end[size] / (np.pi * X_)), float(end[size + 1] / (np.pi * omega * X_)), miss

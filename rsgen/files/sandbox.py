@@ -16,8 +16,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.confined import MEMORY_STATUS, READY, command, environment
 from rsgen.common.errors import MeasurementError, printable
+from rsgen.common.process import MEMORY_STATUS, READY, command, environment
 from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regular
 from rsgen.files.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 

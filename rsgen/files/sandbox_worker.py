@@ -20,8 +20,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.confined import READY, confine
 from rsgen.common.errors import MeasurementError
+from rsgen.common.process import READY, confine
 from rsgen.files.data_files import FORMATS
 from rsgen.files.tree import (
     LARGEST_BYTES,

@@ -13,12 +13,12 @@ from rsgen.common.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.formula.names import check_name, symbol
+    from rsgen.formula.printing import write
     from rsgen.formula.reading import parse
-    from rsgen.formula.writing import write
 
 __all__ = ["check_name", "parse", "symbol", "write"]
 
 # units are read without the library of algebra
 __getattr__ = on_first_use(
-    __name__, {"check_name": "names", "parse": "reading", "symbol": "names", "write": "writing"}
+    __name__, {"check_name": "names", "parse": "reading", "symbol": "names", "write": "printing"}
 )

@@ -11,7 +11,7 @@ from types import TracebackType
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.memory_terms import Masing, Structural
+from rsgen.formula.names import Masing, Structural
 
 __all__ = [
     "EXPONENT",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import mpmath
 import sympy
 
 from rsgen.common.errors import ExpressionError
@@ -23,8 +24,7 @@ from rsgen.formula.bounds import (
     decimal_value,
     power_terms,
 )
-from rsgen.formula.memory_terms import Masing, Structural
-from rsgen.formula.names import CONSTANTS, FUNCTIONS, closest, shown, symbol
+from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, shown, symbol
 from rsgen.formula.scanning import DEPTH, refusal, scan
 
 __all__ = [
@@ -143,8 +143,6 @@ def _bessel(name: str, usage: str) -> Function:
     make = getattr(sympy, name)
 
     def number(order: float, argument: float) -> float:
-        import mpmath
-
         return float(getattr(mpmath, name)(order, argument))
 
     def plain(order: sympy.Expr, argument: sympy.Expr) -> sympy.Expr:

@@ -11,8 +11,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import require
 from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, join_model
+from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.points import per_unit_mass

@@ -41,8 +41,8 @@ from rsgen.identification.results import (
     Resonance,
     RestoringForce,
 )
-from rsgen.identification.results.agreement import Agreement
 from rsgen.identification.results.estimates import (
+    Agreement,
     make_estimates,
     names_of,
     parameter_finding,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.distributions import t_quantile
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     APART,
@@ -26,8 +25,9 @@ from rsgen.common.tolerances import (
     SIGNIFICANT,
     START_ORDER,
     TAKEN,
+    t_quantile,
 )
-from rsgen.data.observation import OFFSET
+from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance

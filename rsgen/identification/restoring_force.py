@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, blocks
-from rsgen.common.distributions import normal_quantile, t_quantile
 from rsgen.common.splines import b_splines, spline_values
 from rsgen.common.tolerances import (
     CHANCE,
@@ -40,6 +39,8 @@ from rsgen.common.tolerances import (
     SAMPLES_SWITCHED,
     SIGNIFICANT,
     STIFFENING,
+    normal_quantile,
+    t_quantile,
 )
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.identification.fitting.fit import Fit

@@ -16,7 +16,7 @@ from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.law.identifiable import equal_terms
 from rsgen.law.library_rows import ROWS, Range, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory

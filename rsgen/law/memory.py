@@ -19,7 +19,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.formula.memory_terms import Inner, Masing, State, Structural, remembers
+from rsgen.formula.names import Inner, Masing, State, Structural, remembers
 
 __all__ = [
     "Curve",

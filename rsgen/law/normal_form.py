@@ -14,8 +14,7 @@ from typing import NamedTuple
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.memory_terms import Inner
-from rsgen.formula.names import STATE_V, STATE_X
+from rsgen.formula.names import STATE_V, STATE_X, Inner
 
 __all__ = [
     "ALWAYS",

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import ClassVar
 
+import nh3
 import sympy
 
-from rsgen.formula.printing import Level, Printer, decimal_text, depends_on_state, split_sum
-from rsgen.formula.writing import TextPrinter
+from rsgen.formula.printing import Level, Printer, TextPrinter, decimal_text, depends_on_state, split_sum
 
 __all__ = ["latex", "mathml", "readable"]
 
@@ -339,8 +339,7 @@ def mathml(expr: sympy.Expr, display: bool = False) -> str:
     str
         One ``math`` element; everything but elements and harmless attributes of MathML has been sieved out.
     """
-    import nh3
-    from latex2mathml.converter import convert
+    from latex2mathml.converter import convert  # 0.06 s, and needed for pages only
 
     markup = convert(latex(expr), display="block" if display else "inline")
     for pattern, instead in _MENDED:

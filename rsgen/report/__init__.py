@@ -8,9 +8,9 @@ from rsgen.common.first_use import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.report.files import draw_all, write_report
-    from rsgen.report.index import write_index
+    from rsgen.report.page import write_index
 
 __all__ = ["draw_all", "write_index", "write_report"]
 
 # the sentences of this package need no figures, whose library takes half a second
-__getattr__ = on_first_use(__name__, {"draw_all": "files", "write_index": "index", "write_report": "files"})
+__getattr__ = on_first_use(__name__, {"draw_all": "files", "write_index": "page", "write_report": "files"})

@@ -11,12 +11,11 @@ from typing import Any
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, StatedVerdict
-from rsgen.formula.units.scale import number_text, quantity_text
+from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.page_tables import Cell, Table, TableRow
 from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result, read_results
-from rsgen.report.stated_verdict import read_verdict
-from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.sentences import error_text, read_verdict
 
 __all__ = [
     "CaseDifference",

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+import scipy
 import sympy
 
 from rsgen.common.arrays import Array
@@ -17,7 +18,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction, compare_printed, derive
 from rsgen.formula import symbol
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.numeric import compile_law
@@ -410,11 +411,8 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float) ->
     """
 
     # a third of a second, and needed only for laws with a formula in print
-    from scipy.integrate import quad
-    from scipy.optimize import brentq
-
     def work(x: float) -> float:
-        return float(quad(force, 0.0, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])
+        return float(scipy.integrate.quad(force, 0.0, x, epsabs=0.0, epsrel=1e-11, limit=200)[0])
 
     energy = work(high)
     reach = high
@@ -426,7 +424,7 @@ def free_frequency(force: Callable[[float], float], mass: float, high: float) ->
         reach *= 1.3
     else:
         return float("nan")
-    low = float(brentq(lambda x: work(x) - energy, -reach, 0.0, xtol=1e-15 * high, rtol=1e-14))
+    low = float(scipy.optimize.brentq(lambda x: work(x) - energy, -reach, 0.0, xtol=1e-15 * high, rtol=1e-14))
     half = sum(_time(force, mass, end) for end in (low, high))
     return 1 / (2 * half)
 

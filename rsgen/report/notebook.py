@@ -29,9 +29,8 @@ from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.report import figures
 from rsgen.report.figures import Drawing
-from rsgen.report.lesson_mark import lesson_mark
 from rsgen.report.page_tables import NO_MODAL, Modal
-from rsgen.report.provenance import TEMPLATES, plain_text
+from rsgen.report.provenance import TEMPLATES, lesson_mark, plain_text
 
 __all__ = [
     "KnownResults",

@@ -1,24 +1,39 @@
-"""report.html: one file that reads like a chapter, verdict first."""
+"""The HTML pages: report.html, the index of a folder of results, a surface to turn.
+
+report.html is one file that reads like a chapter, verdict first.
+"""
 
 from __future__ import annotations
 
+import base64
+import importlib
+import json
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
+import numpy as np
 from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
-from rsgen.data.surface import ResponseSurface
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import STATES
+from rsgen.common.output import write_atomic
+from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.describing import derive
 from rsgen.formula import parse
+from rsgen.formula.units.quantities import SWEEPS, choose_scale, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
-from rsgen.law.element import Element
+from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
+from rsgen.report.figures.overview import largest_answer
 from rsgen.report.interpretation import PrintedFormula, describe_elements, dissipation_findings, mean_finding
 from rsgen.report.page_tables import (
     NO_MODAL,
@@ -31,17 +46,22 @@ from rsgen.report.page_tables import (
     resonance_table,
     verdict_table,
 )
-from rsgen.report.provenance import page_environment
-from rsgen.report.stated_verdict import state_verdict
+from rsgen.report.provenance import page_environment, plain_text
+from rsgen.report.result_json import Entry, read_result, read_results
 from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
-from rsgen.report.wording.page_sentences import MARKED, proof_sentence, surface_sentence
+from rsgen.report.wording.sentences import MARKED, error_text, proof_sentence, state_verdict, surface_sentence
 
-if TYPE_CHECKING:
-    from rsgen.report.figures import Drawing
-
-__all__ = ["THUMBNAIL", "common_context", "inline_svg", "picture_svg", "render_page"]
-
+__all__ = [
+    "THUMBNAIL",
+    "common_context",
+    "inline_svg",
+    "picture_svg",
+    "render_interactive",
+    "render_page",
+    "table_of_results",
+    "write_index",
+]
 
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.
@@ -238,3 +258,246 @@ def render_page(
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
     }
     return page_environment().get_template("report/report.html").render(context)
+
+
+# ----------------------------------------------------------------------------
+# index.html and table1.md: every case of a folder, true against identified.
+
+_MOST_PICTURE = 500_000
+"""Bytes of a picture in the index; those that runs write have a tenth of it."""
+_MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
+
+
+def _picture(entry: Entry) -> Markup | None:
+    """Give the picture of a result as an address; None where a result without a surface has none.
+
+    It is shown as an image, in which nothing acts or loads anything, whatever is in the file.
+    """
+    path = entry.folder / THUMBNAIL
+    try:
+        if not path.is_file() or path.stat().st_size > _MOST_PICTURE:
+            return None
+        coded = base64.b64encode(path.read_bytes()).decode("ascii")
+    except OSError:
+        return None
+    return Markup(f"data:image/svg+xml;base64,{coded}")  # noqa: S704 - letters and digits, whatever was read
+
+
+def _quantity(value: Any, unit: Any) -> str:
+    return "–" if value is None else quantity_text(float(value), str(unit), 6)
+
+
+def _context(entry: Entry) -> dict[str, Any]:
+    points, verdict = entry.result["surface"], entry.verdict
+    return {
+        "name": entry.folder.name,
+        "title": entry.result["title"],
+        "link": f"{quote(entry.folder.name)}/report.html",
+        "state": verdict["state"],
+        "headline": verdict["headline"],
+        "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
+        "points": points["points"],
+        "origin": points["origin"],
+        "thumbnail": _picture(entry),
+        "warnings": len(entry.result.get("warnings", [])),
+        "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
+        "rows": [
+            {
+                "name": FORCE_KEYS.get(row["name"], row["name"]),
+                "true": _quantity(row["true"], row["unit"]),
+                "refined": _quantity((row["refined"] or {"value": None})["value"], row["unit"]),
+                "paper": error_text(row.get("paper_error")),
+                "first_order": error_text(row.get("first_order_error")),
+                "error": error_text(row["relative_error"]),
+                "passed": row["passed"] if row["tolerance"] is not None else None,
+            }
+            for row in entry.rows
+        ],
+    }
+
+
+def _rounded(error: float | None, least: float) -> str:
+    """Print an error so that it is the same on every machine: one digit, and nothing below ``least``."""
+    if error is None or not math.isfinite(error):
+        return "–"
+    return f"< {least:.0e}".replace("e-0", "e-") if error < least else f"{error:.0e}".replace("e-0", "e-")
+
+
+def table_of_results(entries: list[Entry]) -> str:
+    """Give Table 1 as markdown; errors relative, to one digit, so that a change in git is a change indeed."""
+    lines = [
+        "# Table 1: true against identified",
+        "",
+        "Relative errors of the three estimates, to one digit; written by `make reports`.",
+        "",
+        "| system | parameter | true | paper | first order | refined | tolerance | verdict |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for entry in entries:
+        name, state = plain_text(entry.folder.name, 80).translate(_MARKDOWN), entry.verdict["state"]
+        for row in entry.rows:
+            known = row["tolerance"] is not None
+            tolerance = float(row["tolerance"]) if known else None
+            verdict = "–" if not known else "within" if row["passed"] else "**outside**"
+            if state in MARKED:
+                # what a value is within says nothing where the result as a whole is doubted
+                verdict = f"**{state}**" if not known else f"{verdict}, result **{state}**"
+            parameter = plain_text(FORCE_KEYS.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
+            cells = (
+                name,
+                parameter,
+                _quantity(row["true"], row["unit"]).replace("\u202f", " "),
+                _rounded(row.get("paper_error"), 1e-4),
+                _rounded(row.get("first_order_error"), 1e-4),
+                _rounded(row["relative_error"], 1e-5),
+                "–" if tolerance is None else f"{tolerance:g}",
+                verdict,
+            )
+            lines.append(f"| {' | '.join(cells)} |")
+    sources = [
+        f"* {plain_text(entry.folder.name, 80).translate(_MARKDOWN)}: {source.translate(_MARKDOWN)}"
+        for entry in entries
+        if (source := plain_text(str(entry.result.get("source") or ""), 300))
+    ]
+    lines += ["", "Sources:", "", *sources] if sources else []
+    return "\n".join(lines) + "\n"
+
+
+def write_index(folder: Path | str) -> None:
+    """Write index.html and table1.md over every result in a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the results lie, one folder a case; folders without a readable result.json are left out.
+
+    Raises
+    ------
+    RsgenError
+        A file cannot be written.
+    """
+    place = Path(folder)
+    entries = read_results(place)
+    contexts = list(map(_context, entries))
+    page = page_environment().get_template("index/index.html")
+    counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
+    counts = {state: count for state, count in counts.items() if count}
+    context = {"cases": contexts, "counts": counts, "marked": MARKED, "version": rsgen.__version__}
+    write_atomic(place / "index.html", page.render(context))
+    write_atomic(place / "table1.md", table_of_results(entries))
+
+
+# ----------------------------------------------------------------------------
+# A page to turn the response surface and read values; plotly draws it, from inside the file.
+
+_COORDINATE_DIGITS = 6
+
+
+def _plotly() -> str:
+    """Give the source of plotly.js that the Python package carries."""
+    try:
+        return str(importlib.import_module("plotly.offline").get_plotlyjs())
+    except ImportError:
+        raise RsgenError('plotly is not installed; get it by: pip install "rsgen[show]"') from None
+
+
+def _coordinates(values: Any) -> Any:
+    return [None if not np.isfinite(value) else float(f"{value:.{_COORDINATE_DIGITS}g}") for value in values]
+
+
+def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    amplitude = choose_scale(surface.answer[surface.settled], surface.answer_unit)
+    force = choose_scale(surface.level, surface.level_unit)
+    held, found = ("X", "F") if surface.response_held else ("F", "X")
+    axes = {
+        "x": "Frequency [Hz]",
+        "y": force.label(f"Level {held}"),
+        "z": amplitude.label("Amplitude X" if found == "X" else "Force F"),
+    }
+    colour = {"colorscale": "Viridis", "cmin": 0, "cmax": largest_answer(surface) / amplitude.factor}
+    hover = (
+        f"%{{x:.5g}} Hz<br>{held} = %{{y:.4g}} {force.unit}<br>{found} = %{{z:.5g}} {amplitude.unit}"
+        "<br>phase = %{customdata:.4g} °"
+    )
+    traces: list[dict[str, Any]] = []
+    for sweep, words in SWEEPS.items():
+        part = surface.select((surface.sweep == sweep) & surface.settled)
+        rows = [np.flatnonzero(part.level == level) for level in part.levels]
+        rows = [index[np.argsort(part.frequency[index], kind="stable")] for index in rows]
+        grid = len(rows) > 1 and all(
+            len(index) == len(rows[0]) and np.array_equal(part.frequency[index], part.frequency[rows[0]])
+            for index in rows
+        )
+        height, lag = part.answer / amplitude.factor, np.degrees(part.phase)
+        if grid:
+            traces.append(
+                {
+                    "type": "surface",
+                    "name": words,
+                    "showlegend": True,
+                    "x": _coordinates(part.frequency[rows[0]]),
+                    "y": _coordinates(part.levels / force.factor),
+                    "z": [_coordinates(height[index]) for index in rows],
+                    "customdata": [_coordinates(lag[index]) for index in rows],
+                    "showscale": not traces,
+                    "colorbar": {"title": {"text": axes["z"]}},
+                    "hovertemplate": hover,
+                    **colour,
+                }
+            )
+            continue
+        for number, index in enumerate(rows):
+            traces.append(
+                {
+                    "type": "scatter3d",
+                    "mode": "lines+markers",
+                    # one entry of the legend shows or hides all levels of a sweep
+                    "name": words,
+                    "legendgroup": sweep,
+                    "showlegend": number == 0,
+                    "x": _coordinates(part.frequency[index]),
+                    "y": _coordinates(part.level[index] / force.factor),
+                    "z": _coordinates(height[index]),
+                    "customdata": _coordinates(lag[index]),
+                    "hovertemplate": hover,
+                    "marker": {"size": 2, "color": _coordinates(height[index]), **colour},
+                    "line": {"width": 3, "color": _coordinates(height[index]), **colour},
+                }
+            )
+    return traces, axes
+
+
+def render_interactive(folder: str | Path) -> str:
+    """Render the page of one result: one file of about 5 MB with a script inside, no network.
+
+    Parameters
+    ----------
+    folder
+        ``reports/<case>``, where a run has left surface.h5 and result.json.
+
+    Raises
+    ------
+    RsgenError
+        There is no result, its surface cannot be read, or plotly is not installed.
+    """
+    place = Path(folder)
+    entry = read_result(place / "result.json")
+    if entry is None:
+        raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case>")
+    if "multisine" in entry.result:
+        raise RsgenError(
+            f"{place}: a multisine has no response surface to turn; its report.html has all figures"
+        )
+    source = _plotly()
+    traces, axes = _traces(load_surface(place / "surface.h5"))
+    data = json.dumps({"traces": traces, "axes": axes}, allow_nan=False)
+    # inside a script element only its end tag and comments mean anything to HTML
+    data = data.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    context = {
+        "title": entry.result["title"],
+        "verdict": entry.verdict["headline"],
+        "plotly": Markup(source.replace("</script", "<\\/script")),  # noqa: S704 - the package's own source
+        "data": Markup(data),  # noqa: S704 - JSON without a "<"
+        "version": rsgen.__version__,
+    }
+    return page_environment().get_template("report/interactive.html").render(context)

@@ -10,14 +10,14 @@ from typing import Any
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units.scale import choose_scale, number_text, quantity_text, unit_text
+from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal import ModalTable, modal_table
 from rsgen.identification.modal.modal_result import MODAL_COLUMNS
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
-from rsgen.report.wording.page_sentences import error_text
+from rsgen.report.wording.sentences import error_text
 
 __all__ = [
     "NO_MODAL",

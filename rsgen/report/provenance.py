@@ -1,15 +1,18 @@
-"""Where a result comes from: inputs, versions, command, machine, durations."""
+"""Where a result comes from: inputs, versions, command, machine, durations; and what shows it as of rsgen."""
 
 from __future__ import annotations
 
 import datetime
+import hashlib
+import json
 import platform
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import jinja2
 from markupsafe import Markup, escape
@@ -25,12 +28,13 @@ __all__ = [
     "TEMPLATES",
     "coded",
     "collect_provenance",
+    "is_lesson_as_written",
+    "lesson_mark",
     "page_environment",
     "plain_text",
     "unbroken",
     "verbatim",
 ]
-
 
 # ----------------------------------------------------------------------------
 # The template environment: everything from a file is text, and a missing value is an error.
@@ -188,3 +192,29 @@ def collect_provenance(
     if durations:
         entries["Durations"] = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in durations.items())
     return entries
+
+
+# ----------------------------------------------------------------------------
+# The mark of a notebook that rsgen wrote, by which one that a user has gone on with is told from it.
+
+_MOST_BYTES = 50_000_000
+"""A notebook of a run is smaller."""
+
+
+def lesson_mark(sources: Iterable[str]) -> dict[str, Any]:
+    """Give the entry "rsgen" of a notebook's metadata: a digest of the texts of its cells, not of outputs."""
+    digest = hashlib.sha256("\0".join(sources).encode()).hexdigest()
+    return {"lesson": True, "sources": digest}
+
+
+def is_lesson_as_written(place: Path) -> bool:
+    """Whether a file is a notebook that rsgen wrote, its cells as they were; it may have been executed."""
+    try:
+        if place.is_symlink() or not place.is_file() or place.stat().st_size > _MOST_BYTES:
+            return False
+        content = json.loads(place.read_text(encoding="utf-8"))
+        # a cell's text stands as one string or as its lines
+        sources = ["".join(cell["source"]) for cell in content["cells"]]
+        return bool(content["metadata"]["rsgen"] == lesson_mark(sources))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return False

@@ -143,7 +143,7 @@ def test_misprints_stay_as_printed() -> None:
 
 def test_published_schema_is_current() -> None:
     published = json.loads((ROOT / "cases" / "case.schema.json").read_text(encoding="utf-8"))
-    assert published == case_schema(), "write it anew: python -m rsgen.cases > cases/case.schema.json"
+    assert published == case_schema(), "write it anew, with an indent of 2"
     for path in CASES:
         assert path.read_text(encoding="utf-8").startswith("#:schema case.schema.json\n")
 

@@ -12,7 +12,7 @@ import pytest
 import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.identification.prediction import Prediction
-from rsgen.report.index import table_of_results
+from rsgen.report.page import table_of_results
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.subject import Subject
 

@@ -21,7 +21,7 @@ import pytest
 from rsgen import __version__
 from rsgen.app.cli import main
 from rsgen.app.study import read_manifest
-from rsgen.common.threads import ALGEBRA
+from rsgen.common.process import ALGEBRA
 from rsgen.formula import parse
 from tests.case.faults import FAULTS, Fault
 

@@ -14,7 +14,7 @@ from rsgen.app.cli.progress_bar import case_progress
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict
-from rsgen.report.stated_verdict import state_verdict
+from rsgen.report.wording.sentences import state_verdict
 from tests.cli.test_cli import call
 from tests.surfaces import noisy, surface
 

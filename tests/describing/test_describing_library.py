@@ -7,7 +7,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.law import laws
 from tests.oracles.cycle import relative_errors
 

@@ -4,7 +4,7 @@ import pytest
 import sympy
 
 from rsgen.describing import derive
-from rsgen.describing.limits import grows_slowly, limit_at_rest
+from rsgen.describing.regimes import grows_slowly, limit_at_rest
 from rsgen.formula import parse, symbol
 
 

@@ -9,7 +9,7 @@ from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
 from rsgen.report.figures.law_figure import draw_derivation
 from tests.oracles.loop import equivalent, with_states

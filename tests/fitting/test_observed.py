@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.data.observation import BACKGROUNDS
+from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.identification.fitting.forward import HarmonicBalance, following_harmonics
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed

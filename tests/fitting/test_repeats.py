@@ -15,7 +15,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.identify import identify
-from rsgen.identification.results.agreement import Agreement
+from rsgen.identification.results.estimates import Agreement
 from rsgen.law.element import make_element
 from tests.surfaces import changed, model, noisy, surface, truth
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify

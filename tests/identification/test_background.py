@@ -10,7 +10,7 @@ import pytest
 
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify

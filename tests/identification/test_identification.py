@@ -8,7 +8,7 @@ import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Observation
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
 from rsgen.report.wording import sentence

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
+from rsgen.data.oscillator import Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
 from rsgen.law.character import character

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
 from rsgen.formula import parse

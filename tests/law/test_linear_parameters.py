@@ -6,8 +6,7 @@ import pytest
 import sympy
 
 from rsgen.formula import parse
-from rsgen.law.character import character
-from rsgen.law.linear_parameters import jointly_linear
+from rsgen.law.character import character, jointly_linear
 from rsgen.law.pieces import Piece
 
 

@@ -12,9 +12,8 @@ import scipy.io
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.records import held_out_records
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.multisine.spectra import held_out_records
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
 from rsgen.identification.fitting.points import held_out_mask

@@ -10,8 +10,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.modal.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface

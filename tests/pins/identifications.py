@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 import rsgen
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.files import read_measurement
 
 ROOT = Path(__file__).parents[2]

@@ -27,7 +27,7 @@ from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
-from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, PredictedRecord
+from rsgen.identification.prediction.prediction_result import MultisinePrediction, PredictedRecord
 from rsgen.identification.ranking.ranking_result import Candidate
 from rsgen.identification.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
 from rsgen.law import Element

@@ -12,7 +12,7 @@ from functools import cache, partial
 import numpy as np
 
 import rsgen
-from rsgen.data.observation import BACKGROUNDS, OFFSET
+from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from tests.fitting.test_repeats import repeated
 from tests.identification.test_across import ELEMENTS, driven_by_a_sine, two_masses

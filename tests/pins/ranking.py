@@ -9,7 +9,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.oscillator import Model
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.ranking.balance import library_terms
 from tests.conftest import FEW

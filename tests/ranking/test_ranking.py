@@ -16,12 +16,11 @@ import pytest
 import rsgen
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, save_surface
 from rsgen.files import read_measurement
 from rsgen.formula import parse
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify

@@ -13,8 +13,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.dynamics.simulation.virtual_test import add_noise

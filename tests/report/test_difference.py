@@ -10,8 +10,8 @@ import pytest
 from rsgen.common.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.stated_verdict import read_verdict
 from rsgen.report.subject import Subject
+from rsgen.report.wording.sentences import read_verdict
 from tests.samples import (
     cubic_case,
     cubic_comparison,

@@ -14,7 +14,7 @@ import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import save_surface
-from rsgen.report.interactive import render_interactive
+from rsgen.report.page import render_interactive
 from tests.report.test_difference import write_result
 from tests.samples import cubic_surface
 

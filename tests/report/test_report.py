@@ -34,7 +34,6 @@ from rsgen.law import Element
 from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.figures import Drawing, draw_thumbnail
-from rsgen.report.index import table_of_results
 from rsgen.report.interpretation import (
     PrintedFormula,
     check_printed,
@@ -42,7 +41,7 @@ from rsgen.report.interpretation import (
     free_frequency,
     mean_finding,
 )
-from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.page import THUMBNAIL, picture_svg, render_page, table_of_results
 from rsgen.report.provenance import TEMPLATES, page_environment, plain_text, verbatim
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.subject import Subject

@@ -10,7 +10,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
-from rsgen.identification.results.agreement import compare_parts, jackknife
+from rsgen.identification.results.estimates import compare_parts, jackknife
 from tests.surfaces import model, noisy, surface
 
 NOISE = 0.01

@@ -119,7 +119,7 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
     from sympy import Integral, S
 
     from rsgen.formula import write
-    from rsgen.formula.memory_terms import remembers
+    from rsgen.formula.names import remembers
 
     remembering = remembers(function.force)
     names = (*FORMULAS, "energy") if remembering else FORMULAS
@@ -165,7 +165,7 @@ def describe(
 ) -> None:
     """Print a describing function line by line, with further notes."""
     from rsgen.describing import variables_of
-    from rsgen.formula.memory_terms import remembers
+    from rsgen.formula.names import remembers
     from rsgen.law import notation
     from rsgen.law.memory import rates_of
 

@@ -16,7 +16,7 @@ from rsgen.report.difference import (
     render_difference,
     verdict_change,
 )
-from rsgen.report.interactive import render_interactive
+from rsgen.report.page import render_interactive
 from rsgen.report.result_json import read_result
 
 __all__ = ["diff_command", "show_command"]

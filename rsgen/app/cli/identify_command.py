@@ -32,8 +32,8 @@ from rsgen.dynamics.simulation import MultisineTest
 from rsgen.files import MeasuredTest
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate, Identification
-from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import state_verdict
 
 __all__ = ["identify_command", "simulate_command"]
 

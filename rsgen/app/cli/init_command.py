@@ -13,12 +13,12 @@ import rsgen
 from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
-from rsgen.cases.naming import name_fault
+from rsgen.cases.faults import name_fault
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 from rsgen.formula import symbol, write
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.formula.units import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of

@@ -15,7 +15,7 @@ from typing import Any
 
 from rsgen.app.cli.terminal import FAULTY, INTERRUPTED, open_streams, output_fault, print_faults
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, program_fault
-from rsgen.common.threads import collect_seldom, leave_at_once, single_thread
+from rsgen.common.process import collect_seldom, leave_at_once, single_thread
 
 __all__ = ["run_program"]
 

@@ -23,12 +23,12 @@ from rsgen.common.output import write_atomic
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.formula.units import parameter_units
-from rsgen.formula.units.scale import quantity_text
+from rsgen.formula.units.quantities import quantity_text
 from rsgen.identification.modal import modal_table
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.report.page_tables import Modal, modal_entry, score_held_out
-from rsgen.report.stated_verdict import state_verdict
 from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import state_verdict
 
 __all__ = ["modal_command", "rank_command"]
 

@@ -19,10 +19,10 @@ from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.files import MeasuredTest
 from rsgen.report import write_index
 from rsgen.report.figures.cycles import shows_loops
+from rsgen.report.files import write_multisine_notebook
 from rsgen.report.interpretation import mean_finding
-from rsgen.report.lesson_mark import is_lesson_as_written
-from rsgen.report.multisine_files import write_multisine_notebook
 from rsgen.report.notebook import KnownResults, write_notebook
+from rsgen.report.provenance import is_lesson_as_written
 from rsgen.report.result_json import read_results
 
 __all__ = ["check_figures", "exit_code", "notebook_command", "report_command", "run_command"]

@@ -180,7 +180,7 @@ def print_verdict(verdict: Verdict, name: str = "") -> int:
         What it is the verdict on; "" where the command line says it.
     """
     # report and its figures are slow to import
-    from rsgen.report.stated_verdict import state_verdict
+    from rsgen.report.wording.sentences import state_verdict
 
     first, *reasons = verdict_lines(state_verdict(verdict))
     for line in (f"{name}: {first}" if name else first, *reasons):

@@ -8,7 +8,7 @@ from rsgen.cases import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.records import check_records, refuse_across
+from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.identification.fitting.points import Points, at_resonance_alone, select_points

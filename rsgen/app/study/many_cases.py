@@ -27,7 +27,7 @@ from rsgen.app.study.progress import Progress, Step
 from rsgen.app.study.run_case import CaseRun, check_place, current_result, run_case
 from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
-from rsgen.common.threads import ALGEBRA, collect_seldom
+from rsgen.common.process import ALGEBRA, collect_seldom
 
 __all__ = ["cluster_workers", "local_workers", "run_cases", "work"]
 

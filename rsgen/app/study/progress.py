@@ -17,7 +17,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.kernel import generate, is_stored
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.dynamics.steady_state.solver import LOCATED
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.law.memory import rates_of
 from rsgen.law.numeric import compile_law
 from rsgen.law.pieces import normal_form

@@ -29,7 +29,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.dynamics.simulation import MultisineTest, simulate
 from rsgen.files import MeasuredTest, read_measurement
-from rsgen.report.lesson_mark import is_lesson_as_written
+from rsgen.report.provenance import is_lesson_as_written
 
 __all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "obtain_table", "run_case"]
 

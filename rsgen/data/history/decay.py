@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -34,9 +34,6 @@ from rsgen.data.history.record import FEWEST, TimeHistory, as_histories, check_o
 from rsgen.data.history.release import Stretch, find_decays, force_ends
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
 
 __all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
 
@@ -288,15 +285,13 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
 
 def _tracked(
     samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
-) -> tuple[Array, ComplexArray, PchipInterpolator]:
+) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator]:
     """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
-    from scipy.interpolate import PchipInterpolator  # half a second, and needed for decays only
-
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
     for _ in range(_ROUNDS):
-        curve = PchipInterpolator(time, frequency, extrapolate=True)
+        curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
         clear = _clear(envelope[:, 1, 0], floor)
         if np.count_nonzero(clear) < _GROUP:
@@ -312,7 +307,11 @@ def _tracked(
 
 
 def _demodulated(
-    samples: Array, history: TimeHistory, curve: PchipInterpolator, time: Array, harmonics: int
+    samples: Array,
+    history: TimeHistory,
+    curve: scipy.interpolate.PchipInterpolator,
+    time: Array,
+    harmonics: int,
 ) -> tuple[Array, ComplexArray]:
     """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
     rate, turns = history.rate, curve.antiderivative()

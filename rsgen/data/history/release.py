@@ -8,6 +8,7 @@ from math import log
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
@@ -136,9 +137,7 @@ def find_decays(
 def _tops(high: Array) -> list[int]:
     """Find the spectra at which decays begin: where the amplitude (logarithm, n) is up after it was down."""
     quiet = float(np.min(high)) - 2 * _AGAIN
-    from scipy.signal import find_peaks  # half a second, and needed for decays only
-
-    tops = find_peaks(np.concatenate([[quiet], high, [quiet]]), prominence=_AGAIN)[0] - 1
+    tops = scipy.signal.find_peaks(np.concatenate([[quiet], high, [quiet]]), prominence=_AGAIN)[0] - 1
     largest = int(np.argmax(high))
     clear = [int(top) for top in tops if high[top] - np.quantile(high, 0.1) > _ABOVE_QUIET]
     # equal peaks, as in a steady drive, all have the prominence of the highest: it was not down between them

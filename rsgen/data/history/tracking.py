@@ -8,6 +8,7 @@ from math import inf, isfinite, log, pi
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -209,10 +210,8 @@ def _typical(history: TimeHistory) -> float:
 
 def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
     """Split where the frequency turns or the force is faint; the spectra resolve a ``line`` [Hz]."""
-    from scipy.ndimage import median_filter  # a tenth of a second, and needed for sweeps only
-
     # a single spectrum taken in by a disturbance is no turn
-    smooth = median_filter(frequency, 3, mode="nearest")
+    smooth = scipy.ndimage.median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
     least = max(_TURN * float(np.ptp(smooth[loud])), _LINES * line) if loud.any() else 0.0
     for stretch in _stretches(smooth, loud, line):
@@ -254,8 +253,6 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
     """Fit a law through the spectra, outliers aside."""
-    from scipy.optimize import least_squares  # a third of a second, and needed for sweeps only
-
     best: tuple[float, SweepLaw] | None = None
     spread = float(np.ptp(frequency))
     for name in LAWS if kind is None else (kind,):
@@ -267,7 +264,9 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
             model = p[0] * np.exp2(np.clip(p[1] * time, -60, 60)) if logarithmic else p[0] + p[1] * time
             return np.asarray((model - frequency) / spread)
 
-        fit = least_squares(misfit, first, loss="soft_l1", f_scale=2e-3, x_scale=np.abs(first) + 1e-12)
+        fit = scipy.optimize.least_squares(
+            misfit, first, loss="soft_l1", f_scale=2e-3, x_scale=np.abs(first) + 1e-12
+        )
         if fit.x[0] > 0 and fit.x[1] != 0 and (best is None or fit.cost < best[0]):
             best = float(fit.cost), SweepLaw(name, float(fit.x[0]), float(fit.x[1]))
     if best is None:
@@ -300,8 +299,6 @@ def _shifted(
     law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
 ) -> tuple[SweepLaw, float]:
     """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
-    from scipy.optimize import least_squares  # as above
-
     envelope = demodulate(force, rate, law.phase_at, windows, (1,))[:, 0, 0]
     instant = windows.middle / rate
     lead = np.unwrap(np.angle(envelope))
@@ -322,7 +319,7 @@ def _shifted(
             return np.full(len(instant), 1e6)
         return np.asarray(weight * (model - lead))
 
-    fit = least_squares(misfit, np.zeros(3), loss="soft_l1", f_scale=0.3)
+    fit = scipy.optimize.least_squares(misfit, np.zeros(3), loss="soft_l1", f_scale=0.3)
     return candidate(fit.x), float(np.max(np.abs(fit.x)))
 
 

@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 
-__all__ = ["SMOOTHED", "MultisineSpectra", "rms", "scatter", "smooth"]
+if TYPE_CHECKING:
+    from rsgen.data.oscillator import Model, Observation
+
+__all__ = [
+    "SMOOTHED",
+    "MultisineSpectra",
+    "check_records",
+    "held_out_records",
+    "refuse_across",
+    "rms",
+    "scatter",
+    "smooth",
+]
 
 _FLOOR = 1e-9
 """Lines this far below the largest are round-off: ratios of such lines mean nothing."""
@@ -304,3 +316,66 @@ def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
         chosen[seen] = True
         return chosen
     return np.asarray(size >= ordered[int(np.argmax(ratio))])
+
+
+# ----------------------------------------------------------------------------
+# Which records an identification may use.
+
+
+def refuse_across(model: Model) -> None:
+    """Refuse a law that acts across two sensors: the spectra have the motion of one.
+
+    Raises
+    ------
+    RsgenError
+        An element says so.
+    """
+    names = ", ".join(element.name for element in model.elements if element.across)
+    if names:
+        raise RsgenError(
+            f"element: {names}: acts across two sensors, but a multisine is identified with the motion of "
+            "one; make the response that difference, or measure stepped or swept sines"
+        )
+
+
+def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArray[np.bool_]:
+    """(r,) records that are held out.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level was not tested, none remains, a background is asked for, or nothing moved.
+    """
+    if observation.background != "none":
+        raise RsgenError(
+            f"identify.background: {observation.background!r}; a multisine test is identified without a "
+            "background: leave it out, and take a band around the mode"
+        )
+    silent = np.flatnonzero(spectra.rms_response() == 0)
+    if len(silent):
+        raise RsgenError(
+            f"record {silent[0] + 1} of {len(spectra)}: the response is zero; a motion is needed"
+        )
+    held = held_out_records(spectra, observation.hold_out)
+    if held.all():
+        raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
+    return held
+
+
+def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> NDArray[np.bool_]:
+    """(r,) records of the held-out levels, by their labels or amounts [N].
+
+    Raises
+    ------
+    RsgenError
+        A level was not tested.
+    """
+    held = np.zeros(len(spectra), dtype=bool)
+    for level in levels:
+        labelled = spectra.label is not None and np.isin(level, spectra.label)
+        rows = np.flatnonzero(spectra.label == level) if labelled else spectra.at_level(level)
+        if not len(rows):
+            known = ", ".join(f"{one:.4g}" for one in spectra.levels)
+            raise RsgenError(f"identify.hold_out: {level:g} N is not tested; tested are {known} N")
+        held[rows] = True
+    return held

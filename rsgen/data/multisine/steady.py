@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HALVINGS
@@ -162,10 +163,8 @@ def _newton(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
 
 def _solve(problem: _Problem, sample: ForceSample, right: ComplexArray) -> ComplexArray:
     """Solve with the tangent by GMRES; the preconditioner is its sparse form in second differences."""
-    from scipy.sparse.linalg import LinearOperator, gmres, splu
-
     by_x, by_v = problem.slopes(sample)
-    factors = splu(_differences(problem.mass, by_x, by_v, problem.step))
+    factors = scipy.sparse.linalg.splu(_differences(problem.mass, by_x, by_v, problem.step))
     count = problem.count
 
     def joined(values: ComplexArray) -> Array:
@@ -177,27 +176,27 @@ def _solve(problem: _Problem, sample: ForceSample, right: ComplexArray) -> Compl
         return found
 
     size = 2 * count - 1
-    tangent = LinearOperator(
+    tangent = scipy.sparse.linalg.LinearOperator(
         (size, size), matvec=lambda z: joined(problem.product(sample, parted(z))), dtype=np.float64
     )
-    inverse = LinearOperator(
+    inverse = scipy.sparse.linalg.LinearOperator(
         (size, size),
         matvec=lambda z: joined(problem.spectrum(factors.solve(problem.wave(parted(z))))),
         dtype=np.float64,
     )
-    found, _ = gmres(tangent, joined(right), M=inverse, rtol=_INNER, restart=40, maxiter=3)
+    found, _ = scipy.sparse.linalg.gmres(
+        tangent, joined(right), M=inverse, rtol=_INNER, restart=40, maxiter=3
+    )
     return parted(found)
 
 
 def _differences(mass: float, by_x: Array, by_v: Array, step: float) -> Any:
     """m x'' + (dn/dv) x' + (dn/dx) x of a periodic motion in central differences, sparse."""
-    from scipy.sparse import csc_matrix
-
     count = len(by_x)
     here = np.arange(count)
     entries = [by_x - 2 * mass / step**2, mass / step**2 + by_v / 2 / step, mass / step**2 - by_v / 2 / step]
     columns = [here, (here + 1) % count, (here - 1) % count]
-    return csc_matrix((np.concatenate(entries), (np.tile(here, 3), np.concatenate(columns))))
+    return scipy.sparse.csc_matrix((np.concatenate(entries), (np.tile(here, 3), np.concatenate(columns))))
 
 
 def _begin(problem: _Problem) -> ComplexArray:
@@ -249,8 +248,6 @@ def _integrate(problem: _Problem, force: Array, step: float, state: Array) -> tu
 
 def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array:
     """(w+1, 2) displacement and velocity over some steps, by Newton's method on all of them together."""
-    from scipy.linalg import solve_banded
-
     law, mass, count = problem.law, problem.mass, len(force) - 1
     motion = np.empty((count + 1, 2))
     motion[:, 0] = state[0] + state[1] * step * np.arange(count + 1)
@@ -275,7 +272,9 @@ def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array
         band[3, 0:-2:2], band[3, 1:-2:2] = -1.0, -1.0 + half * by_v[1:-1]
         band[2, 1:-2:2] = -half
         band[4, 0:-2:2] = half * by_x[1:-1]
-        change = solve_banded((3, 1), band, left.reshape(-1), check_finite=False).reshape(count, 2)
+        change = scipy.linalg.solve_banded((3, 1), band, left.reshape(-1), check_finite=False).reshape(
+            count, 2
+        )
         motion[1:] -= change
         scale = np.abs(motion).max(axis=0)
         if np.all(np.abs(change).max(axis=0) <= 1e-6 * scale):

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from rsgen.data.surface.columns import recognise_directions
-from rsgen.data.surface.plausibility import without_copies
-from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface, match_level, typical_amounts
+from rsgen.data.surface.response_surface import (
+    OUTCOMES,
+    ResponseSurface,
+    match_level,
+    typical_amounts,
+    without_copies,
+)
 from rsgen.data.surface.surface_file import load_surface, save_surface
 
 __all__ = [

@@ -15,29 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
 
 __all__ = [
-    "AS_GOOD",
-    "BETTER",
-    "FITS",
     "LIMITS",
     "MISTAKES",
     "Limit",
     "Mistake",
     "Sizes",
+    "base_findings",
     "driven_points",
-    "fit_any_law",
     "level_findings",
     "plausibility_findings",
-    "powers_for",
     "quantity_findings",
     "size_findings",
-    "without_copies",
 ]
-
 
 # ----------------------------------------------------------------------------
 # The law that any law resembles at one harmonic, fitted to a test before one is chosen.
@@ -466,36 +460,129 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
 
 
 # ----------------------------------------------------------------------------
-# Rows that were written twice: a copy is no second measurement, and would count as one.
+# Whether the two channels of a driven base are what they were read as.
+#
+# Per unit mass a structure on a driven base weighs 1, whatever its law: with z = x - x_b
+#
+#     -a_b = k(X) z - omega^2 z + i omega c(X) z,     k, c positive.
+#
+# A channel read in the other sense of its phase, with the other sign, in place of the other one, or as motion
+# relative to the base where it is the absolute one breaks that equation, and undoing the mistake mends it.
+# So does a channel whose unit or factor is another one than was read.
+
+_SCALES = {
+    "gravity": 9.80665,
+    "milli": 1000.0,
+    "both": 9806.65,
+    "rms": 2**0.5,
+    "peak-to-peak": 2.0,
+}
+"""What a channel is too large or too small by where g, thousandths, root mean squares or peaks to peaks were
+read as something else: the mistakes that laboratories make; others have no name."""
+
+_OF_UNITS = 3
+"""The first of these factors are of units, which go with another quantity: a root mean square does not."""
 
 
-def without_copies(surface: ResponseSurface) -> ResponseSurface:
-    """Keep one row of each point whose rows are all equal to the last digit, and say how many were left out.
+def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> tuple[Finding, ...]:
+    """Find the mistake in reading a driven base that explains the test better than what was read; or none.
 
-    Noise leaves no two readings alike, but a display of few digits may: a point with readings that differ
-    keeps all of them, and a test keeps all rows if the readings of most of its repeated points differ.
-    Simulated points without noise lose nothing that a copy would add.
+    Parameters
+    ----------
+    surface
+        Of a driven base, with phases: force per mass minus the acceleration of the base, response relative.
+    absolute
+        Whether the response was read as absolute motion.
+    senses
+        Whether phases were read in a sense, as of tables; those of time histories have none.
     """
-    sweep = 1.0 * (surface.sweep == "up") - 1.0 * (surface.sweep == "down")
-    order = np.lexsort((surface.frequency, surface.level, sweep))
-    point = np.stack([sweep, surface.level, surface.frequency], axis=1)
-    if not np.any(np.all(point[order[1:]] == point[order[:-1]], axis=1)):
-        return surface
-    parts = [surface.force_harmonics, surface.harmonics]
-    parts += [] if surface.across is None else [surface.across]
-    reading = np.concatenate(
-        [point, *(np.ascontiguousarray(part).view(np.float64) for part in parts)], axis=1
-    )
-    good = np.flatnonzero(np.isfinite(reading).all(axis=1))
-    _, first, kind = np.unique(reading[good], axis=0, return_index=True, return_inverse=True)
-    _, place = np.unique(point[good], axis=0, return_inverse=True)
-    repeated, differing = np.bincount(place) > 1, np.bincount(place[first]) > 1
-    if 2 * np.count_nonzero(differing) > np.count_nonzero(repeated):
-        return surface
-    kept = np.ones(len(surface), dtype=np.bool_)
-    kept[good] = differing[place] | (first[kind] == np.arange(len(good)))
-    if kept.all():
-        return surface
-    numbers = quantities(copies=int(np.count_nonzero(~kept)), all=len(surface))
-    finding = Finding("rows-copied", "warning", numbers=numbers)
-    return replace(surface.select(kept), findings=(*surface.findings, finding))
+    rows = driven_points(surface)
+    powers = powers_for(len(rows), mass=False)
+    if not surface.phase_known or not powers:
+        return ()
+    omega = surface.omega[rows]
+    base = surface.force[rows] / omega**2
+    seen = surface.harmonics[rows, 1] + (base if absolute else 0)
+    misfit, positive = _fit(base, seen, omega, absolute, powers)
+    if positive and misfit < FITS:
+        return ()
+    mistakes = {
+        "sign": (base, -seen, absolute),
+        "swapped": (seen, base, absolute),
+        "reference": (base, seen, not absolute),
+    }
+    if senses:
+        mistakes = {
+            "sense-response": (base, np.conj(seen), absolute),
+            "sense-base": (np.conj(base), seen, absolute),
+            "sense-both": (np.conj(base), np.conj(seen), absolute),
+        } | mistakes
+    fits = {name: _fit(*motions[:2], omega, motions[2], powers) for name, motions in mistakes.items()}
+    sound = {name: left for name, (left, fine) in fits.items() if fine and left < FITS}
+    best = min(sound, key=lambda name: sound[name], default="")
+    scaled = _scaled(base, seen, omega, absolute, powers)
+    if scaled:
+        still, moved, against = mistakes.get(best, (base, seen, absolute))
+        of_law, _ = _fit(still, moved, omega, against, powers, of_law=True)
+        if scaled[0]["then"] < BETTER * of_law:
+            return scaled
+    if not best or sound[best] > (BETTER if positive else AS_GOOD) * misfit:
+        return ()
+    # without phase of its own the base says nothing of a sense: the first mistake that serves is taken
+    best = next(name for name in sound if sound[name] < AS_GOOD * sound[best])
+    numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}
+    names = {"is": best, "response": "relative" if absolute else "absolute"}
+    return (Finding("base-misread", "error", "", numbers, names),)
+
+
+def _scaled(
+    base: ComplexArray, seen: ComplexArray, omega: Array, absolute: bool, powers: range
+) -> tuple[Finding, ...]:
+    """Find a factor of one channel against the other that leaves a law of any kind; or none.
+
+    Misfits are relative to the force of the law: of a response that is far too small next to nothing is left
+    of it, and beside the inertia of the base any law would fit.
+    """
+    misfit, _ = _fit(base, seen, omega, absolute, powers, of_law=True)
+    factors = [(name, by**sign, 0) for name, by in _SCALES.items() for sign in (1, -1)]
+    factors += [
+        ("quantity", by, order)
+        for order in (-2, -1, 1, 2)
+        for by in (1.0, *(scale**sign for scale in list(_SCALES.values())[:_OF_UNITS] for sign in (1, -1)))
+    ]
+    fits = [
+        _fit(base, by * (1j * omega) ** order * seen, omega, absolute, powers, of_law=True)
+        for _, by, order in factors
+    ]
+    limit = min(FITS, BETTER * misfit)
+    sound = [
+        (left, *factor) for (left, fine), factor in zip(fits, factors, strict=True) if fine and left < limit
+    ]
+    if not sound:
+        return ()
+    then, name, by, order = min(sound)
+    numbers = {"misfit": Quantity(misfit), "then": Quantity(then), "by": Quantity(by)}
+    numbers |= {"order": Quantity(order)} if order else {}
+    return (Finding("base-scaled", "error", "", numbers, {"is": name}),)
+
+
+def _fit(
+    base: ComplexArray,
+    seen: ComplexArray,
+    omega: Array,
+    absolute: bool,
+    powers: range,
+    *,
+    of_law: bool = False,
+) -> tuple[float, bool]:
+    """Relative misfit of a law of any kind on a mass of 1, and whether its typical k and c are positive."""
+    response = seen - base if absolute else seen
+    if not np.abs(response).max() > 0:
+        return np.inf, False
+    force, inertia = omega**2 * base, -(omega**2) * response
+    size = np.abs(force - inertia) if of_law else np.abs(force) + np.abs(inertia)
+    if not (size > 0).all():
+        return np.inf, False
+    weight = 1 / size
+    left, (_, *signs) = fit_any_law(force - inertia, response, omega, powers, weight, mass=False)
+    return float(np.linalg.norm(left) / np.sqrt(len(force))), all(value > 0 for value in signs)

@@ -18,8 +18,8 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from rsgen.common.confined import READY, confine
 from rsgen.common.errors import MeasurementError
+from rsgen.common.process import READY, confine
 
 __all__ = ["main"]
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import jinja2
 import sympy
 from sympy.core.relational import Relational
 
@@ -16,9 +16,6 @@ from rsgen.formula import symbol, write
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
-
-if TYPE_CHECKING:
-    import jinja2
 
 __all__ = [
     "ALONE",
@@ -572,8 +569,6 @@ def _source(
 @cache
 def _template() -> jinja2.Template:
     """Load the template of a kernel's source."""
-    import jinja2  # only generation needs it
-
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
         loader=jinja2.FileSystemLoader(Path(__file__).parents[2] / "templates"),
         undefined=jinja2.StrictUndefined,

@@ -26,6 +26,8 @@ from threading import Lock
 from types import ModuleType
 from typing import Any
 
+import platformdirs
+
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import is_alive
 
@@ -401,8 +403,6 @@ def cache_folder() -> Path:
     chosen = os.environ.get("RSGEN_CACHE")
     if chosen:
         return Path(chosen)
-    import platformdirs
-
     return Path(platformdirs.user_cache_dir("rsgen", appauthor=False))
 
 

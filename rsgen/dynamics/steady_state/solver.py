@@ -28,8 +28,15 @@ from rsgen.dynamics.steady_state.fixed_point import (
     norm,
 )
 from rsgen.dynamics.steady_state.loop_memory import LoopMemory, Stiffness, units_of_states
-from rsgen.dynamics.steady_state.settling import COARSE, SETTLED, UNSETTLED, Settling, settle
-from rsgen.dynamics.steady_state.solution import SteadyStates, grid_above
+from rsgen.dynamics.steady_state.settling import (
+    COARSE,
+    SETTLED,
+    UNSETTLED,
+    Settling,
+    SteadyStates,
+    grid_above,
+    settle,
+)
 
 __all__ = [
     "ACCURACY",

@@ -9,7 +9,7 @@ from fractions import Fraction
 import sympy
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula.memory_terms import Masing, State, Structural
+from rsgen.formula.names import Masing, State, Structural
 from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
 
 __all__ = ["parameter_units", "per_mass_unit", "unit_faults"]

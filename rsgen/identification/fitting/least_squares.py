@@ -14,8 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.common.distributions import chi_square_exceeded
-from rsgen.common.tolerances import BLOCK, GAIN, HALVINGS, NULL_PART, OUTLIERS, ROUND_OFF, STEPS, UNCHANGED
+from rsgen.common.tolerances import (
+    BLOCK,
+    GAIN,
+    HALVINGS,
+    NULL_PART,
+    OUTLIERS,
+    ROUND_OFF,
+    STEPS,
+    UNCHANGED,
+    chi_square_exceeded,
+)
 
 __all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.data.observation import BACKGROUNDS, OFFSET
+from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.forward import Response
 from rsgen.identification.fitting.least_squares import Linearisation

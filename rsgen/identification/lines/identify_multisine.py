@@ -13,7 +13,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities, severity_of
 from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
-from rsgen.data.multisine.records import check_records, refuse_across
+from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.lines.line_balance import Balance, Lines, lines_of

@@ -8,13 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.distributions import f_quantile, normal_share
-from rsgen.common.tolerances import CHANCE, EXCESS, GAIN, GROUPS, HALVINGS, ROUNDS, STEPS, TRIALS
+from rsgen.common.tolerances import (
+    CHANCE,
+    EXCESS,
+    GAIN,
+    GROUPS,
+    HALVINGS,
+    ROUNDS,
+    STEPS,
+    TRIALS,
+    f_quantile,
+    normal_share,
+)
 from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
 from rsgen.data.multisine.steady import SMALL
 from rsgen.identification.fitting.least_squares import determined, solve_scaled
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.results.agreement import leave_out
+from rsgen.identification.results.estimates import leave_out
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 

@@ -21,8 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.descent import Descent
@@ -43,10 +42,15 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTable, ModalTest
-from rsgen.identification.modal.modal_splines import ModalSplines, SplineBasis, SplineMode
-from rsgen.identification.results.agreement import Agreement
-from rsgen.identification.results.estimates import state_background
+from rsgen.identification.modal.modal_result import (
+    MODAL_COLUMNS,
+    ModalSplines,
+    ModalTable,
+    ModalTest,
+    SplineBasis,
+    SplineMode,
+)
+from rsgen.identification.results.estimates import Agreement, state_background
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.numeric import compile_law
 

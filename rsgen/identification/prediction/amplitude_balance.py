@@ -16,7 +16,7 @@ from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.modal import ModalTable
-from rsgen.identification.modal.modal_splines import SplineMode
+from rsgen.identification.modal.modal_result import SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.numeric import compile_law

@@ -24,12 +24,12 @@ from rsgen.identification.prediction.amplitude_balance import (
     SynthesisBalance,
     table_as_identification,
 )
-from rsgen.identification.prediction.multisine_prediction import predict_multisine
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
+    predict_multisine,
     severity_of_error,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification

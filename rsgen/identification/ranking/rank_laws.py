@@ -18,8 +18,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
-from rsgen.data.observation import Observation
-from rsgen.data.oscillator import Model, join_model
+from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance

@@ -13,8 +13,8 @@ from matplotlib.colors import Normalize
 
 from rsgen.common.arrays import Array
 from rsgen.formula import symbol
-from rsgen.formula.memory_terms import remembers
-from rsgen.formula.units.scale import Scale, choose_scale, number_text, quantity_text
+from rsgen.formula.names import remembers
+from rsgen.formula.units.quantities import Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.modal import ModalTable
 from rsgen.identification.results import EquivalentCurve, Identification
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes

@@ -22,7 +22,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import remembers
+from rsgen.formula.names import remembers
 from rsgen.identification.results import Identification
 from rsgen.law.memory import Curve, memory_form
 from rsgen.law.motion import Motion, cycle_work

@@ -13,8 +13,8 @@ from rsgen.common.arrays import Array
 from rsgen.describing import DescribingFunction
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.memory_terms import Inner
-from rsgen.formula.units.scale import choose_scale, number_text, quantity_text
+from rsgen.formula.names import Inner
+from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text
 from rsgen.law.notation import readable
 from rsgen.law.pieces import normal_form
 from rsgen.report.figures.curves import REFINED

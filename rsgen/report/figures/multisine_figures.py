@@ -12,9 +12,9 @@ from matplotlib.ticker import FuncFormatter
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import BestLinear
-from rsgen.formula.units.scale import choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
-from rsgen.identification.prediction.multisine_prediction import MultisinePrediction, PredictedRecord
+from rsgen.identification.prediction.prediction_result import MultisinePrediction, PredictedRecord
 from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from rsgen.common.arrays import Array
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.formula.units.scale import SWEEPS, choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.law.motion import Motion
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes

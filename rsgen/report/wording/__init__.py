@@ -10,7 +10,6 @@ from __future__ import annotations
 from rsgen.report.wording import (  # noqa: F401
     identification_sentences,
     law_sentences,
-    multisine_sentences,
     surface_sentences,
 )
 from rsgen.report.wording.sentences import CODES, NEXT_STEPS, full_sentence, next_step, sentence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rsgen.common.finding import Finding
-from rsgen.formula.units.scale import number_text, quantity_text
+from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 __all__ = []
