@@ -11,7 +11,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.distributions import f_quantile, normal_share
 from rsgen.common.tolerances import CHANCE, EXCESS, GAIN, GROUPS, HALVINGS, ROUNDS, STEPS, TRIALS
 from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
-from rsgen.data.multisine.steady import SMALL
+from rsgen.dynamics.periodic_response import SMALL
 from rsgen.identification.fitting.least_squares import determined, solve_scaled
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.agreement import leave_out

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.splines import b_splines
-from rsgen.identification.fitting.forward import Response
+from rsgen.dynamics.harmonic_balance import Response
 
 __all__ = ["ModalSplines", "SplineBasis", "SplineMode"]
 
@@ -91,7 +91,7 @@ class SplineMode:
         self._basis, self._mass_free, self._inertia = basis, mass_free, omega**2
         self._factors = [np.ones(len(omega)), *(1j * omega**order for order in orders)]
 
-    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Predict at (2 f,) coefficients, a mass [kg] and (n,) amplitudes [m]."""
         shape, slope = self._basis(size)
         by = np.concatenate([factor[:, None] * shape for factor in self._factors], axis=1)

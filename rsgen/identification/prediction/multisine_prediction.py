@@ -14,8 +14,8 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.text_table import TextTable, short
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.records import held_out_records
-from rsgen.data.multisine.steady import periodic_response
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction.prediction_result import BEYOND, Prediction, severity_of_error
 from rsgen.law.numeric import compile_law
