@@ -16,10 +16,11 @@ from rsgen.common.tolerances import ERRORS, EXCESS, LARGE, QUICK, SAME_NUMBER
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed, shape_of
+from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
 from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
@@ -57,6 +58,7 @@ from rsgen.identification.soundness import (
     feeds_exciter,
     left_out_findings,
     limit_findings,
+    misfit_across_findings,
     noise_across_findings,
     sign_findings,
 )
@@ -382,8 +384,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
 def _across(refined: Fit, estimates: tuple[Estimate, ...], *, misfits: bool) -> tuple[Finding, ...]:
     """What sensors on both sides of a joint leave open of the values."""
     errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
-    noise = noise_across_findings(refined, errors, misfits=misfits)
-    return (*left_out_findings(refined, errors), *noise)
+    unexplained = misfit_across_findings(refined) if misfits else ()
+    return (*left_out_findings(refined, errors), *noise_across_findings(refined), *unexplained)
 
 
 def _with_repeats(
@@ -452,7 +454,7 @@ def _without_law(
 def _mode(table: Table, found: Fit) -> Table:
     """Subtract the background; phases that were not recorded are those that the fit predicts."""
     observed = found.problem.observed
-    shape = shape_of(observed.kind, table.omega, table.force, observed.band)
+    shape = background_terms(observed.kind, table.omega, table.force, observed.band)
     if not observed.phase_known:
         table = with_phase(table, found, shape.receptance(found.background))
     return shape.subtract(table, found.background)

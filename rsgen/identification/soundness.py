@@ -24,13 +24,13 @@ from rsgen.common.tolerances import (
     ROUND_OFF,
     SAME_NUMBER,
     SAMPLES_SWITCHED,
-    TAKEN,
     samples_for,
 )
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
-from rsgen.identification.fitting.across import motions_of, pull_of_noise
+from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
+from rsgen.dynamics.linear_part import Inertia
+from rsgen.identification.fitting.across import motions_of, sensor_pair
 from rsgen.identification.fitting.fit import Fit, fit_balance
-from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.problem import Problem
@@ -46,6 +46,7 @@ __all__ = [
     "feeds_exciter",
     "left_out_findings",
     "limit_findings",
+    "misfit_across_findings",
     "noise_across_findings",
     "runs_away",
     "sign_findings",
@@ -299,6 +300,11 @@ def _sign_severity(found: dict[str, Quantity]) -> Severity:
     return "error" if found["share"].value > _MOST else "doubt"
 
 
+_OF_NOISE = 0.2
+"""Share of noise in the information on a combination of values from which on its errors are not those stated:
+at a quarter a stiffness across was 14 % too large on the average, and 17 % of its intervals missed."""
+
+
 # ----------------------------------------------------------------------------
 # What harmonics of a motion across two sensors that were not recorded can do to the values of a law.
 #
@@ -355,38 +361,16 @@ def left_out_findings(found: Fit, errors: Array) -> tuple[Finding, ...]:
     return (Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names),)
 
 
-def noise_across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
-    """Doubt values that noise of the motion across, or what is not noise, leaves open; none or one finding.
-
-    Parameters
-    ----------
-    found
-        The refined fit, the pull of noise taken off.
-    errors
-        As for ``left_out_findings``.
-    misfits
-        Whether what the law leaves is systematic.
-    """
-    problem = found.problem
-    pull = pull_of_noise(problem, found.regression, found.force_noise)
-    if pull is None:
+def noise_across_findings(found: Fit) -> tuple[Finding, ...]:
+    """Doubt values where noise of the two sensors is what the fit knows of some combination of them."""
+    problem, share = found.problem, found.regression.noise_share
+    if not (problem.sensors and share > _OF_NOISE):
         return ()
-    labels, numbers = {"sensors": problem.sensors}, {"noise": pull.noise, "part": pull.share}
-    if pull.share >= TAKEN:
-        return (Finding("noise-across", "doubt", "", quantities(**numbers), labels),)
-    names = (*problem.law.parameters, "m")
-    with np.errstate(all="ignore"):
-        relative = pull.change / np.abs(found.regression.parameters[: problem.count])
-        times = np.abs(pull.change) / errors
-    doubts = (times > ERRORS) & (np.abs(relative) > SAME_NUMBER)
-    if not doubts.any():
-        return _unexplained(found, pull.noise) if misfits else ()
-    worst = int(np.argmax(np.where(doubts, times, -1.0)))
-    numbers |= {"moved": float(relative[worst]), "times": float(times[worst])}
-    return (Finding("noise-across", "doubt", names[worst], quantities(**numbers), labels),)
+    numbers = quantities(noise=sensor_pair(problem.observed.points).noise, part=share)
+    return (Finding("noise-across", "doubt", "", numbers, {"sensors": problem.sensors}),)
 
 
-def _unexplained(found: Fit, noise: float) -> tuple[Finding, ...]:
+def misfit_across_findings(found: Fit) -> tuple[Finding, ...]:
     """Doubt a systematic misfit that the sensors do not explain where harmonics across were not recorded.
 
     A joint that bends the motion across it is another one along a sine, and its law may fit all but a per
@@ -394,7 +378,12 @@ def _unexplained(found: Fit, noise: float) -> tuple[Finding, ...]:
     """
     problem, misfit = found.problem, found.regression.noise
     across = problem.observed.points.across
-    if across is None or (across[:, 2:] != 0).any() or misfit < max(EXCESS * noise, NOTICEABLE):
+    if not problem.law.acts_across or across is None or (across[:, 2:] != 0).any():
+        return ()
+    noise = sensor_pair(problem.observed.points).noise
+    # a misfit relative to the response is larger relative to the motion across
+    smaller = float(np.median(np.abs(across[:, 1] / problem.observed.points.harmonics[:, 1])))
+    if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):
         return ()
     labels = {"sensors": problem.sensors}
     return (Finding("misfit-across", "doubt", "", quantities(noise=noise, misfit=misfit), labels),)
@@ -450,6 +439,6 @@ def _of_joint(joint: ForceLaw, values: Array, mass: float, across: Motion) -> Co
     """(n, H+1) harmonics [m] of an oscillator of a mass [kg] with the law of the joint; zero where none."""
     size, start = np.abs(across.harmonics[:, 1]), np.zeros((len(across), ORDER + 1), dtype=complex)
     follow = following_harmonics(joint, ORDER)
-    made = hold_amplitude(joint, values, mass, across.omega, size, start, follow, SAMPLES_SWITCHED)
+    made = hold_amplitude(joint, values, Inertia(mass), across.omega, size, start, follow, SAMPLES_SWITCHED)
     harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
     return Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics

@@ -479,6 +479,12 @@ class Loops:
     _virgins: tuple[SwitchedSum, ...]
     _lags: bool
 
+    def states(self, motion: tuple[Array, Array, Array], step: Array, values: Array) -> Array:
+        """(r, n, s) states with equations along whole periods (n, s)."""
+        if not self._equations:
+            return np.zeros((0, *motion[0].shape))
+        return close_loops(self._equations, motion, step, values).states
+
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
         """Evaluate the closed loop along whole periods (n, s); see ``ForceLaw.sample``."""
         step = np.broadcast_to(step, (len(x), 1))

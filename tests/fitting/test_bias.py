@@ -26,9 +26,15 @@ def found(seed: int, *, corrected: bool, expected: float = NOISE) -> float:
     nuisance = np.stack([seen_x, np.zeros(COUNT)], axis=1)
     fitted = fit(linearise, np.array([1.5]), nuisance, reject=False)
     if corrected:
-        second = np.zeros((COUNT, 3, 2))
-        second[:, 1, 0] = fitted.parameters[0] / expected
-        fitted = remove_bias(fitted, linearise(fitted.parameters, fitted.nuisance), lambda: second)
+        line = linearise(fitted.parameters, fitted.nuisance)
+
+        def bend(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            second, slopes = np.zeros((COUNT, 3)), np.zeros((COUNT, 3, 1))
+            second[:, 1] = fitted.parameters[0] / expected * direction[:, 0] ** 2
+            slopes[:, 1, 0] = fitted.nuisance[:, 0] * direction[:, 0] / expected
+            return second, slopes
+
+        fitted = remove_bias(fitted, line, bend)
     return float(fitted.parameters[0])
 
 

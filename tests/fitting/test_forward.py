@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
+from rsgen.dynamics.linear_part import Inertia
 from rsgen.formula import parse
-from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
 from rsgen.law.numeric import compile_law
 
 OMEGA = 2 * np.pi * np.linspace(8, 12, 7)
@@ -24,7 +25,7 @@ def hold(
     law = compile_law(parse(text))
     start = np.zeros((len(OMEGA), order + 1), dtype=complex)
     return hold_amplitude(
-        law, np.array(values), mass, OMEGA, size, start, following_harmonics(law, order), samples
+        law, np.array(values), Inertia(mass), OMEGA, size, start, following_harmonics(law, order), samples
     )
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from rsgen.data.oscillator import BACKGROUNDS
-from rsgen.identification.fitting.forward import HarmonicBalance, following_harmonics
+from rsgen.dynamics.harmonic_balance import following_harmonics
+from rsgen.identification.fitting.descent import Descent
+from rsgen.identification.fitting.forward import HarmonicBalance
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
@@ -111,19 +113,22 @@ def test_without_background_the_sensor_sees_the_mode(points: Points) -> None:
     assert observed.mode(np.zeros(0)) is points
 
 
-def test_second_derivatives_by_the_phase_are_those_of_the_residuals(points: Points) -> None:
-    observed = Observed.of(points)
-    made = HarmonicBalance(compile_law(model("cubic").force), points.motion, 5, mass_free=True)
-    nuisance = observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1]))
-    response, compared, h = made(VALUES, MASS, points.amplitude), (3, 5), 1e-3
-    # no force and no fundamental that only the logarithm of a turning number would change
-    rows = [
-        observed.linearise(
-            response, np.zeros(0), nuisance + np.array([0.0, move]), points.amplitude, compared
-        ).residual
-        for move in (-h, 0.0, h)
-    ]
-    difference = -(rows[0] - 2 * rows[1] + rows[2]) / h**2
-    curved = observed.phase_curvature(nuisance, points.amplitude, compared)
-    # of central differences, (5 h)^2 / 12 of the largest
-    assert np.abs(curved - difference).max() < 1e-5 * np.abs(curved).max()
+def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points: Points) -> None:
+    # of sizes and phases together, in both kinds of rows
+    law = compile_law(model("cubic").force)
+    problem = Problem(model("cubic").elements, law, Observed.of(points), None)
+    parameters = problem.join(VALUES * 1.01, MASS * 0.99)
+    nuisance = problem.observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1])) + 0.003
+    direction, h = 0.02 * np.random.default_rng(0).normal(size=nuisance.shape), 0.05
+    for scale in (None, points.amplitude):
+        descent = Descent(problem, HarmonicBalance(law, points.motion, 5, mass_free=True))
+        descent.scale = scale
+        low, here, high = (
+            descent.linearise(parameters, nuisance + times * direction) for times in (-h, 0.0, h)
+        )
+        second, slopes = descent._bend(parameters, nuisance, direction)
+        difference = (2 * here.residual - low.residual - high.residual) / h**2
+        # error of central differences in a thousandth of a unit: its square, and round-off over it
+        assert np.abs(second - difference).max() < 1e-4 * np.abs(difference).max()
+        moved = (high.by_parameter - low.by_parameter) / (2 * h)
+        assert np.abs(slopes - moved).max() < 1e-4 * np.abs(moved).max()

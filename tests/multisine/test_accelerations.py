@@ -11,7 +11,7 @@ import rsgen
 from rsgen.common.arrays import ComplexArray
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.spectra import scatter
-from rsgen.data.multisine.steady import periodic_response
+from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.law.numeric import compile_law
 
 LAWS = {

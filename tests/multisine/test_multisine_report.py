@@ -11,7 +11,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.data.multisine.steady import periodic_response
+from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.law.numeric import compile_law
 
 TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}

@@ -7,7 +7,8 @@ import pytest
 
 from rsgen.common.tolerances import ORDER
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.fitting.forward import following_harmonics, hold_amplitude
+from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
+from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking.balance import make_rows, predicted_motion
@@ -24,7 +25,9 @@ TURN = np.array([0.4, -1.0, 2.0, 0.1, -2.5])
 def exact(size: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force and harmonics of exact motions of these sizes and phases."""
     follow = following_harmonics(LAW, ORDER)
-    held = hold_amplitude(LAW, VALUES, MASS, OMEGA, size, np.zeros((5, ORDER + 1), complex), follow, 256)
+    held = hold_amplitude(
+        LAW, VALUES, Inertia(MASS), OMEGA, size, np.zeros((5, ORDER + 1), complex), follow, 256
+    )
     phase = np.exp(1j * turn)
     return held.force * phase, held.harmonics * phase[:, None] ** np.arange(ORDER + 1)
 

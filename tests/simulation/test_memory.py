@@ -8,9 +8,9 @@ import pytest
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import SimulatedTest, simulate
-from rsgen.dynamics.simulation.harmonic_balance import MemoryLoops, solve_harmonic_balance
-from rsgen.dynamics.simulation.simulate import solve_response_control
+from rsgen.dynamics.simulation.controlled import solve_response_control
 from rsgen.dynamics.steady_state import solve_steady_states
+from tests.oracles.harmonic_balance import MemoryLoops, solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference
 
 LINEAR = {"c": 3.8, "k": 5922.0}

@@ -11,8 +11,8 @@ import pytest
 from rsgen import load_case
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import SimulatedTest, simulate
-from rsgen.dynamics.simulation.harmonic_balance import solve_harmonic_balance
 from rsgen.law.element import make_element
+from tests.oracles.harmonic_balance import solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference
 
 CASES = Path(__file__).parents[2] / "cases"

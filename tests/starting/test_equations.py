@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import brentq
 
 import rsgen
-from rsgen.dynamics.simulation.harmonic_balance import solve_harmonic_balance
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
+from tests.oracles.harmonic_balance import solve_harmonic_balance
 
 LAW = "k*x + 6e4*x**2 + c*v"
 TRUE = {"c": 4.0, "k": 5000.0}

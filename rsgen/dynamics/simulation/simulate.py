@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
@@ -15,8 +13,8 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
-from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.simulation.harmonic_balance import balance_grid, first_order_force
+from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
+from rsgen.dynamics.simulation.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.simulation.virtual_multisine import MultisineTest, simulate_multisine
 from rsgen.dynamics.simulation.virtual_test import (
     Progress,
@@ -28,441 +26,8 @@ from rsgen.dynamics.simulation.virtual_test import (
     swept,
 )
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
-from rsgen.dynamics.steady_state.fixed_point import PeriodMap, attraction
-from rsgen.dynamics.steady_state.loop_memory import LoopMemory, units_of_states
-from rsgen.dynamics.steady_state.solver import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
 
-__all__ = [
-    "ControlledStates",
-    "PhaseStates",
-    "control_grid",
-    "phase_grid",
-    "simulate",
-    "solve_phase_control",
-    "solve_response_control",
-]
-
-
-# ----------------------------------------------------------------------------
-# Response-controlled tests: the amplitude X is held and the force follows.
-#
-# F(omega, X) is single-valued where X(omega, F) folds, so nothing jumps. State and force of each point are
-# found together by shooting: the motion repeats after one period, and its fundamental is X. Whether the
-# same
-# motion would survive under constant force is read from the Jacobian of the period map.
-
-_OFFSET = 1e-6
-"""Of X and of the typical force: neighbouring orbits; truncation and rounding are both small there."""
-_ITERATIONS = 25
-"""Newton steps at most; six are usual, a step over a corner of the law needs more."""
-_HALVINGS = 5
-"""Halvings of a Newton step that does not come nearer."""
-_SINGULAR = 1e-14
-"""Determinant of the scaled Jacobian below which a Newton step has no direction: rounding."""
-_LEAST_STEPS, _MOST_STEPS = 64, 8192
-"""Steps a period, doubled until two answers agree; the most reach 1e-9 with the law's jumps located."""
-_RICHARDSON = 2**3 - 1
-"""What halved steps change, over the error that is left, at order three."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ControlledStates(SteadyStates):
-    """Periodic motions of given fundamental amplitude: steady states whose ``error`` is that of the force.
-
-    ``force`` (n,) [N] holds the fundamental at X [m], whose phase is zero; ``stable`` (n,) is True where the
-    motion attracts its neighbours when this force is held constant.
-    """
-
-    force: ComplexArray
-    stable: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shooting:
-    """The D + 2 conditions on (y, Re F / s, Im F / s) of each point, all scaled by X.
-
-    y = (x, v/omega), and for a law with memory what the period map adds: its D numbers (``PeriodMap``).
-    """
-
-    period_map: PeriodMap
-    amplitude: Array
-
-    @property
-    def omega(self) -> Array:
-        """(n,) angular frequency [rad/s]."""
-        return self.period_map.omega
-
-    def unit(self, points: NDArray[np.intp]) -> Array:
-        """Force of one unit of the unknowns: what the inertia of the fundamental amplitude needs."""
-        return np.asarray(self.period_map.mass * self.omega[points] ** 2)
-
-    def orbit(
-        self, points: NDArray[np.intp], w: Array, steps: int, harmonics: int
-    ) -> tuple[Array, ComplexArray, Array]:
-        force = w[:, -2:] * self.unit(points)[:, None]
-        k = len(points)
-        orbit = replace(self.period_map.of(points), force=force).carry(
-            np.arange(k), w[:, :-2].T, np.full(k, steps), 1, harmonics, peaks=True
-        )
-        return orbit.state.T, orbit.harmonics, orbit.peak
-
-    def conditions(self, points: NDArray[np.intp], w: Array, steps: int) -> Array:
-        end, harmonics, _ = self.orbit(points, w, steps, 1)
-        X = harmonics[:, 1]
-        return np.column_stack([end - w[:, :-2], X.real - self.amplitude[points], X.imag])
-
-    def linearised(self, points: NDArray[np.intp], w: Array, steps: int) -> tuple[Array, Array]:
-        """Conditions (k, D + 2) and their Jacobian (k, D + 2, D + 2) from as many neighbouring orbits."""
-        offset, size = _OFFSET * self.amplitude[points], w.shape[1]
-        trials = [w] + [w + offset[:, None] * np.eye(size)[i] for i in range(size)]
-        found = np.split(self.conditions(np.tile(points, 1 + size), np.concatenate(trials), steps), 1 + size)
-        columns = [(there - found[0]) / offset[:, None] for there in found[1:]]
-        return found[0], np.stack(columns, axis=2)
-
-
-def solve_response_control(
-    oscillator: Oscillator,
-    amplitude: ArrayLike,
-    frequency: ArrayLike,
-    *,
-    harmonics: int = USUAL_HARMONICS,
-    accuracy: float = USUAL_ACCURACY,
-) -> ControlledStates:
-    """Find the force that holds the fundamental of the displacement at an amplitude (n,) [m].
-
-    ``harmonics`` of the displacement are returned, in addition to the mean; ``accuracy`` is the largest
-    relative error of the force.
-
-    Raises
-    ------
-    RsgenError
-        Shapes do not fit, an amplitude or a frequency is not positive and finite.
-    """
-    X = np.atleast_1d(np.asarray(amplitude, dtype=np.float64))
-    f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    if X.shape != f.shape or X.ndim != 1 or not np.all(np.isfinite(X) & (X > 0) & np.isfinite(f) & (f > 0)):
-        raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
-    values = np.array([oscillator.values[name] for name in kernel.parameters])
-    omega = 2 * np.pi * f
-    inertia: ComplexArray = (oscillator.mass * omega**2 * X).astype(np.complex128)
-    units = units_of_states(oscillator, inertia, omega)
-
-    def solve(batch: slice) -> ControlledStates:
-        n, rows = len(X[batch]), kernel.rows
-        memory = LoopMemory.at_start(rows, np.zeros((0, n)), n) if rows.curves else None
-        period_map = PeriodMap(kernel, oscillator.mass, values, np.zeros((n, 2)), omega[batch], units, memory)
-        shooting = _Shooting(period_map, X[batch])
-        F, mean, states = first_order_force(oscillator, X[batch], shooting.omega)
-        F = F / shooting.unit(np.arange(len(F)))
-        y = np.zeros((n, rows.smooth))
-        y[:, 0], y[:, 2 : rows.first] = X[batch] + mean, states.T
-        if rows.curves:
-            y[:, rows.first], y[:, rows.first + 1] = mean + X[batch], mean - X[batch]
-        w = np.column_stack([y if units is None else y / units, F.real, F.imag])
-        # a motion that overflows on the way has no answer; its outcome is not settled
-        with np.errstate(over="ignore", invalid="ignore"):
-            return _refine(shooting, w, harmonics, accuracy)
-
-    return ControlledStates.joined(map_batches(solve, len(X)))
-
-
-def control_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> ControlledStates:
-    """Solve the grid of a test, ordered level by level; levels are X [m], the sweep does not matter."""
-
-    def solve(amplitude: Array, frequency: Array) -> ControlledStates:
-        return solve_response_control(
-            oscillator, amplitude, frequency, harmonics=test.harmonics, accuracy=test.accuracy
-        )
-
-    return in_parts(solve, test, progress)
-
-
-def _refine(shooting: _Shooting, w: Array, H: int, accuracy: float) -> ControlledStates:
-    n, size = len(w), w.shape[1] - 2
-    result = SimpleNamespace(
-        force=np.full(n, complex(np.nan, np.nan)),
-        harmonics=np.full((n, H + 1), complex(np.nan, np.nan)),
-        peak=np.full((n, 2), np.nan),
-        state=np.full((n, size + shooting.period_map.kernel.rows.curves), np.nan),
-        residual=np.full(n, np.nan),
-        outcome=np.ones(n, dtype=np.int8),
-        error=np.full(n, np.nan),
-        stable=np.zeros(n, dtype=bool),
-    )
-    steps = max(_LEAST_STEPS, 2 * (H + 1))
-    points = np.arange(n)
-    w, found, _ = _newton(shooting, points, w, steps, 0.1 * accuracy)
-    points, w = points[found], w[found]
-    while len(points) and steps < _MOST_STEPS:
-        steps *= 2
-        finer, found, jacobian = _newton(shooting, points, w, steps, 0.01 * accuracy)
-        coarse, points, w = w[found], points[found], finer[found]
-        change = np.hypot(*(w - coarse)[:, -2:].T)
-        error = change / np.maximum(np.hypot(*w[:, -2:].T), np.finfo(float).tiny) / _RICHARDSON
-        _record(shooting, result, points, w, steps, H, error, jacobian[found])
-        points, w = points[error > accuracy], w[error > accuracy]
-    result.outcome[points] = 1
-    return ControlledStates(**vars(result))
-
-
-def _record(
-    shooting: _Shooting,
-    result: SimpleNamespace,
-    points: NDArray[np.intp],
-    w: Array,
-    steps: int,
-    H: int,
-    error: Array,
-    jacobian: Array,
-) -> None:
-    end, waves, peak = shooting.orbit(points, w, steps, H)
-    size, units = w.shape[1] - 2, shooting.period_map.units
-    result.force[points] = (w[:, -2] + 1j * w[:, -1]) * shooting.unit(points)
-    result.harmonics[points], result.peak[points], result.error[points] = waves, peak, error
-    result.state[points] = 0.0
-    result.state[points, :size] = w[:, :-2] if units is None else w[:, :-2] * units
-    result.state[points, 1] *= shooting.omega[points]
-    result.residual[points] = np.linalg.norm(end - w[:, :-2], axis=1) / shooting.amplitude[points]
-    result.outcome[points] = 0
-    # the first block of the Jacobian is that of P(y) - y at constant force
-    result.stable[points] = attraction((jacobian[:, :size, :size] + np.eye(size)).transpose(1, 2, 0)) > 0
-
-
-def _newton(
-    shooting: _Shooting, points: NDArray[np.intp], w: Array, steps: int, tolerance: float
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    w = w.copy()
-    found = np.zeros(len(points), dtype=bool)
-    jacobian = np.zeros((len(points), w.shape[1], w.shape[1]))
-    active = np.arange(len(points))
-    for _ in range(_ITERATIONS):
-        mine = points[active]
-        value, slope = shooting.linearised(mine, w[active], steps)
-        jacobian[active] = slope
-        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > _SINGULAR)
-        active, value, slope, mine = active[sane], value[sane], slope[sane], mine[sane]
-        if not len(active):
-            break
-        move = -np.linalg.solve(slope, value[:, :, None])[:, :, 0]
-        done = np.linalg.norm(move, axis=1) <= tolerance * np.minimum(
-            shooting.amplitude[mine], np.hypot(*w[active, -2:].T)
-        )
-        factor = np.ones(len(active))
-        for _ in range(_HALVINGS):
-            trial = shooting.conditions(mine, w[active] + factor[:, None] * move, steps)
-            worse = ~(np.linalg.norm(trial, axis=1) <= np.linalg.norm(value, axis=1)) & ~done
-            if not worse.any():
-                break
-            factor[worse] /= 2
-        w[active] += factor[:, None] * move
-        found[active[done]] = True
-        active = active[~done]
-        if not len(active):
-            break
-    return w, found, jacobian
-
-
-# ----------------------------------------------------------------------------
-# Phase resonance: a phase-locked loop turns the frequency until the response lags by a given angle.
-#
-# At a quarter period the lag is that of resonance, k(X) = m omega^2 (Liu et al., Sec. 1.2), and the points
-# of
-# all levels lie on the backbone. Amplitude and frequency of a level F follow from F(X, omega) of response
-# control, which has no folds: ln F(X, omega) = ln F + i lag is solved by Newton's method with the slopes of
-# the balance of one harmonic, corrected by what each step shows (C. G. Broyden, Math. Comp. 19 (1965) 577).
-
-_SIZES = np.geomspace(1e-12, 1e3, 121)
-"""Amplitudes [m] among which a level is sought: from atoms to any structure, eight a decade."""
-
-_BISECTIONS = 20
-"""Of the band: a millionth of it, finer than the width of any resonance."""
-
-_STEPS = 25
-"""Newton steps at most; four are usual, a corner of the law needs more."""
-
-_PHASE_OFFSET = 1e-5
-"""Relative change by which first slopes are taken: truncation and rounding are both small."""
-
-_FINER = 0.1
-"""The solver of each step is so much more accurate than what is asked."""
-
-_FARTHEST = 0.3
-"""Longest step of ln X and of ln omega: longer ones leave the branch."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PhaseStates(ControlledStates):
-    """Periodic motions with a given lag; ``frequency`` (n,) [Hz] is where the loop found it."""
-
-    frequency: Array
-
-
-def solve_phase_control(
-    oscillator: Oscillator,
-    force: Array,
-    lag: Array,
-    band: tuple[float, float],
-    *,
-    harmonics: int,
-    accuracy: float,
-) -> PhaseStates:
-    """Find frequency and response at which the fundamental lags the force by an angle.
-
-    Parameters
-    ----------
-    force, lag
-        (n,) amplitude [N] and lag of the displacement [rad], from 0 to pi.
-    band
-        Lowest and highest frequency [Hz] of the loop.
-    harmonics, accuracy
-        As of response control; the lag is as accurate [rad] as the force is relatively.
-
-    Returns
-    -------
-    PhaseStates
-        The fundamental of each has phase zero, and the force leads it by the lag. What is not found in the
-        band is not settled, at the middle of the band.
-    """
-    wanted = np.log(force) + 1j * lag
-    place = _first_order(oscillator, wanted, band)
-    found: NDArray[np.bool_] = np.all(np.isfinite(place), axis=1)
-    frequency = np.full(len(force), float(np.mean(band)))
-    size = np.ones(len(force))
-    if found.any():
-        place[found], done = _newton_of_phase(oscillator, place[found], wanted[found], accuracy)
-        found[found] = done
-        hertz = np.exp(place[:, 1]) / (2 * np.pi)
-        found &= (hertz >= band[0]) & (hertz <= band[1])
-        frequency[found], size[found] = hertz[found], np.exp(place[found, 0])
-    return _states(oscillator, size, frequency, found, wanted, harmonics, accuracy)
-
-
-def _states(
-    oscillator: Oscillator,
-    size: Array,
-    frequency: Array,
-    found: NDArray[np.bool_],
-    wanted: ComplexArray,
-    harmonics: int,
-    accuracy: float,
-) -> PhaseStates:
-    """Solve for the motions of the points that were found; the others are not settled."""
-    rows = np.flatnonzero(found)
-    # one point that is not used stands for the shapes of all
-    some = rows if len(rows) else np.zeros(1, dtype=np.intp)
-    states = solve_response_control(
-        oscillator, size[some], frequency[some], harmonics=harmonics, accuracy=accuracy
-    )
-    parts = {}
-    for name in ControlledStates.__dataclass_fields__:
-        values = np.asarray(getattr(states, name))
-        whole = np.zeros((len(size), *values.shape[1:]), dtype=values.dtype)
-        if values.dtype.kind in "fc":
-            whole[...] = np.nan
-        whole[rows] = values[: len(rows)]
-        parts[name] = whole
-    parts["outcome"] = np.where(found, parts["outcome"], 1).astype(np.int8)
-    parts["force"] = np.where(found, parts["force"], np.exp(wanted))
-    return PhaseStates(**parts, frequency=frequency)
-
-
-def _first_order(oscillator: Oscillator, wanted: ComplexArray, band: tuple[float, float]) -> Array:
-    """(n, 2) ln X and ln omega on the smallest amplitude that one harmonic finds; NaN where there is none."""
-    place = np.full((len(wanted), 2), np.nan)
-    edges = 2 * np.pi * np.array(band)
-    for lag in np.unique(wanted.imag):
-        with np.errstate(all="ignore"):
-            ends = [_lead(oscillator, _SIZES, np.full(len(_SIZES), edge)) for edge in edges]
-            at = np.flatnonzero((ends[0] < lag) & (ends[1] >= lag))
-            low, high = (np.full(len(at), edge) for edge in edges)
-            for _ in range(_BISECTIONS if len(at) else 0):
-                middle = 0.5 * (low + high)
-                above = _lead(oscillator, _SIZES[at], middle) >= lag
-                low, high = np.where(above, low, middle), np.where(above, middle, high)
-            omega, size = np.full((2, len(_SIZES)), np.nan)
-            omega[at] = high
-            size[at] = np.abs(first_order_force(oscillator, _SIZES[at], high)[0])
-        good = np.isfinite(size[:-1]) & np.isfinite(size[1:])
-        for row in np.flatnonzero(wanted.imag == lag):
-            level = float(np.exp(wanted[row].real))
-            steps = np.flatnonzero(good & (size[:-1] <= level) & (size[1:] > level))
-            if len(steps):
-                i = int(steps[0])
-                share = np.log(level / size[i]) / np.log(size[i + 1] / size[i])
-                for column, values in enumerate((_SIZES, omega)):
-                    place[row, column] = np.log(values[i]) + share * np.log(values[i + 1] / values[i])
-    return place
-
-
-def _lead(oscillator: Oscillator, size: Array, omega: Array) -> Array:
-    """(n,) lead of the force before the displacement [rad], at one harmonic."""
-    return np.asarray(np.angle(first_order_force(oscillator, size, omega)[0]))
-
-
-def _newton_of_phase(
-    oscillator: Oscillator, place: Array, wanted: ComplexArray, accuracy: float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Solve for (n, 2) ln X and ln omega; which of the points are found."""
-    place = np.array(place)
-    inverse: Array = np.asarray(np.linalg.inv(_slopes(oscillator, place)), dtype=np.float64)
-    rest = _rest(oscillator, place, wanted, accuracy)
-    for _ in range(_STEPS):
-        active = np.flatnonzero(np.hypot(*rest.T) > _FINER * accuracy)
-        if not len(active):
-            break
-        step = -np.einsum("nij,nj->ni", inverse[active], rest[active])
-        step *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-        place[active] += step
-        new = _rest(oscillator, place[active], wanted[active], accuracy)
-        inverse[active] = _broyden(inverse[active], step, new - rest[active])
-        rest[active] = new
-    return place, np.asarray(np.hypot(*rest.T) <= accuracy)
-
-
-def _rest(oscillator: Oscillator, place: Array, wanted: ComplexArray, accuracy: float) -> Array:
-    """(n, 2) relative error of the force and error of the lag [rad]."""
-    size, omega = np.exp(place).T
-    states = solve_response_control(
-        oscillator, size, omega / (2 * np.pi), harmonics=1, accuracy=_FINER * accuracy
-    )
-    rest = np.log(states.force) - wanted
-    return np.stack([rest.real, rest.imag], axis=1)
-
-
-def _slopes(oscillator: Oscillator, place: Array) -> Array:
-    """(n, 2, 2) derivatives of ln F by ln X and ln omega, at one harmonic."""
-    columns = []
-    for unit in np.eye(2):
-        ends = [
-            np.log(first_order_force(oscillator, *np.exp(place + sign * _PHASE_OFFSET * unit).T)[0])
-            for sign in (-1, 1)
-        ]
-        slope = (ends[1] - ends[0]) / (2 * _PHASE_OFFSET)
-        columns.append(np.stack([slope.real, slope.imag], axis=1))
-    return np.stack(columns, axis=2)
-
-
-def _broyden(inverse: Array, step: Array, change: Array) -> Array:
-    """Correct the inverse (n, 2, 2) of the slopes by a step and what it changed."""
-    reached = np.einsum("nij,nj->ni", inverse, change)
-    along = np.einsum("ni,nij->nj", step, inverse)
-    scale = np.sum(step * reached, axis=1)
-    good = np.isfinite(scale) & (np.abs(scale) > np.finfo(float).tiny)
-    scale = np.where(good, scale, 1.0)
-    correction = (step - reached)[:, :, None] * along[:, None, :] / scale[:, None, None]
-    return np.where(good[:, None, None], inverse + np.nan_to_num(correction), inverse)
-
-
-def phase_grid(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, PhaseStates]:
-    """Levels [N] and states of a phase-locked test: every lag at every level, level by level."""
-    level = np.repeat(test.level, len(test.lags))
-    lag = np.tile(np.array(test.lags), len(test.level)) + test.phase_error
-    band = float(test.frequency.min()), float(test.frequency.max())
-    states = solve_phase_control(
-        oscillator, level, lag, band, harmonics=test.harmonics, accuracy=test.accuracy
-    )
-    return level, states
+__all__ = ["simulate"]
 
 
 @overload
@@ -518,7 +83,7 @@ def simulate(
         level, states = phase_grid(oscillator, test)
         frequency = states.frequency
     elif test.method == "harmonic-balance":
-        states = balance_grid(oscillator, test, progress)
+        states = _balance(oscillator, test, progress)
     else:
         states = _integrate(oscillator, test, progress)
     force = test.drive(oscillator.mass, level, frequency)
@@ -556,5 +121,28 @@ def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) 
         # a motion without bound ends the run; the test engineer starts again from rest
         start = None if last is None else np.where(np.isfinite(last.state), last.state, 0.0)
         return solve(test.level, frequency, start)
+
+    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)
+
+
+def _balance(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
+    """Solve the grid by harmonic balance: points from their linear response, or each from its neighbour.
+
+    Harmonic balance does not separate stable answers from unstable ones.
+    """
+
+    def solve(level: Array, frequency: Array, guess: ComplexArray | None = None) -> SteadyStates:
+        force = test.drive(oscillator.mass, level, frequency)
+        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
+
+    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
+        if last is None:
+            return solve(test.level, frequency)
+        near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
+        if near.settled.all():
+            return near
+        # where the branch has ended, from the linear response
+        fresh, n = solve(test.level, frequency), len(near)
+        return SteadyStates.joined([near, fresh], np.arange(n) + n * ~near.settled)
 
     return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)

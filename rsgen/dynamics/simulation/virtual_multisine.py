@@ -14,8 +14,8 @@ from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import rms
-from rsgen.data.multisine.steady import periodic_response
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.dynamics.simulation.virtual_test import level_grid
 from rsgen.law.numeric import ForceLaw, compile_law
 

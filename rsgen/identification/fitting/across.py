@@ -1,142 +1,88 @@
-"""Laws between two sensors, and their forward model along the motion that was measured.
+"""Laws between two sensors, and their forward model along the motions that were measured.
 
-The balance is written at the sensor of the response, F = m x'' + n(x, x') + n_a(z, z'): some elements follow
-the response x, others the motion z across them. How z goes with x is measured at every point, and other modes
-take part in it; so z is the measured motion, in proportion to the response, harmonics in the phase measured.
+The balance is written at the sensor of the response, two motions in one equation:
+
+    F = -m omega^2 x_1 + N(x)_1 + N_a(z)_1,    z = x - y.
+
+Some elements follow the response x, others the motion z across two sensors, of which y is the far one. Other
+modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
+an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
+Where z has a sensor of its own it is z that has such noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import GROUPS, ROUND_OFF, TAKEN, samples_for
+from rsgen.common.tolerances import samples_for
 from rsgen.data.oscillator import total_force
-from rsgen.identification.fitting.descent import Descent
-from rsgen.identification.fitting.forward import Response
-from rsgen.identification.fitting.least_squares import Regression, eliminate
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.law.element import Element
-from rsgen.law.motion import Motion, project
-from rsgen.law.numeric import ForceLaw, ForceSample, Part, Waves, compile_law
+from rsgen.law.motion import Motion, fourier_series, project
+from rsgen.law.numeric import ForceLaw, Part, compile_law
 
-__all__ = ["MeasuredAcross", "Pull", "law_of", "motions_of", "noise_of_ratio", "pull_of_noise"]
-
-
-# ----------------------------------------------------------------------------
-# What noise of two sensors does to a law that follows their difference.
-#
-# Least squares take the motion across as exact. It is a small difference of two sensors, and noise in a
-# column
-# of the balance pulls its value towards zero and the others (the mass, the spring beside the joint) after
-# it:
-# of many points N, a = N^-1 (N - S) a_true, where N is the matrix of the normal equations and S the part of
-# it
-# that noise alone makes (attenuation; Fuller, Measurement Error Models, Wiley 1987, chapter 2). Hence
-# a_true - a = (N - S)^-1 S a, which is added. The noise is known from the test itself: its square to a
-# third,
-# so that a correction of several standard errors is not to be relied upon.
+__all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
 
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pull:
-    """What noise of the motion across does to the values.
+class SensorPair(NamedTuple):
+    """How a motion across was measured.
 
     Parameters
     ----------
+    rides
+        1.0 where it is the response less a far sensor's, 0.0 where it has a sensor of its own.
     noise
-        Of the two sensors, relative.
-    share
-        Largest share of noise in what the fit knows of a combination of values; from one on nothing is known.
-    change
-        (q,) what has to be added to the values, which noise pulled; zeros where too little is known.
+        Relative, of response and other sensor; NaN: unknown.
     """
 
+    rides: float
     noise: float
-    share: float
-    change: Array
-
-    def taken_off(self, found: Regression) -> Regression:
-        """Values without the pull, and errors that grow as much as the least known combination."""
-        if not self.share < TAKEN:
-            return found
-        parameters = np.array(found.parameters)
-        parameters[: len(self.change)] += self.change
-        return replace(found, parameters=parameters, covariance=found.covariance / (1 - self.share) ** 2)
 
 
-def pull_of_noise(problem: Problem, found: Regression, force_noise: Array | None) -> Pull | None:
-    """Find how far noise pulls the values of a law across two sensors; None where that is not known.
+def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
+    """Find which sensor a motion across is from, and its noise, from what is not smooth along a run.
 
-    Parameters
-    ----------
-    problem, found
-        A fit along the measured motion across.
-    force_noise
-        (n,) with which it weighed the points; None where it did not.
-    """
-    points, used = problem.observed.points, found.used
-    if not problem.law.acts_across or points.across is None:
-        return None
-    noise = noise_of_ratio(points)
-    whole, random = _rows(problem, found, force_noise, points.across), np.random.default_rng(0)
-    normal = np.einsum("nmp,nmq->pq", whole[used], whole[used])
-    size = np.sqrt(np.diag(normal))
-    if not (np.isfinite(noise) and np.isfinite(size).all() and (size > 0).all()):
-        return None
-    part = np.zeros_like(normal)
-    spread = noise * np.hypot(points.amplitude, np.abs(points.harmonics[:, 1] - points.across[:, 1]))
-    for _ in range(GROUPS):
-        moved, draw = np.array(points.across), random.standard_normal((2, len(points))) / np.sqrt(2)
-        moved[:, 1] += spread * (draw[0] + 1j * draw[1])
-        change = np.nan_to_num(_rows(problem, found, force_noise, moved) - whole)[used]
-        part += np.einsum("nmp,nmq->pq", change, change) / GROUPS
-    normal, part = (matrix / np.outer(size, size) for matrix in (normal, part))
-    known, directions = np.linalg.eigh(normal)
-    regular = known > ROUND_OFF * known[-1]
-    inverse = directions[:, regular] / np.sqrt(known[regular])
-    of_noise = inverse.T @ part @ inverse
-    share = float(np.linalg.eigvalsh(of_noise)[-1])
-    change = np.zeros(len(size))
-    if share < TAKEN:
-        pulled = inverse.T @ part @ (found.parameters[: problem.count] * size)
-        change = inverse @ np.linalg.solve(np.eye(len(of_noise)) - of_noise, pulled) / size
-    return Pull(noise, share, change)
-
-
-def noise_of_ratio(points: Points) -> float:
-    """Relative noise of the two sensors, from what of the ratio of their motions is not smooth; NaN: unknown.
-
-    Along a run the ratio of the motion across to the response is smooth, whatever the law: what it differs by
-    from a cubic through its neighbours is noise. Half of the differences are smaller than the median, which
-    jumps and antiresonances do not move. Of the ratio 1 - far/near both sensors make far/near as noisy.
+    The ratio z/x of the motion across to the response is smooth, whatever the law: what it differs by from a
+    cubic through its neighbours is noise. As a ratio of two sensors it is proportional to z/x; of z = x - y
+    both sensors make y/x as noisy, and z/x by the size of 1 - z/x. It is the one whose noise is nearer to
+    that of the response over the force.
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
     width = 2 * _BESIDE + 1
     if points.across is None or len(order) < width:
-        return float("nan")
+        return SensorPair(1.0, float("nan"))
     rows = np.lib.stride_tricks.sliding_window_view(order, width)
     rows = rows[(points.level[rows] == points.level[rows[:, :1]]).all(axis=1)]
     rows = rows[(points.sweep[rows] == points.sweep[rows[:, :1]]).all(axis=1)]
-    omega = points.omega[rows]
-    rows = rows[(np.diff(omega, axis=1) > 0).all(axis=1)]
+    rows = rows[(np.diff(points.omega[rows], axis=1) > 0).all(axis=1)]
     if len(rows) < width:
-        return float("nan")
-    ratio, weights = points.across[:, 1] / points.harmonics[:, 1], _cubic(points.omega[rows])
-    missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
-    expected = np.sum(weights**2 * 2 * np.abs(1 - ratio[rows]) ** 2, axis=1)
-    # the square of a complex normal number of unit variance has the median ln 2
-    return float(np.sqrt(np.median(missed / expected) / np.log(2)))
+        return SensorPair(1.0, float("nan"))
+    weights = _cubic(points.omega[rows])
+
+    def noise(ratio: ComplexArray, size: ComplexArray) -> float:
+        """Relative noise of two sensors that is proportional to a size (n,) of their ratio."""
+        missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
+        share = missed / np.sum(weights**2 * 2 * np.abs(size[rows]) ** 2, axis=1)
+        # jumps, resonances and antiresonances move no lower quartile; of the square of a complex normal
+        # number of unit variance that is ln(4/3)
+        return float(np.sqrt(np.quantile(share, 0.25) / np.log(4 / 3)))
+
+    ratio, receptance = points.across[:, 1] / points.harmonics[:, 1], points.harmonics[:, 1] / points.force
+    usual = noise(receptance, receptance)
+    found = [SensorPair(rides, noise(ratio, rides - ratio)) for rides in (1.0, 0.0)]
+    return min(found, key=lambda one: abs(np.log(max(one.noise, 1e-300) / max(usual, 1e-300))))
 
 
 def _cubic(omega: Array) -> Array:
@@ -149,20 +95,6 @@ def _cubic(omega: Array) -> Array:
                 weights[:, i] *= (omega[:, _BESIDE] - omega[:, j]) / (omega[:, i] - omega[:, j])
         weights[:, i] *= -1
     return weights
-
-
-def _rows(problem: Problem, found: Regression, force_noise: Array | None, across: ComplexArray) -> Array:
-    """(n, M, q) slopes by the parameters along a motion across (n, H+1) [m], nuisances eliminated."""
-    mode = problem.observed.mode(found.parameters[problem.count :])
-    free = problem.given is None
-    forward = MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, across), mass_free=free)
-    forward.noise = force_noise
-    line = Descent(problem, forward).linearise(found.parameters, found.nuisance)
-    return eliminate(line)[1][:, :, : problem.count]
-
-
-_STEP = 1e-6
-"""Relative change of the amplitude by which the slope of a loop is taken: half the digits of a double."""
 
 
 def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool] = (True, True)) -> ForceLaw:
@@ -226,17 +158,18 @@ def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion,
 
 
 class MeasuredAcross:
-    """Force at the response from a law across two sensors, along the measured motion across.
+    """Force at the response from a law across two sensors.
 
-    It goes with the response in the proportion that was measured, as a prediction needs it, and a law that
-    misses. Once its noise is weighed it is the one that was measured, whatever the response is taken to be.
+    Fundamentals of response and other sensor are what is asked for, all other harmonics as measured.
 
     Parameters
     ----------
     law
-        The force law.
+        The force law, of two parts.
     response, across
         As measured at the same points: of the mode, and across the elements.
+    rides
+        1.0 where the motion across is the response less that of the other sensor, 0.0 where it is that.
     mass_free
         Whether the mass is a parameter.
     """
@@ -246,117 +179,78 @@ class MeasuredAcross:
     step = 1e-4
     """As that of the harmonic balance."""
 
-    def __init__(self, law: ForceLaw, response: Motion, across: Motion, *, mass_free: bool) -> None:
-        self._law, self._omega, self._mass_free = law, response.omega, mass_free
+    def __init__(
+        self, law: ForceLaw, response: Motion, across: Motion, *, rides: float, mass_free: bool
+    ) -> None:
+        self._law, self._response, self._across = law, response, across
+        self._mass_free, self._rides = mass_free, rides
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)
-        self._step = response.interval(self.samples)
-        self._measured = across.waveforms(self.samples)
-        self._response, self._across = (
-            _per_metre(motion, response.harmonics[:, 1]).waveforms(self.samples)
-            for motion in (response, across)
-        )
-        self._near = response.harmonics[:, 1]
-        sensors = self._near, self._near - across.harmonics[:, 1]
-        self._sensors = [_sine(self._omega, motion, self.samples) for motion in sensors]
-        self.noise: Array | None = None
-        """(n,) noise of the force with that of the motion across, relative to its own; None: not weighed."""
+        self._series = fourier_series((1,), self.samples, half=False)
 
-    def weigh(self, values: Array, mass: float, force: Array) -> bool:
-        """Follow the motion across as it was measured, and count its noise as the law at (p,) values does.
+    def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
+        """Evaluate the balance.
 
-        The motion across is a difference of two sensors, near x and far, each with noise in proportion to
-        its motion. Noise of the near one moves the balance F = D x + n_a by D + n_a', where the fit, to which
-        the motion across is as measured, expects D; that of the far one by n_a'. What both add to the noise
-        of the measured (n,) force |F| counts. The weights stay from here on: no value gains by larger ones.
+        Parameters
+        ----------
+        values, mass
+            (p,) of the law, m [kg].
+        size
+            (n,) amplitudes of the response [m].
+        others
+            (n, 3) its phase [rad] and real and imaginary part of the relative deviation of the other sensor.
+            None: that sensor, and all harmonics, go with the response in the proportion that was measured.
         """
-        self.noise, size, phase = np.ones(len(force)), np.abs(self._near), np.angle(self._near)
-        own = self(values, mass, size, phase).force_slope * np.exp(1j * phase)
-        near, far = (self._moved(values, motion) for motion in self._sensors)
-        more = np.abs(own + near) ** 2 - np.abs(own) ** 2 + np.abs(far) ** 2
-        self.noise = np.sqrt(1 + np.nan_to_num(np.maximum(more, 0.0) / force**2, posinf=0.0))
-        return True
+        measured, omega = self._response.harmonics[:, 1], self._response.omega
+        other = self._across.harmonics[:, 1] - self._rides * measured
+        share = (size / np.abs(measured))[:, None]
+        if others is None:
+            phase, own, there = np.angle(measured), share, other * share[:, 0]
+        else:
+            phase, own, there = others[:, 0], np.ones((1, 1)), other * (1 + others[:, 1] + 1j * others[:, 2])
+        here, back = size * np.exp(1j * phase), np.exp(-1j * phase)
+        motions = [
+            _with_fundamental(motion, own, first).waveforms(self.samples)
+            for motion, first in ((self._response, here), (self._across, self._rides * here + there))
+        ]
+        samples = self._law.sample_parts(motions, self._response.interval(self.samples), values)
+        near, joint = (sample.tangent(self._series, omega) for sample in samples)
 
-    def _moved(self, values: Array, motion: Waves) -> ComplexArray:
-        """(n,) change of the force across with a part of the motion, by its logarithm."""
-        high, low = (
-            project(self._law.sample_parts((waves, waves), self._step, values)[1].force, 1)
-            for waves in (_plus(self._measured, motion, sign * _STEP) for sign in (1, -1))
-        )
-        return np.asarray((high - low) / (2 * _STEP))
+        def by_response(change: ComplexArray) -> ComplexArray:
+            return np.asarray(back * (_times(near + self._rides * joint, change) - mass * omega**2 * change))
 
-    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
-        """Evaluate at (p,) values, a mass [kg], (n,) amplitudes [m] and phases [rad] of the response."""
-        phase = None if self.noise is None else phase
-        here, there = self._sample(values, size, phase)
-        back = np.ones(len(size), dtype=complex) if phase is None else np.exp(-1j * phase)
-        inertia = -(self._omega**2) * size
-        joint = project(there.force, 1) * back
-        force = project(here.force, 1) + joint + mass * inertia
-        slope = mass * inertia + self._slope(here, there, values, size, phase)
+        force = back * sum(project(sample.force, 1) for sample in samples) - mass * omega**2 * size
         columns = [
-            project(a, 1) + project(b, 1) * back
-            for a, b in zip(here.by_parameter, there.by_parameter, strict=True)
+            back * sum(project(part, 1) for part in parts)
+            for parts in zip(*(sample.by_parameter for sample in samples), strict=True)
         ]
         if self._mass_free:
-            columns.append(inertia.astype(complex))
+            columns.append((-(omega**2) * size).astype(complex))
         force_by = np.stack(columns, axis=1) if columns else np.zeros((len(size), 0), dtype=complex)
         harmonics = np.zeros((len(size), self._columns), dtype=complex)
         harmonics[:, 1] = size
-        none = np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex)
-        valid = np.isfinite(force)
-        made = Response(force, harmonics, slope, harmonics, force_by, none, valid)
-        if phase is None:
-            return made
-        return replace(made, force_phase=-1j * joint, force_noise=self.noise)
-
-    def _sample(self, values: Array, size: Array, phase: Array | None) -> tuple[ForceSample, ForceSample]:
-        """Both parts of the law at amplitudes (n,) [m] of the response."""
-        across = _times(self._across, size) if phase is None else self._measured
-        here, there = self._law.sample_parts((_times(self._response, size), across), self._step, values)
-        return here, there
-
-    def _slope(
-        self, here: ForceSample, there: ForceSample, values: Array, size: Array, phase: Array | None
-    ) -> NDArray[np.complex128]:
-        """(n,) derivative of the force of the law by the logarithm of the amplitude."""
-        parts = [(here, self._response), *([(there, self._across)] if phase is None else [])]
-        if not any(sample.by_memory for sample, _ in parts):
-            total = np.zeros_like(here.force)
-            for sample, motion in parts:
-                x, v, _ = _times(motion, size)
-                total += sample.by_x * x + sample.by_v * v
-            return project(total, 1)
-        # a loop changes with the whole motion before it
-        high, low = (
-            sum(
-                (project(part.force, 1) for part in self._sample(values, size * factor, phase)[: len(parts)]),
-                np.zeros(1, complex),
-            )
-            for factor in (1 + _STEP, 1 - _STEP)
+        return Response(
+            force=force,
+            harmonics=harmonics,
+            force_slope=by_response(here),
+            harmonics_slope=harmonics,
+            force_by=force_by,
+            harmonics_by=np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex),
+            valid=np.isfinite(force),
+            force_phase=by_response(1j * here) - 1j * force,
+            force_far=np.stack([back * _times(joint, part * other) for part in (1, 1j)], axis=1),
         )
-        return np.asarray((high - low) / (2 * _STEP))
 
 
-def _sine(omega: Array, fundamental: ComplexArray, samples: int) -> Waves:
-    """One period of sines (n,) [m]."""
-    return Motion(omega, np.stack([np.zeros_like(fundamental), fundamental], axis=1)).waveforms(samples)
+def _with_fundamental(motion: Motion, share: Array, fundamental: ComplexArray) -> Motion:
+    """A share (n, 1) of all harmonics, but for a fundamental (n,) [m]."""
+    harmonics = motion.harmonics * share
+    harmonics[:, 1] = fundamental
+    return Motion(motion.omega, harmonics)
 
 
-def _plus(motion: Waves, other: Waves, times: float) -> Waves:
-    """Sum of two motions, the second ``times`` as large."""
-    x, v, a = (one + times * two for one, two in zip(motion, other, strict=True))
-    return x, v, a
-
-
-def _per_metre(motion: Motion, fundamental: NDArray[np.complex128]) -> Motion:
-    """The motion for a response of phase zero and amplitude 1 m."""
-    return Motion(
-        motion.omega, motion.turned(-np.angle(fundamental)).harmonics / np.abs(fundamental)[:, None]
-    )
-
-
-def _times(waves: Waves, size: Array) -> Waves:
-    x, v, a = waves
-    return x * size[:, None], v * size[:, None], a * size[:, None]
+def _times(tangent: Array, change: ComplexArray) -> ComplexArray:
+    """(n,) change of a force by that of a fundamental, from its tangent (n, 2, 2) in real coordinates."""
+    real, imaginary = (tangent[:, i, 0] * change.real + tangent[:, i, 1] * change.imag for i in range(2))
+    return np.asarray(real + 1j * imaginary)

@@ -7,7 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.identification.fitting.forward import Forward, Response
+from rsgen.dynamics.harmonic_balance import Response
+from rsgen.identification.fitting.forward import Forward
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
 from rsgen.identification.fitting.observed import Observed
 
@@ -42,8 +43,7 @@ class Descent:
     def predict(self, parameters: Array, nuisance: Array) -> Response:
         """Ask the forward model at (q,) parameters and (n, k) nuisances."""
         values, mass, _ = self.problem.split(parameters)
-        phase = nuisance[:, 1] if self.problem.observed.phase_known else None
-        return self.forward(values, mass, np.exp(nuisance[:, 0]), phase)
+        return self.forward(values, mass, np.exp(nuisance[:, 0]), nuisance[:, 1:])
 
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
         """Compare prediction and measurement, with slopes, in units of the expected noise."""
@@ -82,22 +82,21 @@ class Descent:
         return remove_bias(
             found,
             self.linearise(found.parameters, found.nuisance),
-            lambda: self._curvature(found.parameters, found.nuisance),
+            lambda direction: self._bend(found.parameters, found.nuisance, direction),
         )
 
-    def _curvature(self, parameters: Array, nuisance: Array) -> Array:
-        step = np.zeros(nuisance.shape[1])
-        step[0] = self.forward.step
-        low, high = (self._rows(parameters, nuisance + sign * step)[0] for sign in (-1, 1))
+    def _bend(self, parameters: Array, nuisance: Array, direction: Array) -> tuple[Array, Array]:
+        """Differences along directions (n, k), in steps that suit the model; see ``remove_bias``."""
+        length = np.abs(direction).max(axis=1, keepdims=True)
+        unit, step = direction / np.where(length > 0, length, 1.0), self.forward.step
+        low, high = (self._rows(parameters, nuisance + sign * step * unit)[0] for sign in (-1, 1))
         here, weight = self._rows(parameters, nuisance)
         if self.forward.exact_slopes:
-            by_size = (high.by_nuisance - low.by_nuisance)[:, :, 0] / (2 * step[0])
+            second = ((high.by_nuisance - low.by_nuisance) @ unit[:, :, None])[:, :, 0] / (2 * step)
         else:
-            by_size = (2 * here.residual - high.residual - low.residual) / step[0] ** 2
-        if nuisance.shape[1] == 1:
-            return np.asarray(by_size[:, :, None])
-        observed = self.problem.observed
-        scale = observed.points.amplitude if self.scale is None else self.scale
-        by_phase = observed.phase_curvature(nuisance, scale, self.compared)
-        curvature = np.stack([by_size, by_phase], axis=2)
-        return curvature if weight is None else np.asarray(weight @ curvature)
+            second = (2 * here.residual - high.residual - low.residual) / step**2
+        second = second * length**2
+        slopes = (high.by_parameter - low.by_parameter) * (length / (2 * step))[:, :, None]
+        if weight is not None:
+            second, slopes = (weight @ second[:, :, None])[:, :, 0], weight @ slopes
+        return np.asarray(second), np.asarray(slopes)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
-from rsgen.identification.fitting.across import MeasuredAcross, pull_of_noise
+from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.forward import HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, fit
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem, is_systematic
+from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 
@@ -77,8 +77,6 @@ class Fit:
         (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
     scale
         (n,) amplitude of the fundamental that the sensor sees [m].
-    force_noise
-        (n,) noise of the force with that of a motion across, relative to its own; None: not weighed.
     """
 
     problem: Problem
@@ -87,7 +85,6 @@ class Fit:
     harmonics: ComplexArray
     turn: Array
     scale: Array
-    force_noise: Array | None = None
 
     @property
     def values(self) -> Array:
@@ -127,7 +124,6 @@ class Fit:
             self.harmonics[chosen],
             self.turn[chosen],
             self.scale[chosen],
-            None if self.force_noise is None else self.force_noise[chosen],
         )
 
 
@@ -139,9 +135,6 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
-    if response.force_noise is not None:
-        influence, half = np.array(influence), (influence.shape[1] + 1) // 2
-        influence[:, [0, half]] /= response.force_noise[:, None, None]
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     # without a phase the points get the one in which the fundamental of the mode is real
@@ -153,7 +146,6 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         motion.harmonics,
         regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
         np.abs(problem.observed.seen(response, values)),
-        response.force_noise,
     )
 
 
@@ -193,14 +185,6 @@ def fit_balance(
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
-    values, mass, _ = problem.split(found.parameters)
-    if observed.phase_known and found.noise > NOISY and forward.weigh(values, mass, np.abs(mode.force)):
-        weighed = fit(descent.linearise, found.parameters, found.nuisance, steps=steps, **common)
-        if is_systematic(weighed.residual, mode.pairs(weighed.used)):
-            # a misfit of the law is no noise: where it is, points count by their force
-            forward.noise = None
-        else:
-            found = weighed
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):
@@ -215,9 +199,6 @@ def fit_balance(
         found = fit(descent.linearise, *place, steps=steps, used=used, **common)
         if correct:
             found = descent.corrected(found)
-    if correct and forward.noise is not None:
-        pull = pull_of_noise(problem, found, forward.noise)
-        found = pull.taken_off(found) if pull else found
     return _finish(problem, descent, found)
 
 
@@ -225,7 +206,8 @@ def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> Harmo
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
     free = problem.given is None
     if problem.law.acts_across and mode.across is not None:
-        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across), mass_free=free)
+        across, rides = Motion(mode.omega, mode.across), sensor_pair(mode).rides
+        return MeasuredAcross(problem.law, mode.motion, across, rides=rides, mass_free=free)
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic

@@ -163,6 +163,9 @@ class Regression:
     rows, residual
         (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
         sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    noise_share
+        Largest share that noise of the nuisances alone has in the information on a direction; from one on
+        nothing is known of that direction.
     """
 
     parameters: Array
@@ -180,6 +183,7 @@ class Regression:
     basis: Array
     rows: Array
     residual: Array
+    noise_share: float = 0.0
 
     def first(self, count: int) -> Regression:
         """What concerns the first parameters; errors that the others cause stay in."""
@@ -330,17 +334,12 @@ def _descend(
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
-    """(n, 2) solutions of n small problems of two unknowns, by orthogonalisation; (n, 1) of one."""
-    first = matrix[:, :, 0]
-    size = np.maximum(np.sum(first**2, axis=1), 1e-300)
-    if matrix.shape[2] == 1:
-        return np.asarray(np.sum(first * right, axis=1) / size)[:, None]
-    second = matrix[:, :, 1]
-    share = np.sum(first * second, axis=1) / size
-    rest = second - share[:, None] * first
-    two = np.sum(rest * right, axis=1) / np.maximum(np.sum(rest**2, axis=1), 1e-300)
-    one = np.sum(first * right, axis=1) / size - share * two
-    return np.stack([one, two], axis=1)
+    """(n, k) solutions of n small problems (n, M, k), by orthogonalisation."""
+    # of a column without effect the unknown is zero
+    lost = np.sum(matrix**2, axis=1) == 0
+    q, r = np.linalg.qr(matrix)
+    r[:, np.arange(r.shape[1]), np.arange(r.shape[1])] += lost
+    return np.asarray(np.linalg.solve(r, np.swapaxes(q, 1, 2) @ right[:, :, None]))[:, :, 0]
 
 
 def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
@@ -427,22 +426,31 @@ def _summary(
     )
 
 
-def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], Array]) -> Regression:
+Bend = Callable[[Array], tuple[Array, Array]]
+"""From directions (n, k) of the nuisances to second derivatives (n, M) of the prediction along them, and to
+the change (n, M, q) of its slopes by the parameters."""
+
+
+def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
     """Correct the parameters for the square of the noise.
 
-    Parameters
-    ----------
-    found, line
-        A fit, and the linearisation at its end.
-    curvature
-        Gives (n, M, k) second derivatives of the prediction by each nuisance; mixed ones vanish.
+    Nuisances that are off by e bend the prediction by e.H.e/2, on the average by the sum of H L L^T / 2 with
+    L L^T their covariance: by second derivatives along the columns of L. They change the slopes by the
+    parameters, too: what that adds to the information is noise (attenuation; Fuller, Measurement Error
+    Models, Wiley 1987, chapter 2).
     """
     normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
     regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
-    variance = np.zeros(normal.shape[:2])
-    inverse = np.linalg.inv(normal[regular])
-    variance[regular] = np.diagonal(inverse, axis1=1, axis2=2) * found.noise**2
-    shift = 0.5 * np.einsum("nmk,nk->nm", curvature(), variance)
+    factor = np.zeros_like(normal)
+    factor[regular] = np.linalg.cholesky(np.linalg.inv(normal[regular]) * found.noise**2)
+    shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
+    # the first column has all nuisances: of the others the prediction may be at hand
+    for column in np.moveaxis(factor, 2, 0)[::-1]:
+        second, slopes = bend(column)
+        shift += 0.5 * second
+        _, matrix = eliminate(replace(line, by_parameter=np.nan_to_num(slopes)))
+        moved = matrix[regular] @ found.basis
+        share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     regular &= np.isfinite(shift).all(axis=1)
     residual, matrix = eliminate(replace(line, residual=shift))
     change, _, _ = solve_scaled(*_stacked(matrix, residual, regular), found.parameters)
@@ -450,4 +458,6 @@ def remove_bias(found: Regression, line: Linearisation, curvature: Callable[[], 
     moved = found.residual - np.nan_to_num(matrix) @ change
     moved[regular] += residual[regular]
     moved[~found.used] = 0.0
-    return replace(found, parameters=found.parameters + change, residual=moved)
+    largest = float(np.linalg.eigvalsh(share)[-1]) if len(share) else 0.0
+    parameters = found.parameters + change
+    return replace(found, parameters=parameters, residual=moved, noise_share=largest)

@@ -1,38 +1,26 @@
 """What the sensors saw: residuals and slopes of a predicted response, with background and unknown phases.
 
-A mode among others answers a force F at the sensor with
+    U = M u,    Y = C z + B u
 
-    x = q + b(omega) F,     F = F_measured exp(i psi),     b = A + B/omega^2,
-
-where q obeys the nonlinear law, A is what modes above add (their flexibility) and B/omega^2 what modes below
-add (their inertia); both are complex, because those modes have damping, and because a sensor picks up some of
-the drive (residual terms: Ewins, Modal Testing, 2000, Sec. 4.4). Within a band A and B are nearly collinear,
-so they are carried as the value b0 in the middle of the band and the change b1 over the band. A mode too near
-for these terms has one of its own, r/(omega_n^2 - omega^2 + 2 i zeta omega_n omega): it is linear.
-A displacement o that does not depend on the force (pick-up from the generator) is a receptance o/F.
-No background is the case without values; a recorded phase needs one nuisance a point more.
+with the background of ``rsgen.dynamics.linear_part``. A recorded phase needs one nuisance a point more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from rsgen.data.surface import ResponseSurface
-from rsgen.identification.fitting.forward import Response
+from rsgen.dynamics.harmonic_balance import Response
+from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation
 from rsgen.identification.fitting.points import Points
 
-__all__ = ["Observed", "Shape", "shape_of"]
-
-
-Table = TypeVar("Table", Points, ResponseSurface)
+__all__ = ["Observed"]
 
 
 _POINTS = 4096
@@ -43,108 +31,17 @@ _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A background as a function of real values: psi, real and imaginary part of b0, b1, o; a neighbour.
-
-    Parameters
-    ----------
-    names, units
-        Of the values.
-    functions
-        (n, t): what each complex term is multiplied by at each point; 1/F of an offset.
-    omega
-        (n,) [rad/s].
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    functions: ComplexArray
-    omega: Array
-
-    @property
-    def _terms(self) -> int:
-        return 1 + 2 * int(self.functions.shape[1])
-
-    def turn(self, values: Array) -> complex:
-        """exp(i psi)."""
-        return complex(np.exp(1j * values[0])) if len(values) else 1.0 + 0.0j
-
-    def receptance(self, values: Array) -> ComplexArray:
-        """(n,) background response per force [m/N]."""
-        terms = values[: self._terms]
-        total = self.functions @ (terms[1::2] + 1j * terms[2::2])
-        if len(values) > self._terms:
-            real, imaginary = values[self._terms : self._terms + 2]
-            total = total + (real + 1j * imaginary) * self._neighbour(values)[0]
-        return np.asarray(total, dtype=np.complex128)
-
-    def slopes(self, values: Array) -> ComplexArray:
-        """(n, b) derivatives of the receptance by all values; zero by psi."""
-        columns = (self.functions[:, :, None] * np.array([1, 1j])).reshape(len(self.omega), -1)
-        if len(values) > self._terms:
-            residue = complex(*values[self._terms : self._terms + 2])
-            one, by_frequency, by_damping = self._neighbour(values)
-            columns = np.column_stack([columns, one, 1j * one, residue * by_frequency, residue * by_damping])
-        by_psi = np.zeros((len(self.omega), min(len(values), 1)))
-        return np.asarray(np.hstack([by_psi, columns]), dtype=np.complex128)
-
-    def _neighbour(self, values: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """(n,) receptance of a mode of mass 1 kg, and its derivatives by f_n [Hz] and zeta."""
-        natural, zeta = 2 * np.pi * values[-2], values[-1]
-        one = 1 / (natural**2 - self.omega**2 + 2j * zeta * natural * self.omega)
-        by_frequency = -(one**2) * (2 * natural + 2j * zeta * self.omega) * 2 * np.pi
-        return one, by_frequency, -(one**2) * 2j * natural * self.omega
-
-    def subtract(self, points: Table, values: Array) -> Table:
-        """Leave the mode alone: its displacement, and the force in the phase of the response."""
-        if not len(values):
-            return points
-        force = points.force * self.turn(values)
-        harmonics = np.array(points.harmonics)
-        harmonics[:, 1] -= self.receptance(values) * force
-        peak = points.peak if np.all(self.functions == 0) else np.full_like(points.peak, np.nan)
-        return replace(points, force=force, harmonics=harmonics, peak=peak)
-
-
-def shape_of(kind: str, omega: Array, force: ComplexArray | Array, band: tuple[float, float]) -> Shape:
-    """Give the functions of a background at the frequencies.
-
-    Parameters
-    ----------
-    kind
-        "none": no value; "phase": psi; "constant": and b0; "residuals": and b1; "neighbour": and a mode near
-        the band; with "+offset": and o, a displacement in the phase of the turned force.
-    omega, force
-        (n,) [rad/s], [N].
-    band
-        Lowest and highest frequency [Hz] of the points that are fitted.
-    """
-    rank = BACKGROUNDS.index(kind.removesuffix(OFFSET))
-    terms = min(max(rank - 1, 0), 2)
-    count = 1 + 2 * terms if rank else 0
-    names = ("psi", "b0_re", "b0_im", "b1_re", "b1_im")[:count]
-    units = ("rad", *["m/N"] * 4)[:count]
-    low, high = (1 / (2 * np.pi * f) ** 2 for f in band)
-    # 1 in the middle for b0; from -1/2 to 1/2 over the band for b1
-    change = (1 / omega**2 - (low + high) / 2) / (high - low) if high != low else np.zeros(len(omega))
-    functions = [np.ones(len(omega)), change][:terms]
-    if kind.endswith(OFFSET):
-        names, units = (*names, "o_re", "o_im"), (*units, "m", "m")
-        functions.append(1 / np.where(np.abs(force) > 0, force, np.inf))
-    if rank == len(BACKGROUNDS) - 1:
-        names, units = (*names, "r_re", "r_im", "f_n", "zeta"), (*units, "1/kg", "1/kg", "Hz", "")
-    columns = np.array(functions, dtype=np.complex128).reshape(len(functions), len(omega)).T
-    return Shape(names, units, columns, omega)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Row:
-    """One compared quantity: measured minus predicted, and derivatives of the prediction."""
+    """One compared quantity: measured minus predicted, and derivatives of the prediction.
+
+    ``by_far`` (n, 2) is that by the deviation of a second sensor, None for zero.
+    """
 
     residual: NDArray[Any]
     by_size: NDArray[Any]
     by_phase: NDArray[Any]
     by: NDArray[Any]
+    by_far: NDArray[Any] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,9 +49,10 @@ class Observed:
     """The measured points as a fit sees them.
 
     The nuisances of a point are the logarithm of the size that the forward model is asked for (amplitude or
-    force) and, where the phase was recorded, the phase of the model's reference. Noise is expected relative
-    to the size of force and fundamental, the same in real and imaginary part; so a background that takes the
-    place of the mode gains nothing.
+    force) and, where the phase was recorded, the phase of the model's reference; where a motion
+    across was measured, y = y_measured (1 + a + i b) of its sensor, then a and b. Noise is expected
+    relative to the size of force and fundamentals, the same in real and imaginary part; so a background that
+    takes the place of the mode gains nothing.
 
     Parameters
     ----------
@@ -171,7 +69,7 @@ class Observed:
     """
 
     points: Points
-    background: Shape
+    background: BackgroundTerms
     phase_known: bool
     fitted: NDArray[np.bool_]
     kind: str
@@ -182,7 +80,7 @@ class Observed:
         """Take the points with a background of a kind over their band."""
         frequency = points.omega / (2 * np.pi)
         band = float(frequency.min()), float(frequency.max())
-        shape = shape_of(kind, points.omega, points.force, band)
+        shape = background_terms(kind, points.omega, points.force, band)
         # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
         fitted = np.array([phase_known or name not in _NEED_PHASE for name in shape.names], dtype=bool)
         return cls(points, shape, phase_known, fitted, kind, band)
@@ -190,22 +88,21 @@ class Observed:
     def without_neighbour(self) -> Observed:
         """Residual terms only."""
         kind = self.kind.replace("neighbour", "residuals")
-        shape = shape_of(kind, self.points.omega, self.points.force, self.band)
+        shape = background_terms(kind, self.points.omega, self.points.force, self.band)
         return replace(self, kind=kind, background=shape, fitted=self.fitted[: len(shape.names)])
 
     def select(self, chosen: Chosen) -> Observed:
         """Take some of the points; the band of the background stays."""
-        shape = self.background
-        part = replace(shape, functions=shape.functions[chosen], omega=shape.omega[chosen])
-        return replace(self, points=self.points.select(chosen), background=part)
+        return replace(self, points=self.points.select(chosen), background=self.background.select(chosen))
 
     def mode(self, values: Array) -> Points:
         """The points without the background (b,)."""
         return self.background.subtract(self.points, values)
 
     def nuisances(self, size: Array, phase: Array) -> Array:
-        """(n, 2) to start from: logarithm of the size, phase of the reference; (n, 1) without phase."""
-        return np.stack([np.log(size), phase] if self.phase_known else [np.log(size)], axis=1)
+        """(n, k) to start from: logarithm of the size, phase where known, far sensor as measured."""
+        none = np.zeros((len(size), 0 if self.points.across is None else 2))
+        return np.column_stack([np.log(size), *([phase] if self.phase_known else []), none])
 
     def seen(self, response: Response, values: Array) -> ComplexArray:
         """(n,) fundamental at the sensor, in the reference of the response [m]."""
@@ -231,7 +128,7 @@ class Observed:
         values
             (b,) of the background.
         nuisance
-            (n, 2) as above, (n, 1) without phase.
+            (n, k) as above.
         scale
             (n,) amplitude [m] of the fundamental that the noise of other harmonics is relative to; force and
             fundamental are then compared by their logarithms, whose noise has mean zero and the same size
@@ -277,11 +174,17 @@ class Observed:
                 )
         # the mean has no imaginary part, an amplitude no phase
         real = [h == 0 or not self.phase_known for h in (1, 1, *compared)]
+        if points.across is not None:
+            rows.append(_far_sensor(nuisance, rows[0]))
+            real.append(False)
         residual = _split([row.residual for row in rows], real)
         residual[~response.valid] = np.nan
         by_nuisance = [_split([row.by_size for row in rows], real)]
         if self.phase_known:
             by_nuisance.append(_split([row.by_phase for row in rows], real))
+        if points.across is not None:
+            far = [np.zeros((len(points), 2)) if row.by_far is None else row.by_far for row in rows]
+            by_nuisance += [_split([by[:, j] for by in far], real) for j in range(2)]
         by_parameter = _split([row.by for row in rows], real)
         return Linearisation(residual, np.stack(by_nuisance, axis=2), by_parameter)
 
@@ -311,20 +214,15 @@ class Observed:
             units = [np.abs(points.force), points.amplitude]
             rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
             turns = [(1j * force + by_phase) / units[0], 1j * fundamental / units[1]]
+        by_far = None if response.force_far is None else response.force_far / units[0][:, None]
         # psi turns the force that was measured alone
         psi = np.full(len(points), 1j) if logarithmic else 1j * force / units[0]
         by_psi = np.zeros_like(terms)
         by_psi[:, :1] = -psi[:, None] * self.fitted[:1]
         by_force = np.hstack([response.force_by / units[0][:, None], by_psi])
         by_seen = np.hstack([seen_by, terms * response.force[:, None]]) / units[1][:, None]
-        noise = np.ones(len(points)) if response.force_noise is None else response.force_noise
         return [
-            _Row(
-                rests[0] / noise,
-                response.force_slope / units[0] / noise,
-                turns[0] / noise,
-                by_force / noise[:, None],
-            ),
+            _Row(rests[0], response.force_slope / units[0], turns[0], by_force, by_far),
             _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 
@@ -371,13 +269,12 @@ class Observed:
             relative[:, row], relative[:, half + row] = turned.real, -turned.imag
         return relative
 
-    def phase_curvature(self, nuisance: Array, scale: Array, compared: Sequence[int]) -> Array:
-        """(n, M) second derivative of the prediction by the phase, where that was recorded."""
-        none = np.zeros(len(nuisance))
-        back = np.exp(-1j * nuisance[:, 1])
-        twice = [none, none]
-        twice += [h**2 * self.points.harmonics[:, h] * back**h / scale for h in compared]
-        return _split(twice, [h == 0 for h in (1, 1, *compared)])
+
+def _far_sensor(nuisance: Array, like: _Row) -> _Row:
+    """Row of a far sensor y = y_measured (1 + a + i b), relative to its motion."""
+    none = np.zeros(len(nuisance))
+    unit = np.tile(np.array([1, 1j]), (len(nuisance), 1))
+    return _Row(-(nuisance[:, -2] + 1j * nuisance[:, -1]), none, none, np.zeros(like.by.shape), unit)
 
 
 def _split(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:

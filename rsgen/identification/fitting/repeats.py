@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.across import sensor_pair
 from rsgen.identification.fitting.points import ASYMMETRIC
 
 __all__ = ["JUMP", "Repeats", "gather_repeats"]
@@ -48,8 +49,9 @@ class Repeats:
         (r,) which reading of its row it is, from 0, in the order of the test.
     count
         (n,) readings of each row.
-    force, response
-        (r,) complex relative deviation of force and fundamental from their means [1].
+    force, response, far
+        (r,) complex relative deviation of the fundamentals of force, response and a second sensor from their
+        means [1]; the last zero where there is none.
     aside
         Readings left out because they lie far off the others of their point.
     """
@@ -59,6 +61,7 @@ class Repeats:
     count: NDArray[np.intp]
     force: NDArray[np.complex128]
     response: NDArray[np.complex128]
+    far: NDArray[np.complex128]
     aside: int
 
     @property
@@ -107,6 +110,9 @@ class Repeats:
         parts = [(0, self.force.real), (1, self.response.real)]
         if influence.shape[1] > len(parts):
             parts += [(half, self.force.imag), (half + 1, self.response.imag)]
+        if self.far.any():
+            last = half - 1
+            parts += [(last, self.far.real), (half + last, self.far.imag)]
         expected = np.zeros((len(index), influence.shape[2]))
         for column, part in parts:
             moved += part[fitted, None] * influence[point, column]
@@ -170,7 +176,11 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     later = np.argsort(row, kind="stable")
     nth = np.empty(len(row), dtype=np.intp)
     nth[later] = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    repeats = Repeats(row, nth, count, force, response, whole - len(surface))
+    far = np.zeros_like(response)
+    if surface.across is not None:
+        moved = _turned(surface.across, clock)[:, 1] - sensor_pair(surface).rides * harmonics[:, 1]
+        far = np.nan_to_num(moved / _means(moved[:, None], row, count)[row, 0] - 1)
+    repeats = Repeats(row, nth, count, force, response, far, whole - len(surface))
     if repeats.noise < ROUND_OFF or repeats.follow_force:
         return given, None
     first = np.zeros(len(names), dtype=np.intp)

@@ -17,8 +17,8 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import BRANCH, MOVE, ROUND_OFF, SIGMAS
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
-from rsgen.identification.fitting.forward import Response
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -93,7 +93,7 @@ class Simulator:
         """Take the derivatives anew at the next call."""
         self._slopes = None
 
-    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Predict at (p,) values, a mass [kg] and (n,) forces [N]; derivatives are of the first call."""
         parameters = np.append(values, mass)
         if self._slopes is None:

@@ -25,7 +25,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import ROUND_OFF, TAIL, TO_REST, TRIAL_STEPS
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
-from rsgen.data.multisine.steady import OVERSAMPLED
+from rsgen.dynamics.periodic_response import OVERSAMPLED
 from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample

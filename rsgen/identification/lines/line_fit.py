@@ -21,7 +21,7 @@ from rsgen.common.tolerances import (
     normal_share,
 )
 from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
-from rsgen.data.multisine.steady import SMALL
+from rsgen.dynamics.periodic_response import SMALL
 from rsgen.identification.fitting.least_squares import determined, solve_scaled
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.estimates import leave_out

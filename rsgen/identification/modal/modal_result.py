@@ -25,7 +25,7 @@ from rsgen.common.splines import b_splines
 from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.oscillator import Observation
-from rsgen.identification.fitting.forward import Response
+from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.results import Background
 
 __all__ = ["MODAL_COLUMNS", "ModalSplines", "ModalTable", "ModalTest", "SplineBasis", "SplineMode"]
@@ -99,7 +99,7 @@ class SplineMode:
         self._basis, self._mass_free, self._inertia = basis, mass_free, omega**2
         self._factors = [np.ones(len(omega)), *(1j * omega**order for order in orders)]
 
-    def __call__(self, values: Array, mass: float, size: Array, phase: Array | None = None) -> Response:
+    def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Predict at (2 f,) coefficients, a mass [kg] and (n,) amplitudes [m]."""
         shape, slope = self._basis(size)
         by = np.concatenate([factor[:, None] * shape for factor in self._factors], axis=1)

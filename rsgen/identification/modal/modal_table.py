@@ -307,7 +307,8 @@ def modal_table(
         # there is nothing to identify
         model = replace(model, mass=1.0)
     means, _ = gather_repeats(surface)
-    points = select_points(means, model)
+    # a table is of the response alone
+    points = replace(select_points(means, model), across=None)
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         seen = _see(points, model, phase_known=surface.phase_known)

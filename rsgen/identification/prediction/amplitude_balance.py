@@ -14,7 +14,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES
 from rsgen.data.oscillator import Model
-from rsgen.identification.fitting.forward import Response, following_harmonics, hold_amplitude
+from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
+from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.modal import ModalTable
 from rsgen.identification.modal.modal_result import SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
@@ -73,7 +74,7 @@ class AmplitudeBalance:
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
         guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
-        hold = partial(hold_amplitude, self._law, self._values, self._mass)
+        hold = partial(hold_amplitude, self._law, self._values, Inertia(self._mass))
         at = hold(omega, size, guess, self._following, self._samples)
         lost = ~(at.valid & np.isfinite(at.force))
         if not lost.any():

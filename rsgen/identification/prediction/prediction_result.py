@@ -18,8 +18,8 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
-from rsgen.data.multisine.steady import periodic_response
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.law.numeric import compile_law
 

@@ -70,7 +70,7 @@ def respond_across(identification: Identification, surface: ResponseSurface) -> 
     response, across = np.nan_to_num(surface.harmonics), np.nan_to_num(surface.across)
     law = law_of(identification.model.elements, across=True)
     forward = MeasuredAcross(
-        law, Motion(surface.omega, response), Motion(surface.omega, across), mass_free=False
+        law, Motion(surface.omega, response), Motion(surface.omega, across), rides=0.0, mass_free=False
     )
     values, measured, level = np.array(identification.solution), np.abs(response[:, 1]), np.abs(surface.force)
 

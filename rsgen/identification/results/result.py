@@ -15,8 +15,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.data.oscillator import Model
+from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.units import per_mass_unit
-from rsgen.identification.fitting.observed import Shape, shape_of
 from rsgen.law.memory import with_equations
 
 __all__ = [
@@ -224,9 +224,9 @@ class Background:
         """The numbers of the estimates, as the shape takes them."""
         return np.array([estimate.value for estimate in self.estimates])
 
-    def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> Shape:
+    def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> BackgroundTerms:
         """Give the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
-        return shape_of(self.kind, omega, force, self.band)
+        return background_terms(self.kind, omega, force, self.band)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

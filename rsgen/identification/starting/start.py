@@ -31,8 +31,9 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
+from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
-from rsgen.identification.fitting.forward import Response, following_harmonics, hold_amplitude
 from rsgen.identification.fitting.least_squares import determined, solve_scaled
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.problem import Problem
@@ -490,7 +491,8 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solu
 def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
     samples = samples_for(law.switched)
     start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
-    return hold_amplitude(law, values, mass, omega, size, start, following_harmonics(law, order), samples)
+    follow = following_harmonics(law, order)
+    return hold_amplitude(law, values, Inertia(mass), omega, size, start, follow, samples)
 
 
 def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:

@@ -17,6 +17,7 @@ import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HALVINGS
+from rsgen.dynamics.newton import Rows, newton
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample
@@ -136,58 +137,66 @@ def periodic_response(
     problem = _Problem(law, values, mass, omega0, force, samples)
     with np.errstate(all="ignore"):
         motion = _begin(problem) if start is None else start
-        return _newton(problem, motion)
+        return _solve(problem, motion)
 
 
-def _newton(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
+def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
+    equations = _Equations(problem)
+    roots = newton(equations, _joined(motion)[None], settled=SMALL, steps=_STEPS, halvings=HALVINGS)
+    found = _parted(roots.unknowns[0])
     size = float(np.linalg.norm(problem.force)) or 1.0
-    left, sample = problem.residual(motion)
+    left = float(np.linalg.norm(problem.residual(found)[0])) / size
     enough = _SWITCHED if problem.law.switched else _AT_ROUND_OFF
-    for _ in range(_STEPS):
-        change = _solve(problem, sample, left)
-        before = float(np.linalg.norm(left))
-        for part in 0.5 ** np.arange(HALVINGS):
-            moved = motion + part * change
-            trial, at = problem.residual(moved)
-            if float(np.linalg.norm(trial)) < before:
-                motion, left, sample = moved, trial, at
-                break
-        else:
-            return PeriodicResponse(motion, before / size, before / size < enough)
-        moving = float(np.linalg.norm(part * change)) / max(float(np.linalg.norm(motion)), 1e-300)
-        if moving < SMALL:
-            break
-    reached = float(np.linalg.norm(left)) / size
-    return PeriodicResponse(motion, reached, moving < SMALL or reached < enough)
+    return PeriodicResponse(found, left, bool(roots.size[0] < SMALL or left < enough))
 
 
-def _solve(problem: _Problem, sample: ForceSample, right: ComplexArray) -> ComplexArray:
-    """Solve with the tangent by GMRES; the preconditioner is its sparse form in second differences."""
-    by_x, by_v = problem.slopes(sample)
-    factors = scipy.sparse.linalg.splu(_differences(problem.mass, by_x, by_v, problem.step))
-    count = problem.count
+class _Equations:
+    """The balance of one record as one problem of Newton's method, with an iterative linear solver."""
 
-    def joined(values: ComplexArray) -> Array:
-        return np.concatenate([values.real, values.imag[1:]])
+    def __init__(self, problem: _Problem) -> None:
+        self._problem = problem
+        self._last: tuple[Array, ComplexArray, ForceSample] | None = None
 
-    def parted(values: Array) -> ComplexArray:
-        found = values[:count].astype(complex)
-        found[1:] += 1j * values[count:]
-        return found
+    def _left(self, unknowns: Array) -> tuple[ComplexArray, ForceSample]:
+        if self._last is None or not np.array_equal(self._last[0], unknowns):
+            self._last = (unknowns, *self._problem.residual(_parted(unknowns[0])))
+        return self._last[1:]
 
-    size = 2 * count - 1
-    tangent = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda z: joined(problem.product(sample, parted(z))), dtype=np.float64
-    )
-    inverse = scipy.sparse.linalg.LinearOperator(
-        (size, size),
-        matvec=lambda z: joined(problem.spectrum(factors.solve(problem.wave(parted(z))))),
-        dtype=np.float64,
-    )
-    found, _ = scipy.sparse.linalg.gmres(
-        tangent, joined(right), M=inverse, rtol=_INNER, restart=40, maxiter=3
-    )
-    return parted(found)
+    def residual(self, rows: Rows, unknowns: Array) -> Array:
+        """(1, M)."""
+        return _joined(self._left(unknowns)[0])[None]
+
+    def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
+        """Newton's step by GMRES; the preconditioner is the tangent in second differences, sparse."""
+        problem, (left, sample) = self._problem, self._left(unknowns)
+        by_x, by_v = problem.slopes(sample)
+        factors = scipy.sparse.linalg.splu(_differences(problem.mass, by_x, by_v, problem.step))
+        size = unknowns.shape[1]
+        tangent = scipy.sparse.linalg.LinearOperator(
+            (size, size), matvec=lambda z: _joined(problem.product(sample, _parted(z))), dtype=np.float64
+        )
+        inverse = scipy.sparse.linalg.LinearOperator(
+            (size, size),
+            matvec=lambda z: _joined(problem.spectrum(factors.solve(problem.wave(_parted(z))))),
+            dtype=np.float64,
+        )
+        right = _joined(left)
+        move, _ = scipy.sparse.linalg.gmres(tangent, right, M=inverse, rtol=_INNER, restart=40, maxiter=3)
+        moving = np.linalg.norm(move) / max(float(np.linalg.norm(unknowns)), 1e-300)
+        return right[None], move[None], np.array([moving])
+
+
+def _joined(spectrum: ComplexArray) -> Array:
+    """Real coordinates of the lines: real parts, then imaginary ones without that of the mean."""
+    return np.concatenate([spectrum.real, spectrum.imag[1:]])
+
+
+def _parted(values: Array) -> ComplexArray:
+    """The lines (H+1,) of real coordinates (2 H + 1,)."""
+    count = len(values) // 2 + 1
+    found = values[:count].astype(complex)
+    found[1:] += 1j * values[count:]
+    return found
 
 
 def _differences(mass: float, by_x: Array, by_v: Array, step: float) -> Any:

@@ -1,0 +1,485 @@
+"""Harmonic balance: periodic motions of a nonlinear element in a linear structure, and all their derivatives.
+
+At a frequency the balance of every harmonic,
+
+    D_h z_h + N_h(z) = u_h,
+
+has as many real equations as the motion z has coefficients. At a given drive u all coefficients are sought.
+At a given amplitude X of the fundamental, whose phase is zero, the two of the drive are sought in its place:
+that has one solution also where the response folds over the drive. With one harmonic it is first-order
+harmonic balance, Liu et al., Eqs. (4), (5). The law is evaluated on samples of the waveform and projected
+back (alternating frequency-time: T. M. Cameron and J. H. Griffin, J. Appl. Mech. 56 (1989) 149).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
+from rsgen.common.tolerances import BLOCK, HALVINGS, TRIAL_STEPS
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.linear_part import Inertia
+from rsgen.dynamics.newton import Rows, newton, solve_each
+from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.law.motion import FourierSeries, Motion, fourier_series
+from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
+
+__all__ = [
+    "LinearPart", "Response", "balance_states", "following_harmonics", "hold_amplitude", "hold_oscillator",
+    "respond", "solve_harmonic_balance",
+]  # fmt: skip
+
+
+_SETTLED = 1e-10
+"""Relative step at which the harmonics have converged: the next one would be its square."""
+
+_CONVERGED = 1e-6
+"""Relative last step that is still called convergence."""
+
+_LONGEST = 0.5
+"""Step of a coefficient at a held amplitude, relative to that: a longer one leaves the branch."""
+
+_FAINT = 1e-9
+"""Of the drive over D: a motion below it is none."""
+
+_REST = 1e-9
+"""Of the drive over the inertia: the amplitude at which the slopes at rest are taken."""
+
+_DAMPED = 0.02
+"""Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
+
+_SAMPLES_A_HARMONIC, _FEWEST_SAMPLES = 16, 256
+"""Samples of a waveform a harmonic: powers up to the fifteenth are projected without aliasing; and at least,
+so that few harmonics see the corners of a law as well."""
+
+_STEPS = 40
+"""Newton steps at a given drive: ten are usual, a step that jumps over a corner needs more."""
+
+
+class LinearPart(Protocol):
+    """Dynamic stiffness D around the nonlinear elements, and its derivatives by its own parameters."""
+
+    def dynamic(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
+        """(n, O) D of harmonics at base frequencies (n,) [rad/s], [N/m]."""
+        ...
+
+    def dynamic_by(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
+        """(n, O, q) its derivatives."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """Force and motion at n points with H harmonics, and derivatives by q parameters: law, linear part.
+
+    All phases count from one reference a point; ``size`` is what was given at each point, the amplitude X of
+    the fundamental (``hold_amplitude``) or that of the force (``respond``, the simulator).
+
+    Parameters
+    ----------
+    force
+        (n,) complex [N].
+    harmonics
+        (n, H+1) complex [m]; those that are not predicted are zero.
+    force_slope, harmonics_slope
+        (n,), (n, H+1): derivatives by the logarithm of the size.
+    force_by, harmonics_by
+        (n, q), (n, H+1, q): derivatives by the parameters.
+    valid
+        (n,) False where there is no prediction.
+    force_load, harmonics_load
+        (n, L), (n, H+1, L): derivatives by real and imaginary parts of the other harmonics of the force
+        [N]; None where none were given.
+    load_orders
+        (L,) which harmonic each of them is a part of.
+    force_phase
+        (n,) derivative of the force by the phase of the reference; None where all of it follows the response.
+    force_far
+        (n, 2) derivatives of the force by real and imaginary part of the relative deviation of a far sensor;
+        None where there is none.
+    """
+
+    force: ComplexArray
+    harmonics: ComplexArray
+    force_slope: ComplexArray
+    harmonics_slope: ComplexArray
+    force_by: ComplexArray
+    harmonics_by: ComplexArray
+    valid: NDArray[np.bool_]
+    force_load: ComplexArray | None = None
+    harmonics_load: ComplexArray | None = None
+    load_orders: NDArray[np.intp] | None = None
+    force_phase: ComplexArray | None = None
+    force_far: ComplexArray | None = None
+
+    def select(self, chosen: Chosen) -> Response:
+        """Take some of the points."""
+        part: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else column[chosen]
+            for name in self.columns()
+        }
+        return replace(self, **part)
+
+    def motion(self, omega: Array) -> Motion:
+        """The motions at frequencies (n,) [rad/s]."""
+        return Motion(omega, self.harmonics)
+
+    @classmethod
+    def columns(cls) -> list[str]:
+        """Names of what has a row a point."""
+        return [name for name in cls.__dataclass_fields__ if name != "load_orders"]
+
+
+def following_harmonics(law: ForceLaw, order: int, *, even: bool = False) -> tuple[int, ...]:
+    """Harmonics up to ``order`` that follow from the fundamental: no even ones for an odd law.
+
+    ``even`` says that the force has even harmonics of its own.
+    """
+    if law.odd and not even:
+        return tuple(range(3, order + 1, 2))
+    mean = (0,) if law.springs else ()
+    return (*mean, *range(2, order + 1))
+
+
+# ----------------------------------------------------------------------------
+# The balance at a held amplitude and at a given drive: the same equations, other unknowns.
+
+
+def hold_amplitude(
+    law: ForceLaw,
+    values: Array,
+    linear: LinearPart,
+    omega: Array,
+    amplitude: Array,
+    start: ComplexArray,
+    follow: tuple[int, ...],
+    samples: int,
+    load: ComplexArray | None = None,
+) -> Response:
+    """Solve the balance at given amplitudes of the fundamental, whose phase is zero.
+
+    Parameters
+    ----------
+    law, values, linear
+        The force law, its (p,) parameters, and the structure around it.
+    omega, amplitude
+        (n,) [rad/s] and X [m].
+    start
+        (n, H+1) first guess of the harmonics that follow [m].
+    follow
+        Harmonics that follow from the balance: a subset of 0, 2, ..., H.
+    samples
+        Samples a period, more than four times H.
+    load
+        (n, H+1) harmonics of the force [N] in the phase of the fundamental of the response; the fundamental,
+        which is sought, is not looked at. None: there are no others.
+    """
+    series = _series(law, follow, samples)
+    at, given = series.real(start[:, list(series.orders)]), np.zeros((len(omega), len(series.order_of)))
+    at[:, 0], at[:, 1] = amplitude, 0.0
+    loaded = load is not None and len(series.orders) > 1
+    if load is not None:
+        given[:, 2:] = series.real(load[:, list(series.orders)])[:, 2:]
+    found = (
+        (
+            part,
+            _Balance(
+                law, values, linear, omega[part], series, given[part], at[part], first=2, width=start.shape[1]
+            ).solve(TRIAL_STEPS, loaded=loaded),
+        )
+        for part in blocks(len(omega), BLOCK)
+    )
+    columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
+    return Response(**columns, load_orders=series.order_of[2:] if loaded else None)
+
+
+def respond(
+    law: ForceLaw,
+    values: Array,
+    linear: LinearPart,
+    omega: Array,
+    drive: ComplexArray,
+    start: ComplexArray,
+    orders: tuple[int, ...],
+    samples: int,
+) -> Response:
+    """Solve the balance at a given drive, near a motion.
+
+    Parameters
+    ----------
+    law, values, linear
+        As of ``hold_amplitude``.
+    omega
+        (n,) [rad/s].
+    drive
+        (n, H+1) complex harmonics of the force [N].
+    start
+        (n, H+1) motion to begin with [m].
+    orders
+        Harmonics of the motion other than the fundamental.
+    samples
+        Samples a period, more than four times H.
+    """
+    series = _series(law, orders, samples)
+    at, given = (series.real(part[:, list(series.orders)]) for part in (start, drive))
+    found = (
+        (
+            part,
+            _Balance(
+                law, values, linear, omega[part], series, given[part], at[part], first=0, width=start.shape[1]
+            ).solve(_STEPS),
+        )
+        for part in blocks(len(omega), BLOCK)
+    )
+    columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
+    return Response(**columns)
+
+
+def _series(law: ForceLaw, follow: tuple[int, ...], samples: int) -> FourierSeries:
+    # odd harmonics under an odd law repeat with the other sign after half a period; loops need the whole
+    half = law.odd and not law.remembers and all(h % 2 for h in follow)
+    return fourier_series((1, *follow), samples, half)
+
+
+class _Balance:
+    """The balance at some points in real coordinates, of which those from ``first`` on are sought.
+
+    The first two are the fundamental: at a held amplitude they stay, and the drive is what is left of their
+    equations.
+    """
+
+    def __init__(
+        self,
+        law: ForceLaw,
+        values: Array,
+        linear: LinearPart,
+        omega: Array,
+        series: FourierSeries,
+        given: Array,
+        at: Array,
+        *,
+        first: int,
+        width: int,
+    ) -> None:
+        self._law, self._values, self._omega = law, values, omega
+        self._series, self._given, self._at, self._first, self._width = series, given, at, first, width
+        self._dynamic = series.matrix(linear.dynamic(omega, series.orders))
+        self._dynamic_by = linear.dynamic_by(omega, series.orders)
+        self._last: tuple[Rows, Array, ForceSample, Array] | None = None
+
+    def _coordinates(self, rows: Rows, unknowns: Array) -> Array:
+        return np.concatenate([self._at[rows, : self._first], unknowns], axis=1)
+
+    def _sample(self, rows: Rows, at: Array) -> tuple[ForceSample, Array]:
+        """The law along the motions (k, d), and what is left of the balance (k, d) [N]."""
+        if self._last is not None:
+            known, place, sample, residual = self._last
+            if np.array_equal(known, rows) and np.array_equal(place, at):
+                return sample, residual
+        series, omega = self._series, self._omega[rows, None]
+        x, v = at @ series.shape, (omega * at) @ series.rate
+        # only switches ask for the acceleration
+        a = (omega**2 * at) @ series.bend if self._law.switched else v
+        sample = self._law.sample(x, v, a, series.step / omega, self._values)
+        balance = (self._dynamic[rows] @ at[:, :, None])[:, :, 0]
+        residual = balance + sample.force @ series.project - self._given[rows]
+        self._last = rows, at, sample, residual
+        return sample, residual
+
+    def _tangent(self, rows: Rows, sample: ForceSample) -> Array:
+        return sample.tangent(self._series, self._omega[rows]) + self._dynamic[rows]
+
+    def residual(self, rows: Rows, unknowns: Array) -> Array:
+        """(k, d - first) of the equations that the unknowns have to fulfil."""
+        return self._sample(rows, self._coordinates(rows, unknowns))[1][:, self._first :]
+
+    def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
+        """Residual, Newton's step and its size relative to the largest coefficient."""
+        at, first = self._coordinates(rows, unknowns), self._first
+        sample, residual = self._sample(rows, at)
+        left = residual[:, first:]
+        move = -solve_each(self._tangent(rows, sample)[:, first:, first:], left[:, :, None])[:, :, 0]
+        # a motion that is hardly one is as large as the inertia of the drive would make it
+        faint = _FAINT * np.abs(self._given[rows]).max(axis=1) / np.abs(self._dynamic[rows, 0, 0])
+        scale = np.maximum(np.abs(at[:, :2]).max(axis=1), faint)
+        size = np.abs(move).max(axis=1) / np.maximum(scale, 1e-300)
+        if first:
+            move *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-300))[:, None]
+        return left, move, size
+
+    def solve(self, steps: int, *, loaded: bool = False) -> Response:
+        """Solve, and differentiate there; ``loaded`` asks for derivatives by harmonics of the force, too."""
+        first, rows = self._first, np.arange(len(self._at))
+        before, at, size = self._at, self._at, np.zeros(len(rows))
+        if at.shape[1] > first:
+            roots = newton(self, at[:, first:], settled=_SETTLED, steps=steps, halvings=HALVINGS)
+            before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
+            size = roots.size
+        # the last step is small: what it changes of the residual is known, slopes are those before it
+        sample, residual = self._sample(rows, before)
+        tangent = self._tangent(rows, sample)
+        residual = residual + (tangent @ (at - before)[:, :, None])[:, :, 0]
+        return self._response(at, residual, tangent, sample, size <= _CONVERGED, loaded=loaded)
+
+    def _response(
+        self,
+        at: Array,
+        residual: Array,
+        tangent: Array,
+        sample: ForceSample,
+        valid: NDArray[np.bool_],
+        *,
+        loaded: bool,
+    ) -> Response:
+        series, first = self._series, self._first
+        # of the balance by the logarithm of the given size, the parameters of the law, those around it
+        size = at[:, :1] * tangent[:, :, 0] if first else -self._given
+        law = [part @ series.project for part in sample.by_parameter]
+        motion = series.complex(at)[:, :, None]
+        around = [series.real((motion * self._dynamic_by)[:, :, j]) for j in range(self._dynamic_by.shape[2])]
+        by = np.stack([size, *law, *around], axis=-1)
+        held = np.zeros((len(at), first, by.shape[2]))
+        if first:
+            held[:, 0, 0] = at[:, 0]
+        moved = np.concatenate([held, -solve_each(tangent[:, first:, first:], by[:, first:])], axis=1)
+        if first:
+            force = residual[:, :2]
+            force_by = by[:, :2] + tangent[:, :2, first:] @ moved[:, first:]
+        else:
+            force = self._given[:, :2]
+            force_by = np.zeros((len(at), 2, by.shape[2]))
+            force_by[:, :, 0] = force
+        complex_by = force_by[:, 0] + 1j * force_by[:, 1]
+        harmonics, harmonics_by = self._wide(at), self._wide(moved)
+        return Response(
+            force=force[:, 0] + 1j * force[:, 1],
+            harmonics=harmonics,
+            force_slope=complex_by[:, 0],
+            harmonics_slope=harmonics_by[:, :, 0],
+            force_by=complex_by[:, 1:],
+            harmonics_by=harmonics_by[:, :, 1:],
+            valid=valid,
+            **(self._by_load(tangent) if loaded else {}),
+        )
+
+    def _wide(self, coordinates: Array) -> ComplexArray:
+        """(n, d, ...) as harmonics (n, H+1, ...)."""
+        wide = np.zeros((len(coordinates), self._width, *coordinates.shape[2:]), dtype=complex)
+        wide[:, list(self._series.orders)] = self._series.complex(coordinates)
+        return wide
+
+    def _by_load(self, tangent: Array) -> dict[str, Any]:
+        """Derivatives of force and harmonics by the parts of the force in the harmonics that follow."""
+        columns = tangent.shape[1] - 2
+        unit = np.broadcast_to(np.eye(columns), (len(tangent), columns, columns))
+        higher = solve_each(tangent[:, 2:, 2:], unit)
+        force = tangent[:, :2, 2:] @ higher
+        moved = np.concatenate([np.zeros((len(tangent), 2, columns)), higher], axis=1)
+        return {"force_load": force[:, 0] + 1j * force[:, 1], "harmonics_load": self._wide(moved)}
+
+
+# ----------------------------------------------------------------------------
+# Oscillators: the balance as a virtual test.
+
+
+def solve_harmonic_balance(
+    oscillator: Oscillator,
+    force: ComplexArray | Array,
+    frequency: Array,
+    *,
+    harmonics: int,
+    guess: ComplexArray | None = None,
+) -> SteadyStates:
+    """Find periodic motions at a given force by harmonic balance, stable or not, near the guess.
+
+    Parameters
+    ----------
+    oscillator
+        The structure.
+    force
+        (n,) complex amplitude F [N].
+    frequency
+        (n,) [Hz].
+    harmonics
+        H, how many harmonics are balanced, in addition to the mean.
+    guess
+        (n, H+1) harmonics [m] to start from; None: the response of the mass alone with the slope of the law
+        at rest, damped enough to be finite.
+
+    Returns
+    -------
+    SteadyStates
+        ``residual`` is the force that the harmonics leave unbalanced (root mean square over |F|); more
+        harmonics make it smaller. ``error`` is not known.
+    """
+    omega = 2 * np.pi * np.asarray(frequency, dtype=np.float64)
+    drive = np.zeros((len(omega), harmonics + 1), dtype=complex)
+    drive[:, 1] = force
+    law = compile_law(oscillator.force)
+    values, mass = law.ordered(oscillator.values), oscillator.mass
+    with np.errstate(all="ignore"):
+        start = _linear_motion(law, values, mass, omega, drive) if guess is None else guess
+        others, samples = _others(law, harmonics), _samples(harmonics)
+        found = respond(law, values, Inertia(mass), omega, drive, start, others, samples)
+    return balance_states(oscillator, found.motion(omega), found.force, found.valid)
+
+
+def _others(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
+    """Harmonics beside the fundamental; the mean only where a spring holds it."""
+    return (*((0,) if law.springs else ()), *range(2, harmonics + 1))
+
+
+def _samples(harmonics: int) -> int:
+    return max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
+
+
+def _linear_motion(
+    law: ForceLaw, values: Array, mass: float, omega: Array, drive: ComplexArray
+) -> ComplexArray:
+    """(n, H+1) motion of the mass with the slope of the law at rest [m]."""
+    motion, inertia = np.zeros_like(drive), mass * omega**2
+    tiny = _REST * np.maximum(np.abs(drive[:, 1]), np.finfo(float).tiny) / inertia
+    none = np.zeros((len(omega), 2), dtype=complex)
+    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _samples(1))
+    motion[:, 1] = drive[:, 1] / (rest.force_slope / tiny + 1j * _DAMPED * inertia)
+    return motion
+
+
+def balance_states(
+    oscillator: Oscillator, motion: Motion, force: ComplexArray, valid: NDArray[np.bool_]
+) -> SteadyStates:
+    """Return n motions under forces (n,) [N] as steady states; only the ``valid`` ones are settled."""
+    law, samples = compile_law(oscillator.force), _samples(len(motion.orders) - 1)
+    with np.errstate(all="ignore"):
+        x, v, a = motion.waveforms(samples)
+        inner = law.along(motion, law.ordered(oscillator.values), samples).force
+        left = oscillator.mass * a + inner - Motion(motion.omega, _fundamental(force)).waveforms(samples)[0]
+        unbalanced = np.linalg.norm(left, axis=1) / np.sqrt(samples) / np.abs(force)
+    return SteadyStates(
+        harmonics=np.where(valid[:, None], motion.harmonics, complex(np.nan, np.nan)),
+        peak=np.where(valid[:, None], np.column_stack([x.max(axis=1), x.min(axis=1)]), np.nan),
+        state=np.column_stack([x[:, 0], v[:, 0]]),
+        residual=unbalanced,
+        outcome=np.where(valid, 0, 1).astype(np.int8),
+        error=np.full(len(valid), np.nan),
+    )
+
+
+def _fundamental(values: ComplexArray) -> ComplexArray:
+    return np.stack([np.zeros_like(values), values], axis=1)
+
+
+def hold_oscillator(
+    oscillator: Oscillator, amplitude: Array, frequency: Array, *, harmonics: int
+) -> Response:
+    """Find the force that holds the fundamental at an amplitude (n,) [m], frequency in Hz."""
+    law, omega = compile_law(oscillator.force), 2 * np.pi * frequency
+    start, linear = np.zeros((len(amplitude), harmonics + 1), dtype=complex), Inertia(oscillator.mass)
+    values, follow = law.ordered(oscillator.values), _others(law, harmonics)
+    with np.errstate(all="ignore"):
+        return hold_amplitude(law, values, linear, omega, amplitude, start, follow, _samples(harmonics))

@@ -1,0 +1,156 @@
+"""The harmonic balance against an independent one, time integration, closed forms and differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.harmonic_balance import hold_amplitude, hold_oscillator, respond, solve_harmonic_balance
+from rsgen.dynamics.linear_part import Inertia
+from rsgen.dynamics.newton import newton
+from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.law.numeric import compile_law
+from tests.oracles import harmonic_balance as oracle
+
+MASS = 1.5
+OMEGA = 2 * np.pi * np.linspace(8, 12, 5)
+DRIVE = np.array([2.0, 1.0 + 1.0j, 0.5, 3.0j, 1.0])
+LAWS = {
+    "hardening": ("c*v + k*x + kn*x**3", {"c": 3.8, "k": 5920.0, "kn": 2.5e6}),
+    "asymmetric": ("c*v + k*x + k2*x**2 + k3*x**3", {"c": 3.8, "k": 5920.0, "k2": 4e4, "k3": 4e5}),
+    "smooth friction": ("A*tanh(v/w) + c*v + k*x", {"A": 0.7, "c": 3.8, "k": 5920.0, "w": 0.3}),
+    "coupled": ("c*v + k*x + cx*x**2*v", {"c": 3.8, "k": 5920.0, "cx": 3e4}),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_an_independent_balance_finds_the_same_motions(name: str) -> None:
+    oscillator = Oscillator(MASS, *LAWS[name])
+    f = OMEGA / 2 / np.pi
+    ours, theirs = (
+        solve(oscillator, DRIVE, f, harmonics=9)
+        for solve in (solve_harmonic_balance, oracle.solve_harmonic_balance)
+    )
+    assert ours.settled.all()
+    np.testing.assert_allclose(
+        ours.harmonics, theirs.harmonics, rtol=0, atol=1e-10 * np.abs(theirs.harmonics).max()
+    )
+    np.testing.assert_allclose(ours.residual, theirs.residual, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_held_amplitudes_need_the_force_that_makes_them(name: str) -> None:
+    oscillator = Oscillator(MASS, *LAWS[name])
+    free = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
+    size = np.abs(free.harmonics[:, 1])
+    held = hold_oscillator(oscillator, size, OMEGA / 2 / np.pi, harmonics=9)
+    np.testing.assert_allclose(held.force, DRIVE / free.harmonics[:, 1] * size, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_derivatives_at_a_given_drive_are_those_of_the_motion(name: str) -> None:
+    text, values = LAWS[name]
+    law = compile_law(Oscillator(MASS, text, values).force)
+    drive, start = np.zeros((2, len(OMEGA), 8), dtype=complex)
+    drive[:, 1] = DRIVE
+
+    def solve(place: np.ndarray, times: float = 1.0):
+        linear = Inertia(float(place[-1]))
+        orders = (*((0,) if law.springs else ()), *range(2, 8))
+        return respond(law, place[:-1], linear, OMEGA, times * drive, start, orders, 256)
+
+    place, h = np.append(law.ordered(values), MASS), 1e-5
+    # near the motion of the law alone, from which all trials begin
+    start[:] = solve_harmonic_balance(
+        Oscillator(MASS, text, values), DRIVE, OMEGA / 2 / np.pi, harmonics=7
+    ).harmonics
+    at = solve(place)
+    assert at.valid.all()
+    for j, value in enumerate(place):
+        high, low = (solve(np.where(np.arange(len(place)) == j, place * (1 + s * h), place)) for s in (1, -1))
+        slope = (high.harmonics - low.harmonics) / (2 * h * value)
+        assert np.abs(at.harmonics_by[:, :, j] - slope).max() < 1e-6 * np.abs(slope).max()
+    grown = (solve(place, 1 + h).harmonics - solve(place, 1 - h).harmonics) / (2 * h)
+    assert np.abs(at.harmonics_slope - grown).max() < 1e-6 * np.abs(grown).max()
+    np.testing.assert_array_equal(at.force_by, 0)
+    np.testing.assert_allclose(at.force_slope, DRIVE)
+
+
+class Lossy:
+    """A mass on a lossy spring, D = -m (h omega)^2 + s (1 + i eta): complex in every harmonic."""
+
+    def __init__(self, stiffness: complex) -> None:
+        self.stiffness = stiffness
+
+    def dynamic(self, omega: np.ndarray, orders: Sequence[int]) -> np.ndarray:
+        oscillates = np.array(orders) > 0
+        return Inertia(MASS).dynamic(omega, orders) + np.where(
+            oscillates, self.stiffness, self.stiffness.real
+        )
+
+    def dynamic_by(self, omega: np.ndarray, orders: Sequence[int]) -> np.ndarray:
+        return np.ones((len(omega), len(orders), 1), dtype=complex)
+
+
+def test_any_linear_part_surrounds_the_law() -> None:
+    law, around = compile_law(Oscillator(MASS, "k*x + c*v", {"k": 1.0, "c": 1.0}).force), Lossy(2000 + 300j)
+    values, size = np.array([3.8, 4000.0]), np.linspace(1e-3, 5e-3, 5)
+    at = hold_amplitude(law, values, around, OMEGA, size, np.zeros((5, 6), complex), (3, 5), 64)
+    exact = 6000 + 300j - MASS * OMEGA**2 + 3.8j * OMEGA
+    np.testing.assert_allclose(at.force, exact * size, rtol=1e-12)
+    # by the spring around the law as by the one in it
+    np.testing.assert_allclose(at.force_by[:, 2], at.force_by[:, 1], rtol=1e-12)
+    drive = np.zeros((5, 6), complex)
+    drive[:, 1] = DRIVE
+    free = respond(law, values, around, OMEGA, drive, np.zeros((5, 6), complex), (3, 5), 64)
+    np.testing.assert_allclose(free.harmonics[:, 1], DRIVE / exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("control", "level"), [("response", [2e-3, 1.2e-2]), ("continuation", [5e-3, 4e-2])])
+def test_response_control_by_balance_is_that_of_time_integration(control: str, level: list[float]) -> None:
+    oscillator = Oscillator(MASS, *LAWS["hardening"])
+    grid = {"level": level, "frequency": [9.0, 10.0, 11.3], "control": control, "harmonics": 15}
+    exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
+    found = simulate(oscillator, SimulatedTest(**grid, method="harmonic-balance"))
+    np.testing.assert_allclose(found.force, exact.force, rtol=1e-6)
+    np.testing.assert_array_equal(found.stable, exact.stable)
+
+
+def test_phase_control_by_balance_is_that_of_time_integration() -> None:
+    oscillator = Oscillator(MASS, *LAWS["hardening"])
+    grid = {"level": [1.0, 4.0], "frequency": [8.0, 14.0], "control": "phase", "harmonics": 15}
+    exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
+    found = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7, method="harmonic-balance"))
+    np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-6)
+    np.testing.assert_allclose(found.harmonics[:, 1], exact.harmonics[:, 1], rtol=1e-5)
+
+
+class Arctangents:
+    """atan(u - root) = 0: Newton's full step runs away from |u - root| > 1.39; one of them has no step."""
+
+    def __init__(self, roots: np.ndarray) -> None:
+        self.roots, self.asked = roots, 0
+
+    def residual(self, rows: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
+        self.asked += len(rows)
+        return np.arctan(unknowns - self.roots[rows, None])
+
+    def step(self, rows: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        left = np.arctan(unknowns - self.roots[rows, None])
+        move = -left * (1 + (unknowns - self.roots[rows, None]) ** 2)
+        return left, move, np.abs(move[:, 0])
+
+
+def test_newton_halves_steps_and_keeps_problems_apart() -> None:
+    roots = np.array([0.0, 3.0, -8.0, np.nan, 1e-3])
+    found = newton(Arctangents(roots), np.zeros((5, 1)), settled=1e-9, steps=30, halvings=8)
+    good = np.isfinite(roots)
+    np.testing.assert_allclose(found.unknowns[good, 0], roots[good], atol=1e-12)
+    assert np.all(found.size[good] <= 1e-9)
+    assert found.size[3] == np.inf
+    # without halves the far ones leave
+    lost = newton(Arctangents(roots), np.zeros((5, 1)), settled=1e-9, steps=30, halvings=1)
+    assert not np.all(lost.size[good] <= 1e-9)
