@@ -20,7 +20,7 @@ from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.prediction import judge_held_out
-from rsgen.identification.results import Identification
+from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import feeds_exciter, runs_away
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
@@ -170,7 +170,7 @@ def identify(
 def _with_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> Identification:
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
     with np.errstate(all="ignore"):
-        return replace(found, findings=(*found.findings, *judge_held_out(found, surface)))
+        return changed(found, findings=(*found.findings, *judge_held_out(found, surface)))
 
 
 def _identify(surface: ResponseSurface, model: Model) -> Identification:

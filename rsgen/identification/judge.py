@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import ERRORS, EXCESS, LARGE, QUICK, SAME_NUMBER
@@ -18,7 +19,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
@@ -41,6 +42,7 @@ from rsgen.identification.results import (
     Identification,
     Resonance,
     RestoringForce,
+    later,
 )
 from rsgen.identification.results.estimates import (
     Agreement,
@@ -64,6 +66,8 @@ from rsgen.identification.soundness import (
 )
 from rsgen.identification.starting.start import with_phase
 from rsgen.law.element import law_remarks
+from rsgen.law.motion import Motion
+from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Findings", "Prepared", "judge", "prepare", "repeat_findings"]
 
@@ -325,11 +329,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     used = refined.regression.used
     _require_followed(used, model)
     kept = points.select(used)
-    first = _first_order(kept, test.problem, refined.values, refined.mass)
-    paper, resonances = fit_resonances(kept, law, model.mass, first.solution)
-    if law.acts_across:
-        # no one amplitude is that of the law at a resonance
-        paper = replace(paper, values=np.full(len(law.parameters), np.nan))
+    first = _FirstOrder.of(kept, refined)
+    paper, resonances = fit_resonances(kept, law, model.mass, lambda: first.fit.solution)
     misfits = is_systematic(refined.regression.residual, points.pairs(used))
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression, noise, about = _errors(test, refined, whole, agreement.wider)
@@ -346,6 +347,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     estimates = make_estimates(solution, law, model, reasons, units)
     curve = equivalent_curve(surface, points, used, refined)
     mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
+    predicted = refined.harmonics[used, 0].real
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
@@ -361,14 +363,14 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(
         model=model,
-        paper=make_estimates(paper, law, model, {}, units),
-        first_order=make_estimates(first.solution, law, model, reasons, units),
+        paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),
+        first_order=later(lambda: make_estimates(first.fit.solution, law, model, reasons, units)),
         refined=estimates,
-        first_order_bias=tuple(map(float, _first_order_bias(kept, refined, first))),
+        first_order_bias=later(lambda: tuple(map(float, first.bias()))),
         covariance=regression.covariance,
         resonances=resonances,
         curve=curve,
-        restoring=_without_law(kept, refined.harmonics[used, 0].real, curve, mass, noise),
+        restoring=later(lambda: _without_law(kept, predicted, curve, mass, noise)),
         residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
         noise=noise,
         levels=force_levels(surface, points, resonances),
@@ -460,26 +462,56 @@ def _mode(table: Table, found: Fit) -> Table:
     return shape.subtract(table, found.background)
 
 
-def _first_order(points: Points, problem: Problem, values: Array, mass: float) -> Fit:
-    """Fit one harmonic to the points of the mode, from values near the solution."""
-    mode = replace(problem, observed=Observed.of(points))
-    return fit_balance(mode, mode.join(values, mass), order=1, reject=False)
+@dataclass(frozen=True, eq=False)
+class _FirstOrder:
+    """One harmonic fitted to the points of the mode, once it is asked for.
+
+    Parameters
+    ----------
+    problem, near
+        The points without outliers and background, and (q,) refined parameters.
+    force, motion, turn
+        Of the refined model: (n,) [N], motion relative to a fundamental of phase zero, and its phase [rad].
+    """
+
+    problem: Problem
+    near: Array
+    force: ComplexArray
+    motion: Motion
+    turn: Array
+
+    @classmethod
+    def of(cls, points: Points, refined: Fit) -> _FirstOrder:
+        """Take the points of the mode that the refined fit used."""
+        used, count = refined.regression.used, refined.problem.count
+        motion = Motion(points.omega, refined.harmonics[used])
+        problem = replace(refined.problem, observed=Observed.of(points))
+        near = refined.regression.parameters[:count]
+        return cls(problem, near, refined.force[used], motion, refined.turn[used])
+
+    @cached_property
+    def fit(self) -> Fit:
+        """First order, from values near the solution."""
+        return fit_balance(self.problem, self.near, order=1, reject=False)
+
+    def bias(self) -> Array:
+        """What the first-order fit makes of the noise-free response of the refined model."""
+        points, predicted = self.problem.observed.points, self.motion.turned(self.turn).harmonics
+        count = points.harmonics.shape[1]
+        harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
+        harmonics[:, : predicted.shape[1]] = predicted
+        if not np.isfinite(harmonics).all():
+            return np.full(self.problem.count, np.nan)
+        force = self.force * np.exp(1j * self.turn)
+        exact = replace(points, force=force, harmonics=harmonics[:, :count])
+        problem = replace(self.problem, observed=Observed.of(exact.select(exact.spread(2 * QUICK))))
+        again = fit_balance(problem, self.fit.regression.parameters, order=1, reject=False)
+        return again.regression.parameters - self.near
 
 
-def _first_order_bias(points: Points, refined: Fit, first: Fit) -> Array:
-    """What the first-order fit makes of the noise-free response of the refined model."""
-    used = refined.regression.used
-    count = points.harmonics.shape[1]
-    predicted = refined.motion.harmonics[used]
-    harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
-    harmonics[:, : predicted.shape[1]] = predicted
-    if not np.isfinite(harmonics).all():
-        return np.full(first.problem.count, np.nan)
-    force = (refined.force * np.exp(1j * refined.turn))[used]
-    exact = replace(points, force=force, harmonics=harmonics[:, :count])
-    exact = exact.select(exact.spread(2 * QUICK))
-    again = _first_order(exact, first.problem, first.values, first.mass)
-    return again.regression.parameters - refined.regression.parameters[: first.problem.count]
+def _of_one_amplitude(paper: Solution, law: ForceLaw) -> Solution:
+    """No one amplitude is that of a law across two sensors at a resonance."""
+    return replace(paper, values=np.full(len(law.parameters), np.nan)) if law.acts_across else paper
 
 
 def _outcome(

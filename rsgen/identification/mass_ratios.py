@@ -32,7 +32,7 @@ from rsgen.identification.fitting.points import (
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results import Estimate, Identification, later
 from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw
 
@@ -194,12 +194,14 @@ class _Ratios:
         return replace(
             light,
             model=self.model,
-            paper=self._masked(light.paper),
-            first_order=self._masked(light.first_order),
+            paper=later(lambda: self._masked(light.paper)),
+            first_order=later(lambda: self._masked(light.first_order)),
             refined=refined,
-            first_order_bias=tuple(
-                bias if k else float("nan")
-                for bias, k in zip((*light.first_order_bias, 0.0), known, strict=True)
+            first_order_bias=later(
+                lambda: tuple(
+                    bias if k else float("nan")
+                    for bias, k in zip((*light.first_order_bias, 0.0), known, strict=True)
+                )
             ),
             covariance=covariance,
             resonances=resonances,

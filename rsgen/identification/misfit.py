@@ -172,11 +172,14 @@ def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
     return fit_balance(problem, parameters, order=order, reject=False, steps=NEAR_STEPS, correct=False)
 
 
-def law_with(problem: Problem, term: str) -> ForceLaw:
-    """Add a term to the law, across two sensors where some elements act there; "" is the law alone."""
+def law_with(problem: Problem, *terms: str) -> ForceLaw:
+    """Add terms to the law, across two sensors where some elements act there; "" is none."""
     across = problem.law.acts_across
     place = problem.sensors if across else ""
-    more = (make_element("extra term", f"extra_term*({term})", across=place),) if term else ()
+    more = [
+        make_element("extra term", f"extra_term{i or ''}*({term})", across=place)
+        for i, term in enumerate(filter(None, terms))
+    ]
     return law_of((*problem.elements, *more), across=across)
 
 
@@ -367,6 +370,8 @@ def even_findings(fit: Fit) -> list[Finding]:
         return []
     chosen = problem.observed.points.spread(QUICK)
     few = problem.select(chosen[fit.regression.used[chosen]])
+    if _gain_of_all(few, fit) < SIGNIFICANT / 2:
+        return []
     trials = {term: _with_even(few, fit, term) for term in _POWERS}
     term = min(trials, key=lambda term: trials[term][1].regression.noise)
     place, best, without = trials[term]
@@ -385,17 +390,35 @@ def even_findings(fit: Fit) -> list[Finding]:
     return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
 
 
-def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:
-    """Place of an even force among the parameters, the fit with it, and that without it."""
+def _even_trial(problem: Problem, fit: Fit, *terms: str) -> tuple[Problem, Array, list[int]]:
+    """The problem with even forces, values that are near, and the places of the forces among them."""
     values, mass, background = problem.split(fit.regression.parameters)
-    law, known = law_with(problem, term), dict(zip(problem.law.parameters, values, strict=True))
-    (place,) = (i for i, name in enumerate(law.parameters) if name not in known)
+    law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
     start = np.array([known.get(name, 0.0) for name in law.parameters])
     held = tuple(law.parameters.index(problem.law.parameters[i]) for i in problem.held)
-    trial = replace(problem, law=replace(law, odd=False))
-    begin = trial.join(start, mass, background)
+    trial = replace(problem, law=replace(law, odd=False), held=held)
+    places = [i for i, name in enumerate(law.parameters) if name not in known]
+    return trial, trial.join(start, mass, background), places
+
+
+def _gain_of_all(problem: Problem, fit: Fit) -> float:
+    """Sum of squares that all even forces together take up to first order, in units of the noise.
+
+    None of them takes up more, and where that is little the first order is all: none needs a fit.
+    """
+    trial, begin, places = _even_trial(problem, fit, *_POWERS)
+    left = fit_balance(trial, begin, order=START_ORDER, steps=0, reject=False, correct=False).regression
+    of_forces = left.basis[places] / np.linalg.norm(left.basis[places], axis=1, keepdims=True)
+    taken = np.linalg.qr(of_forces.T)[0].T @ np.einsum("nmr,nm->r", left.rows, left.residual)
+    return float(np.sum(taken**2)) / max(left.noise, 1e-300) ** 2
+
+
+def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:
+    """Place of an even force among the parameters, the fit with it, and that without it."""
+    trial, begin, (place,) = _even_trial(problem, fit, term)
     without, best = (
-        fit_near(replace(trial, held=places), begin, order=START_ORDER) for places in ((*held, place), held)
+        fit_near(replace(trial, held=held), begin, order=START_ORDER)
+        for held in ((*trial.held, place), trial.held)
     )
     return place, best, without.regression
 

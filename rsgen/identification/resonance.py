@@ -6,6 +6,8 @@ vanishes: k(X) = m omega_n^2 and c(X) = 2 zeta m omega_n hold for the amplitude 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -188,34 +190,40 @@ def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
 
 
 def fit_resonances(
-    points: Points, law: ForceLaw, given: float | None, near: Solution
-) -> tuple[Solution, tuple[Resonance, ...]]:
-    """Resonance of every level, then k(X) and c(X) fitted with the describing functions of the law."""
+    points: Points, law: ForceLaw, given: float | None, near: Callable[[], Solution]
+) -> tuple[Callable[[], Solution], tuple[Resonance, ...]]:
+    """Find the resonance of every level, and say how to fit k(X) and c(X) of the law to them.
+
+    ``near`` gives a solution where one is needed: for a mass without slices, or a law that is not linear.
+    """
     mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
-    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near.mass)
-    omega = 2 * np.pi * np.array([r.frequency for r in resonances])
-    size = np.array([r.amplitude for r in resonances])
-    force = omega * np.array([r.damping for r in resonances]) * size
-    good = force > 0
-    if not (np.isfinite(mass) and good.any()):
-        unknown = np.full(len(law.parameters) + (given is None), np.nan)
-        values = unknown[: len(law.parameters)]
-        return Solution(values, mass, np.diag(unknown), 1, np.nan), resonances
-    # harmonics without the mean say nothing of how far apart the turning points lie from zero
-    turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
-    equations = Equations(
-        omega[good],
-        1j * force[good],
-        np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
-        False,
-        1 / force[good],
-        turning[good] if turned else np.zeros((0, 2)),
-    )
-    found = solve_equations(equations, law, mass, near=near.values)
-    covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
-    values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
-    if given is None:
-        covariance = np.pad(covariance, (0, 1))
-        covariance[-1, -1] = mass_error**2
-    freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
-    return Solution(values, mass, covariance, freedom, found.misfit), resonances
+    resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near().mass)
+
+    def fitted() -> Solution:
+        omega = 2 * np.pi * np.array([r.frequency for r in resonances])
+        size = np.array([r.amplitude for r in resonances])
+        force = omega * np.array([r.damping for r in resonances]) * size
+        good = force > 0
+        if not (np.isfinite(mass) and good.any()):
+            unknown = np.full(len(law.parameters) + (given is None), np.nan)
+            return Solution(unknown[: len(law.parameters)], mass, np.diag(unknown), 1, np.nan)
+        # harmonics without the mean say nothing of how far apart the turning points lie from zero
+        turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
+        equations = Equations(
+            omega[good],
+            1j * force[good],
+            np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
+            False,
+            1 / force[good],
+            turning[good] if turned else np.zeros((0, 2)),
+        )
+        found = solve_equations(equations, law, mass, near=near().values if law.nonlinear else None)
+        covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
+        values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
+        if given is None:
+            covariance = np.pad(covariance, (0, 1))
+            covariance[-1, -1] = mass_error**2
+        freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
+        return Solution(values, mass, covariance, freedom, found.misfit)
+
+    return fitted, resonances

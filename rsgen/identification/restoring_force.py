@@ -21,6 +21,7 @@ over that of |v|, and together they separate the two sides of the spring. No mea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -115,9 +116,7 @@ def _invert(
     Where g is not ``free`` at zero, it is zero there.
     """
     largest = float(reach.max())
-    count = int(np.clip(len(reach) // POINTS_A_KNOT, 2, _INTERVALS))
-    inner = np.linspace(0, 1, count + 1)
-    knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
+    knots, operator = _abel(int(np.clip(len(reach) // POINTS_A_KNOT, 2, _INTERVALS)))
     functions = len(knots) - _DEGREE - 1
     matrix = b_splines(reach / largest, knots, _DEGREE)[0] / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
@@ -132,18 +131,24 @@ def _invert(
     freedom = max(len(reach) - functions, 1)
     squares = float(np.sum((amplitude / spread - matrix @ solution) ** 2))
     variance = squares / freedom
+    wide = normal_quantile(CONFIDENCE) * np.sqrt(variance)
+    band = wide * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
+    return np.linspace(0, largest, _DRAWN), operator @ solution, band, squares
 
+
+@lru_cache(maxsize=4)
+def _abel(intervals: int) -> tuple[Array, Array]:
+    """Knots of a spline g over 0 to 1, and (x, f) what its coefficients give of n(x) at ``_DRAWN`` places."""
+    knots = np.concatenate([np.zeros(_DEGREE), np.linspace(0, 1, intervals + 1), np.ones(_DEGREE)])
     nodes, weights = np.polynomial.legendre.leggauss(64)
     sine = np.sin(np.pi / 4 * (nodes + 1))
     weights = weights * np.pi / 4
     x = np.linspace(0, 1, _DRAWN)
     inside = (x[:, None] * sine).ravel()
-    value, slope = (part.reshape(_DRAWN, len(sine), functions) for part in b_splines(inside, knots, _DEGREE))
+    value, slope = (part.reshape(_DRAWN, len(sine), -1) for part in b_splines(inside, knots, _DEGREE))
     operator = np.einsum("t,xtf->xf", weights * sine**2, value)
     operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
-    wide = normal_quantile(CONFIDENCE) * np.sqrt(variance)
-    band = wide * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
-    return x * largest, operator @ solution, band, squares
+    return knots, operator
 
 
 @dataclass(frozen=True, slots=True)

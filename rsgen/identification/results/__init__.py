@@ -9,6 +9,8 @@ from rsgen.identification.results.result import (
     Identification,
     Resonance,
     RestoringForce,
+    changed,
+    later,
 )
 
 __all__ = [
@@ -18,4 +20,6 @@ __all__ = [
     "Identification",
     "Resonance",
     "RestoringForce",
+    "changed",
+    "later",
 ]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ __all__ = [
     "Identification",
     "Resonance",
     "RestoringForce",
+    "changed",
+    "later",
 ]
 
 
@@ -387,3 +390,53 @@ class Identification(Printed):
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
             notes=(tested, *map(repr, self.findings)),
         )
+
+
+# ----------------------------------------------------------------------------
+# Fields that cost time and that many users never read: they are computed where they are first read.
+
+Value = TypeVar("Value")
+Found = TypeVar("Found", bound=Identification)
+
+
+@dataclass(frozen=True, slots=True)
+class _Later:
+    compute: Callable[[], Any]
+
+
+class _Postponed:
+    """A field whose slot may hold how its value is computed."""
+
+    def __init__(self, slot: Any) -> None:
+        self._slot = slot
+
+    def __get__(self, found: Identification | None, kind: type) -> Any:
+        if found is None:
+            return self
+        value = self._slot.__get__(found, kind)
+        if isinstance(value, _Later):
+            # what a trial makes infinite or undefined has no prediction there
+            with np.errstate(all="ignore"):
+                value = value.compute()
+            self._slot.__set__(found, value)
+        return value
+
+    def __set__(self, found: Identification, value: Any) -> None:
+        self._slot.__set__(found, value)
+
+
+_POSTPONED = ("paper", "first_order", "first_order_bias", "restoring")
+
+for _name in _POSTPONED:
+    setattr(Identification, _name, _Postponed(vars(Identification)[_name]))
+
+
+def later(compute: Callable[[], Value]) -> Value:
+    """Stand for a value of ``paper``, ``first_order``, its bias or ``restoring`` until it is read."""
+    return cast("Value", _Later(compute))
+
+
+def changed(found: Found, **changes: Any) -> Found:
+    """Replace fields, as ``dataclasses.replace`` does, and compute none that was not read yet."""
+    waiting = {name: later(partial(getattr, found, name)) for name in _POSTPONED}
+    return replace(found, **(waiting | changes))
