@@ -14,8 +14,11 @@ import sys
 import time
 from math import ceil
 
-if sys.platform != "win32":
+try:
     import resource
+except ImportError:
+    # Windows and WebAssembly have no such limits
+    resource = None  # type: ignore[assignment]
 
 __all__ = [
     "ALGEBRA",
@@ -99,8 +102,8 @@ def confine(memory: int, seconds: float) -> None:
     seconds
         Of work from now on, not of waiting: a busy machine must not refuse a good file.
     """
-    if sys.platform == "win32":
-        # it has no such limits; the time limit of the parent holds there, too
+    if resource is None:
+        # the time limit of the parent holds there, too
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     last = ceil(time.process_time() + seconds)

@@ -57,7 +57,7 @@ GOOD = {
         ({"identify": '[identify]\nband = ["8 Hz", "8.05 Hz"]'}, "2 of 30 points can be used"),
         ({"identify": "[identify]\nhold_out = [2]"}, "hold_out"),
         ({"levels": "[1]", "count": "3"}, "3 of 3 points can be used"),
-        ({"test": 'method = "harmonic-balance"\ncontrol = "response"'}, "no control 'response'"),
+        ({"test": 'control = "phase"\nsweep = "up"'}, "finds its frequency"),
         ({"spring": "k*gamma(x)"}, "gamma"),
         ({"damper": "-c*v"}, "no damping"),
         ({"damper": "c*x"}, "no damping"),

@@ -606,7 +606,16 @@ _SOUND = """frequency [Hz],F [N],x [m],phase [deg]
 10,1,4e-3,90
 11,1,1e-3,170
 """
-_HEAVY = ("matplotlib", "numba", "scipy", "h5py", "pint", "concurrent.futures.process")
+_HEAVY = (
+    "matplotlib",
+    "numba",
+    "scipy.linalg",
+    "scipy.optimize",
+    "scipy.stats",
+    "h5py",
+    "pint",
+    "concurrent.futures.process",
+)
 
 
 @pytest.mark.slow

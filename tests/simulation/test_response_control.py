@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -80,8 +79,6 @@ def test_surface_of_a_controlled_test_has_its_amplitudes_as_levels() -> None:
     assert surface.settled.all()
     assert np.allclose(surface.amplitude, surface.level)
     assert np.ptp(np.abs(surface.force)) > 0
-    with pytest.raises(RsgenError, match="method: 'harmonic-balance'"):
-        replace(test, method="harmonic-balance")
     with pytest.raises(RsgenError, match="positive"):
         solve_response_control(duffing(1.0), [0.0], [1.0])
 
