@@ -7,7 +7,9 @@ The balance is written at the sensor of the response, two motions in one equatio
 Some elements follow the response x, others the motion z across two sensors, of which y is the far one. Other
 modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
 an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
-Where z has a sensor of its own it is z that has such noise.
+Where z has a sensor of its own it is z that has such noise. What a law leaves is no noise of one sensor: the
+force and both motions share it. The deviations of the two sensors are then correlated, and their ratio keeps
+the noise that it shows.
 """
 
 from __future__ import annotations
@@ -178,6 +180,8 @@ class MeasuredAcross:
     exact_slopes = True
     step = 1e-4
     """As that of the harmonic balance."""
+    correlation = 0.0
+    """Of the relative deviations of the two sensors: 0 for noise, near 1 for what the law leaves."""
 
     def __init__(
         self, law: ForceLaw, response: Motion, across: Motion, *, rides: float, mass_free: bool
@@ -189,6 +193,11 @@ class MeasuredAcross:
         self.samples = max(samples_for(law.switched), least)
         self._series = fourier_series((1,), self.samples, half=False)
 
+    @property
+    def far_noise(self) -> float:
+        """Deviation of the other sensor that is independent of that of the response, as a share of it."""
+        return float(np.sqrt(1 - self.correlation**2))
+
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Evaluate the balance.
 
@@ -199,8 +208,9 @@ class MeasuredAcross:
         size
             (n,) amplitudes of the response [m].
         others
-            (n, 3) its phase [rad] and real and imaginary part of the relative deviation of the other sensor.
-            None: that sensor, and all harmonics, go with the response in the proportion that was measured.
+            (n, 3) its phase [rad] and real and imaginary part of the relative deviation of the other sensor,
+            in units of ``far_noise``, from what goes with that of the response. None: that sensor, and all
+            harmonics, go with the response in the proportion that was measured.
         """
         measured, omega = self._response.harmonics[:, 1], self._response.omega
         other = self._across.harmonics[:, 1] - self._rides * measured
@@ -208,7 +218,10 @@ class MeasuredAcross:
         if others is None:
             phase, own, there = np.angle(measured), share, other * share[:, 0]
         else:
-            phase, own, there = others[:, 0], np.ones((1, 1)), other * (1 + others[:, 1] + 1j * others[:, 2])
+            phase, own = others[:, 0], np.ones((1, 1))
+            moved = np.log(share[:, 0]) + 1j * (phase - np.angle(measured))
+            other = other * np.exp(self.correlation * moved)
+            there = other * (1 + self.far_noise * (others[:, 1] + 1j * others[:, 2]))
         here, back = size * np.exp(1j * phase), np.exp(-1j * phase)
         motions = [
             _with_fundamental(motion, own, first).waveforms(self.samples)
@@ -217,8 +230,11 @@ class MeasuredAcross:
         samples = self._law.sample_parts(motions, self._response.interval(self.samples), values)
         near, joint = (sample.tangent(self._series, omega) for sample in samples)
 
-        def by_response(change: ComplexArray) -> ComplexArray:
-            return np.asarray(back * (_times(near + self._rides * joint, change) - mass * omega**2 * change))
+        def by_response(turn: complex) -> ComplexArray:
+            """Change of the force with the logarithm of the response, along which the other sensor goes."""
+            change, far = turn * here, self.correlation * turn * there
+            across = _times(joint, self._rides * change + far)
+            return np.asarray(back * (_times(near, change) + across - mass * omega**2 * change))
 
         force = back * sum(project(sample.force, 1) for sample in samples) - mass * omega**2 * size
         columns = [
@@ -233,13 +249,15 @@ class MeasuredAcross:
         return Response(
             force=force,
             harmonics=harmonics,
-            force_slope=by_response(here),
+            force_slope=by_response(1),
             harmonics_slope=harmonics,
             force_by=force_by,
             harmonics_by=np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex),
             valid=np.isfinite(force),
-            force_phase=by_response(1j * here) - 1j * force,
-            force_far=np.stack([back * _times(joint, part * other) for part in (1, 1j)], axis=1),
+            force_phase=by_response(1j) - 1j * force,
+            force_far=np.stack(
+                [back * _times(joint, part * self.far_noise * other) for part in (1, 1j)], axis=1
+            ),
         )
 
 

@@ -14,8 +14,9 @@ from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.forward import HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, fit
+from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 
@@ -135,6 +136,11 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
+    # of relative deviations; rows of the force are the first of either part, of a second sensor the last
+    influence, half = np.array(influence), (influence.shape[1] + 1) // 2
+    influence[:, [0, half]] /= FORCE_TO_RESPONSE_NOISE
+    if isinstance(descent.forward, MeasuredAcross):
+        influence[:, [half - 1, -1]] /= descent.forward.far_noise
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     # without a phase the points get the one in which the fundamental of the mode is real
@@ -185,6 +191,11 @@ def fit_balance(
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
+    if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
+        noise = sensor_pair(mode).noise
+        if noise < found.noise:
+            forward.correlation = 1 - (noise / found.noise) ** 2
+            found = fit(descent.linearise, found.parameters, nuisance, steps=steps, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):

@@ -20,8 +20,11 @@ from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation
 from rsgen.identification.fitting.points import Points
 
-__all__ = ["Observed"]
+__all__ = ["FORCE_TO_RESPONSE_NOISE", "Observed"]
 
+
+FORCE_TO_RESPONSE_NOISE = 1.0
+"""Ratio of the relative noises of force and response: sine tests rarely say which sensor is worse."""
 
 _POINTS = 4096
 """Compared at once: what is between a response and its slopes takes more memory than both."""
@@ -207,16 +210,16 @@ class Observed:
         by_phase = 0j if response.force_phase is None else response.force_phase
         units: list[NDArray[Any]]
         if logarithmic:
-            units = [response.force, seen]
-            rests = [np.log(force / response.force), np.log(fundamental / seen)]
-            turns = [1j + by_phase / response.force, np.full(len(points), 1j)]
+            units = [response.force * FORCE_TO_RESPONSE_NOISE, seen]
+            rests = [np.log(force / response.force) / FORCE_TO_RESPONSE_NOISE, np.log(fundamental / seen)]
+            turns = [(1j * response.force + by_phase) / units[0], np.full(len(points), 1j)]
         else:
-            units = [np.abs(points.force), points.amplitude]
+            units = [np.abs(points.force) * FORCE_TO_RESPONSE_NOISE, points.amplitude]
             rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
             turns = [(1j * force + by_phase) / units[0], 1j * fundamental / units[1]]
         by_far = None if response.force_far is None else response.force_far / units[0][:, None]
         # psi turns the force that was measured alone
-        psi = np.full(len(points), 1j) if logarithmic else 1j * force / units[0]
+        psi = 1j * (response.force if logarithmic else force) / units[0]
         by_psi = np.zeros_like(terms)
         by_psi[:, :1] = -psi[:, None] * self.fitted[:1]
         by_force = np.hstack([response.force_by / units[0][:, None], by_psi])
